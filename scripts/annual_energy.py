@@ -131,9 +131,9 @@ Written by `python scripts/annual_energy.py`; the data are in
 - **The gain of co-design is {gain:+.2f} %**, against HARP_Opt's own blade under the same evaluator,
   limits and flow, each with the best speeds that this program finds for it. Against the energy that
   HARP_Opt reports it is {reported:+.2f} %, which includes the difference of the evaluators.
-- The energy that HARP_Opt reports follows from its own power curve: the sum of power, clipped at
-550 kW, times
-  the share of the time of each bin times 8760 h. The curve itself has {over:.1f} kW at 2.1 m/s.
+- The energy that HARP_Opt reports follows from its own power curve: the sum over the bins of power,
+  at most 550 kW, times the bin's share of the time times 8760 h. The curve itself has {over:.1f} kW
+  at 2.1 m/s.
 - With HARP_Opt's blade at HARP_Opt's rotor speeds, power here differs by {region:+.2f} % from that
   of WT_Perf between 0.9 and 1.9 m/s, where the tip speed ratio is constant. WT_Perf sums over
   elements, this program integrates between stations ([bem.md](bem.md)).
@@ -149,11 +149,10 @@ Written by `python scripts/annual_energy.py`; the data are in
 
 - Beyond rated flow both rotors are slowed down into stall. A torque that does not depend on the
   speed does not hold such a rotor: it needs a controller of its speed, in HARP_Opt's result too.
-- HARP_Opt's example has no limit of the stress, and neither have these runs. Solid blades of
-aluminium with
-  the outline of NACA 63-815, stretched to the thickness, would have a stress of {stress:.0f} MPa in
-  the co-design and {own_stress:.0f} MPa in HARP_Opt's blade: a part of the gain comes from the more
-  slender blade. With a limit of the stress it would be smaller.
+- HARP_Opt's example has no limit on the stress, and neither have these runs. Solid blades of
+  aluminium with the outline of NACA 63-815, scaled to the thickness, would have a stress of
+  {stress:.0f} MPa in the co-design and {own_stress:.0f} MPa in HARP_Opt's blade: a part of the gain
+  comes from the more slender blade. With a limit on the stress it would be smaller.
 - Beyond 20 degrees of the angle of attack, lift and drag are those that HARP_Opt's tables extend.
 """
 
@@ -244,35 +243,48 @@ def main() -> None:
         given = case(name=f"harp_opt_{name}", **deepcopy(about))
         solutions[name] = run_case(given, out / name, force=True, figures=False, records=False)
         seconds[name] = time.process_time() - began
-    energy = {name: annual(each) for name, each in solutions.items()}
+    results = {
+        name: {
+            "success": each.success,
+            "energy_kWh": annual(each),
+            "processor_time_s": seconds[name],
+            "stress_Pa": each.summary.loads["stress"].value,
+            "chord_falls": bool(np.all(np.diff(each.blade["chord_m"]) <= 0.0)),
+        }
+        for name, each in solutions.items()
+    }
+    draw(solutions, ROOT / "docs" / "images" / "annual_energy.png")
+    page_data.page_from("annual_energy", from_data, results=results, score=score)
+
+
+def from_data(data: dict) -> str:
+    """Return the page of its data."""
+    score, results = data["score"], data["results"]
+    energy = {name: each["energy_kWh"] for name, each in results.items()}
     lines = [("reported by HARP_Opt, by WT_Perf", score["own"], "unconverged", "")]
     lines.append(("HARP_Opt's blade at HARP_Opt's speeds, scored here", score["here"], "", ""))
     for name, text in ROWS.items():
-        success = "yes" if solutions[name].success else "no"
-        lines.append((text, energy[name], success, f"{seconds[name]:.0f}"))
+        success = "yes" if results[name]["success"] else "no"
+        lines.append((text, energy[name], success, f"{results[name]['processor_time_s']:.0f}"))
     rows = []
-    for text, value, ok, seconds_taken in lines:
+    for text, value, ok, seconds in lines:
         more = 100.0 * (value / energy["fixed"] - 1.0)
         kilowatt_hours = f"{value:,.0f}".replace(",", " ")
-        rows.append(f"| {text} | {kilowatt_hours} | {more:+.2f} % | {ok} | {seconds_taken} |")
-    stress = [1e-6 * solutions[name].summary.loads["stress"].value for name in ("design", "fixed")]
-    falls = np.all(np.diff(solutions["design"].blade["chord_m"]) <= 0.0)
+        rows.append(f"| {text} | {kilowatt_hours} | {more:+.2f} % | {ok} | {seconds} |")
     compared = "\n".join(f"| {' | '.join(row)} |" for row in COMPARED)
-    page = PAGE.format(
+    return PAGE.format(
         rows="\n".join(rows),
         gain=100.0 * (energy["design"] / energy["fixed"] - 1.0),
         reported=100.0 * (energy["design"] / score["own"] - 1.0),
         over=score["over"],
         region=score["region"],
-        compared=compared.format(chord="it does" if falls else "it does not"),
-        stress=stress[0],
-        own_stress=stress[1],
+        compared=compared.format(
+            chord="it does" if results["design"]["chord_falls"] else "it does not"
+        ),
+        stress=1e-6 * results["design"]["stress_Pa"],
+        own_stress=1e-6 * results["fixed"]["stress_Pa"],
     )
-    (ROOT / "docs" / "annual_energy.md").write_text(page, encoding="utf-8")
-    draw(solutions, ROOT / "docs" / "images" / "annual_energy.png")
-    print(page)
 
 
 if __name__ == "__main__":
     main()
-    page_data.record("annual_energy")

@@ -270,23 +270,23 @@ would have to drive the rotor. For small β the lines begin at (1 + a)² and (1 
 the power in the fastest flow; for large β they rise with a β, the torque that slows the rotor down
 with the flow.
 
-Below a line both designs lose, and they part if another blade loses less, to first order. Let μ be
-the multiplier of the limit in slow operation (β → 0), where u = Q. At an instant at the limit the
-Lagrange function is P + μ (limit - Q), or P + μ (limit - P), and with the torque's slope
-Q' = dQ/dω < 0 the best speed has
+Below a line both designs lose energy. Their blades differ if, to first order, another blade loses
+less. Let μ be the multiplier of the limit in slow operation (β → 0), where u = Q. At an instant at
+the limit the Lagrange function is P + μ (limit - Q), or P + μ (limit - P), and with the torque's
+slope Q' = dQ/dω < 0 the best speed has
 
     torque limit:  d(Q ω)/dω = μ Q'   so   μ = ω + Q/Q',   and its slope over a parameter b of the
                    blade is (ω - μ) ∂Q/∂b = -(Q/Q') ∂Q/∂b, which is zero at λ* and not elsewhere
     power limit:   d(Q ω)/dω = μ d(Q ω)/dω   so   μ = 1,   and the slope is (1 - μ) ∂P/∂b = 0
 
-So **below τ(0) a torque limit parts the two**: a blade of a higher tip speed ratio takes the same
-power with less torque. **A power limit does not part them while the rotor is fast**: every blade
-gives the power of the limit while it binds, and the sequential blade gives the most while it does
-not. With a power limit they part by the rotor's inertia alone: between the operation at the limit
-and that at λ* the speed has to change, which takes torque. Where the limit is below the mean power
-of the flow and the rotor is heavy, they meet again: it runs through the slow flow on the energy of
-its rotation, both designs give the power of the limit throughout the cycle, and no design can give
-more.
+So **under a torque limit below τ(0) the two designs differ**: a blade made for a higher tip speed
+ratio gives the same power with less torque. **Under a power limit they do not differ as long as the
+rotor is fast**: every blade gives the power of the limit while it binds, and the sequential blade
+gives the most while it does not. Under a power limit only the rotor's inertia makes the designs
+differ: between operation at the limit and operation at λ* the speed has to change, which takes
+torque. Where the limit is below the mean power of the flow and the rotor is heavy, both designs
+give the same energy again: the energy of rotation carries the rotor through the slow flow, both
+give the power of the limit throughout the cycle, and no design can give more.
 """
 
 
@@ -318,7 +318,7 @@ def write_page():
         "",
         *compared(rows),
         "",
-        "## Where the two must part",
+        "## Where the two designs must differ",
         "",
         THEORY,
         "## How the runs agree with it",
@@ -427,8 +427,8 @@ def agreement(rows):
     bad = [row for row in rows if row["verified"] == "yes" and free(row) and gain(row) > TOLD]
     word = "no point contradicts it" if not bad else f"{len(bad)} points contradict it"
     yield (
-        "Where no limit binds, theory allows no gain: the second column of numbers is what is left "
-        f"of it numerically, and {word}. Points where a limit binds and the gain is small lie "
+        "Where no limit binds, theory allows no gain: the second column of numbers is numerical "
+        f"error, and {word}. Points where a limit binds and the gain is small lie "
         "beside the line, where it grows from zero, or, with a power limit, at small β, or where "
         f"the sequential design gives the power of the limit throughout ({len(most)} points, the "
         f"largest gain {100 * max(map(gain, most)):.0e} %)."
@@ -436,8 +436,8 @@ def agreement(rows):
     yield ""
     least = min((row for row in rows if row["verified"] == "yes"), key=gain)
     yield (
-        "Co-design contains sequential design, so that a gain below zero is an error of the "
-        f"numbers: the smallest of all points is {100 * gain(least):.0e} %."
+        "A sequential design is one of the possible co-designs, so a gain below zero is numerical "
+        f"error: the smallest of all points is {100 * gain(least):.0e} %."
     )
 
 

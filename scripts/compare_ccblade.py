@@ -1,6 +1,6 @@
 """Compare the blade element momentum solver with CCBlade over random and published rotors.
 
-Both are given the same polar objects. Prints a Markdown table, or writes it with --out.
+Both are given the same polar objects. Writes the tables of docs/bem.md, and their data; minutes.
 """
 
 import argparse
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import page_data
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Fluid
@@ -24,6 +25,7 @@ from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
+BEGIN, END = "<!-- by scripts/compare_ccblade.py -->\n", "<!-- end -->"
 SAME_ANGLE = 1e-6  # rad; CCBlade's own tolerance is 2e-12, but folds amplify it
 STATIONS_5KW = np.concatenate((np.arange(0.2, 0.95, 0.1), [0.999]))
 
@@ -278,27 +280,38 @@ def study(count, seed):
     ]
 
 
-def report(results):
-    """Return rows of Markdown: agreement, and what became of the sections."""
-    rows = [
+def summed(results):
+    """Return the comparisons of rotors with one name as one, by name, for the data of the page."""
+    groups = {name: [x for other, x in results if other == name] for name, _ in results}
+    return {
+        name if len(group) == 1 else f"{len(group)} {name}": {
+            "points": sum(each.points for each in group),
+            "same_points": sum(each.same_points for each in group),
+            "error": max(each.error for each in group),
+            "gradient_error": max(each.gradient_error for each in group),
+            "kinds": dict(sum((each.kinds for each in group), Counter()).most_common()),
+        }
+        for name, group in groups.items()
+    }
+
+
+def from_data(data):
+    """Return the page with the tables of its data: agreement, and what became of the sections."""
+    lines = [
         "| rotors | points | all roots the same | error of values | error of derivatives |",
         "|---|---|---|---|---|",
     ]
     details = ["", "| rotors | sections and points | share | what |", "|---|---|---|---|"]
-    for name in dict.fromkeys(name for name, _ in results):
-        group = [result for other, result in results if other == name]
-        title = name if len(group) == 1 else f"{len(group)} {name}"
-        rows.append(
-            f"| {title} | {sum(g.points for g in group)} "
-            f"| {sum(g.same_points for g in group)} | {max(g.error for g in group):.1e} "
-            f"| {max(g.gradient_error for g in group):.1e} |"
-        )
-        kinds = sum((g.kinds for g in group), Counter())
+    for name, found in data["comparisons"].items():
+        errors = f"{found['error']:.1e} | {found['gradient_error']:.1e}"
+        lines.append(f"| {name} | {found['points']} | {found['same_points']} | {errors} |")
+        total = sum(found["kinds"].values())
         details += [
-            f"| {title} | {number} | {100.0 * number / kinds.total():.3f} % | {kind} |"
-            for kind, number in kinds.most_common()
+            f"| {name} | {number} | {100.0 * number / total:.3f} % | {kind} |"
+            for kind, number in found["kinds"].items()
         ]
-    return rows + details
+    text = "\n".join(lines + details) + "\n"
+    return page_data.between(page_data.text_of("bem"), BEGIN, END, text)
 
 
 def main():
@@ -306,15 +319,11 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--count", type=int, default=2000, help="random rotors (default: 2000)")
+    parser.add_argument("--count", type=int, default=2400, help="random rotors (default: 2400)")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
-    parser.add_argument("--out", type=Path, help="Markdown file to write; printed otherwise")
     options = parser.parse_args()
-    text = "\n".join(report(study(options.count, options.seed))) + "\n"
-    if options.out:
-        options.out.write_text(text, encoding="utf-8")
-    else:
-        print(text)
+    found = summed(study(options.count, options.seed))
+    page_data.page_from("bem", from_data, comparisons=found)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""Run the cases of cases/examples and what they are compared with, draw figures, print a table.
+"""Run the cases of cases/examples and what they are compared with; tables of docs/examples.md.
 
 python scripts/example_cases.py [--hour] [--only NAME ...] [--out results/examples]
 
-Results that are there already are used again. The files of cases/examples/files are made by
+Draws the figures and writes the tables of the page, with their data, unless only some cases are
+run. Results that are there already are used again. The files of cases/examples/files are made by
 `--files`, from the package's data and a seed; nothing in them was measured.
 """
 
@@ -18,11 +19,11 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
+import page_data
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
-from rich.table import Table
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.sampled import TurbulentInflow
@@ -72,9 +73,28 @@ RUNS = {
     "two_flows_open_loop": ("two_flows", "control.law=open_loop"),
     "two_flows_unlimited": (
         "two_flows",
+        "rotor.station_count=40",
         "scenarios=[{name: slow, weight: 0.75},"
         " {name: fast, weight: 0.25, inflow: {profile: sine, mean: 1.5}}]",
     ),
+    "designed_thickness": ("designed_thickness",),
+    "designed_thickness_bahaj": ("designed_thickness", "design.thickness_points=null"),
+    **{
+        f"designed_thickness_{name}": (
+            "designed_thickness",
+            "design.thickness_points=null",
+            "rotor.sections=null",
+            f"rotor.polar={polar}",
+            f"rotor.outline={outline}",
+        )
+        for name, polar, outline in (
+            ("15", "naca4415_Re1e6", "naca4415"),
+            *(
+                (x, f"files/naca44{x}_polars.csv", f"files/naca44{x}.csv")
+                for x in ("18", "12", "24")
+            ),
+        )
+    },
 }
 """By the name of the result: the case, and what is set otherwise in it."""
 
@@ -119,43 +139,173 @@ def main():
             save(draw([solutions[name] for name in names]), path)
             if path.stat().st_size > LARGEST:
                 console.print(f"  {path.name}: {path.stat().st_size} bytes, more than {LARGEST}")
-    console.print(table(solutions))
     for name, solution in solutions.items():
         for line in (*solution.failed_checks, *solution.summary.get("notes", ())):
             console.print(f"  {name}: {line}")
+    if set(RUNS) <= set(solutions):
+        results = {name: figures_of_merit(solutions[name]) for name in RUNS}
+        page_data.page_from("examples", from_data, results=results)
     sys.exit(0 if all(s is not None and s.success for s in found.values()) else 3)
 
 
-def table(solutions):
-    """Return the figures of merit of every run."""
-    columns = ("energy / kJ", "of bound", "gain", "tip speed ratio", "C_P, at", "torque / N m")
-    columns += ("tip / m/s", "radius / m", "set angle / deg", "inertia", "s")
-    rows = Table("run", "success", *columns)
-    for name, solution in solutions.items():
-        get, ratio = solution.summary.get, solution.summary.get("tip_speed_ratio") or {}
-        if get("simulated_energy_J") is None:
-            rows.add_row(name, "no", solution.message)
-            continue
-        turned = np.subtract(get("twist_deg"), get("start_twist_deg"))
-        speeds = (one.simulation["rotor_speed_rad_s"].max() for one in solution.by_scenario)
-        fastest = max(speeds) * get("rotor_radius_m")
-        rows.add_row(
-            name,
-            "yes" if solution.success else "no",
-            f"{get('simulated_energy_J') / 1e3:.2f}",
-            f"{100.0 * get('simulated_energy_J') / get('energy_bound_J'):.2f} %",
-            "" if (gain := solution.summary.gain) is None else f"{gain:.5g}",
-            f"{ratio['min']:.2f} to {ratio['max']:.2f}, {ratio['mean']:.2f}",
-            f"{get('power_coefficient_max'):.4f}, "
-            f"{get('tip_speed_ratio_at_power_coefficient_max'):.2f}",
-            f"{get('control_torque_max_Nm'):.5g}",
-            f"{fastest:.1f}",
-            f"{get('tip_radius_m'):.3f}",
-            f"{turned[0]:+.2f}" if np.ptp(turned) < 1e-9 else "twist designed",
-            f"{get('inertia_kg_m2'):.4g}",
-            f"{get('wall_seconds') or 0.0:.0f}",
-        )
-    return rows
+# Tables -------------------------------------------------------------------------------------------
+
+
+def figures_of_merit(solution):
+    """Return the numbers of a result that the tables may show."""
+    summary, ratio = solution.summary, solution.summary.tip_speed_ratio
+    fastest = max(one.simulation["rotor_speed_rad_s"].max() for one in solution.by_scenario)
+    turned = np.subtract(summary.twist_deg, summary.start_twist_deg)
+    return {
+        "success": solution.success,
+        "energy_J": summary.simulated_energy_J,
+        "energy_bound_J": summary.energy_bound_J,
+        "gain": summary.gain,
+        "tip_speed_ratio": [ratio.min, ratio.mean, ratio.max],
+        "power_coefficient": summary.power_coefficient_max,
+        "best_tip_speed_ratio": summary.tip_speed_ratio_at_power_coefficient_max,
+        "tip_speed_m_s": float(fastest * summary.rotor_radius_m),
+        "radius_m": summary.tip_radius_m,
+        "set_angle_deg": float(turned[0]) if np.ptp(turned) < 1e-9 else None,
+        "inertia_kg_m2": summary.inertia_kg_m2,
+        "mass_kg": summary.mass_kg,
+        "mean_power_W": {name: x.mean_power_W for name, x in summary.scenarios.items()},
+        "thrust_N": summary.loads["thrust"].value if "thrust" in (summary.loads or {}) else None,
+    }
+
+
+def grouped(value, digits=5):
+    """Return a number with so many significant digits, in groups of three where it is large."""
+    if value is None:
+        return ""
+    if value < 1e4:
+        return f"{value:#.{digits - 1}g}"
+    return f"{float(f'{value:.{digits}g}'):,.0f}".replace(",", " ")
+
+
+COLUMNS = {
+    "energy / MJ": lambda x: f"{x['energy_J'] / 1e6:.2f}",
+    "energy / kJ": lambda x: f"{x['energy_J'] / 1e3:.2f}",
+    "of bound": lambda x: f"{100.0 * x['energy_J'] / x['energy_bound_J']:.2f} %",
+    "gain": lambda x: grouped(x["gain"]),
+    "gain K2 / N m s²": lambda x: grouped(x["gain"]),
+    "tip speed ratio": lambda x: "{0:.2f} to {2:.2f}".format(*x["tip_speed_ratio"]),
+    "tip speed ratio, mean": lambda x: f"{x['tip_speed_ratio'][1]:.2f}",
+    "C_P, largest, at": lambda x: f"{x['power_coefficient']:.4f}, {x['best_tip_speed_ratio']:.2f}",
+    "fastest tip / m/s": lambda x: f"{x['tip_speed_m_s']:.1f}",
+    "inertia / kg m²": lambda x: grouped(x["inertia_kg_m2"]),
+    "found / m": lambda x: f"{x['radius_m']:.3f}",
+    "set angle / deg": lambda x: f"{x['set_angle_deg'] or 0.0:+.2f}",
+    "mass / kg": lambda x: f"{x['mass_kg']:.1f}",
+    "largest thrust / kN": lambda x: f"{x['thrust_N'] / 1e3:.2f}",
+    "slow: mean power / W": lambda x: f"{x['mean_power_W']['slow']:.1f}",
+    "fast: mean power / W": lambda x: f"{x['mean_power_W']['fast']:.1f}",
+}
+"""By the head of a column: the cell of a run."""
+
+COEFFICIENT = "tip speed ratio, mean", "C_P, largest, at"
+TABLES = {
+    "rm1_turbulent": (
+        (
+            "run",
+            "energy / MJ",
+            "of bound",
+            "gain K2 / N m s²",
+            *COEFFICIENT,
+            "fastest tip / m/s",
+            "inertia / kg m²",
+        ),
+        ("blade designed", "rm1_turbulent"),
+        ("blade designed, with the generator", "rm1_turbulent_geared"),
+        ("blade kept", "rm1_turbulent_kept"),
+        ("blade kept, with the generator", "rm1_turbulent_kept_geared"),
+    ),
+    "rm1_set_angle": (
+        (
+            "run",
+            "set angle / deg",
+            "energy / MJ",
+            "of bound",
+            "gain K2 / N m s²",
+            "tip speed ratio",
+        ),
+        ("torque limit 415 kN m", "rm1_set_angle"),
+        ("the same, set angle 0", "rm1_set_angle_zero"),
+        ("no torque limit", "rm1_set_angle_unlimited"),
+        ("the same, set angle 0", "rm1_set_angle_unlimited_zero"),
+    ),
+    "river_gust": (
+        ("run (gain in N m s, or N m s²)", "energy / kJ", "of bound", "gain", "tip speed ratio"),
+        ("linear, limit 140 N m", "river_gust"),
+        ("quadratic, limit 140 N m", "river_gust_quadratic"),
+        ("linear, no limit", "river_gust_unlimited"),
+        ("quadratic, no limit", "river_gust_unlimited_quadratic"),
+        ("linear, limit 140 N m, blade kept", "river_gust_kept"),
+        ("quadratic, limit 140 N m, blade kept", "river_gust_kept_quadratic"),
+    ),
+    "river_resized": (
+        (
+            "radius allowed / m",
+            "found / m",
+            "energy / kJ",
+            "of bound",
+            "tip speed ratio",
+            "C_P, largest, at",
+            "fastest tip / m/s",
+        ),
+        ("0.8", "river_resized_kept"),
+        ("0.6 to 1.0", "river_resized"),
+        ("0.6 to 1.4", "river_resized_wide"),
+    ),
+    "own_files": (
+        ("run", "energy / kJ", "of bound", "gain K2 / N m s²", *COEFFICIENT),
+        ("blade designed", "own_files"),
+        ("blade kept", "own_files_kept"),
+    ),
+    "designed_thickness": (
+        ("thickness", "energy / kJ", "to the designed one", "of bound", "mass / kg"),
+        ("designed", "designed_thickness"),
+        ("Bahaj's, 24 % to 12.6 %", "designed_thickness_bahaj"),
+        ("15 % throughout", "designed_thickness_15"),
+        ("18 % throughout", "designed_thickness_18"),
+        ("12 % throughout", "designed_thickness_12"),
+        ("24 % throughout", "designed_thickness_24"),
+    ),
+    "two_flows": (
+        (
+            "run",
+            "energy / kJ",
+            "of bound",
+            "slow: mean power / W",
+            "fast: mean power / W",
+            "gain K2 / N m s²",
+            "tip speed ratio",
+            "largest thrust / kN",
+        ),
+        ("quadratic feedback", "two_flows"),
+        ("open loop", "two_flows_open_loop"),
+        ("quadratic feedback, no limit on the thrust (40 stations, too)", "two_flows_unlimited"),
+    ),
+}
+"""By the mark in the page: the heads of a table, then the name of each row and its run."""
+
+
+def from_data(data):
+    """Return the page with the tables of its data."""
+    results = data["results"]
+    page = page_data.text_of("examples")
+    for name, (heads, *rows) in TABLES.items():
+        best = results[rows[0][1]]["energy_J"]
+        lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+        for label, run in rows:
+            less = 100.0 * (results[run]["energy_J"] / best - 1.0)
+            known = COLUMNS | {"to the designed one": lambda x, less=less: f"{less:+.3f} %"}
+            mark = "" if results[run]["success"] else " (no success)"
+            cells = (known[head](results[run]) for head in heads[1:])
+            lines.append(f"| {label}{mark} | {' | '.join(cells)} |")
+        begin = f"<!-- {name}, by scripts/example_cases.py -->\n"
+        page = page_data.between(page, begin, "<!-- end -->", "\n".join(lines) + "\n")
+    return page
 
 
 # Figures ------------------------------------------------------------------------------------------

@@ -2,8 +2,8 @@
 
 python scripts/limits_study.py --out results/limits --table docs/limits.md
 
-Finished results are used again. The numbers of the page are written into docs/data/limits.json,
-too; with --from-data the page is written from them alone.
+Finished results are used again. The page is written from docs/data/limits.json, without any run
+also by `python scripts/page_data.py --write limits`.
 """
 
 import argparse
@@ -61,12 +61,8 @@ def main():
     parser.add_argument("--table", type=Path, default=Path("docs/limits.md"))
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
     parser.add_argument("--only", nargs="*", help="parts to run, then no page: names of folders")
-    parser.add_argument("--from-data", action="store_true", help="no runs: page of docs/data")
     arguments = parser.parse_args()
     out = arguments.out
-    if arguments.from_data:
-        arguments.table.write_text(from_data(page_data.read("limits")), encoding="utf-8")
-        return
 
     def run(plan):
         cases = {out / name: case for name, case in plan.items()}
@@ -84,7 +80,7 @@ def main():
         found |= run(sequential(runs, found[out / "free" / "oloc"]))
         found = {path.relative_to(out).as_posix(): each for path, each in found.items()}
         fronts(found, arguments.table.parent / IMAGE)
-        data = data_of(found, page_data.head())
+        data = data_of(found)
         page_data.write("limits", data)
         arguments.table.write_text(from_data(data), encoding="utf-8")
         print(f"wrote {arguments.table}")
@@ -125,11 +121,11 @@ def sequential(runs, free):
     }
 
 
-def data_of(found, commit):
-    """Return what the page shows of the solutions, with the commit that they were made by."""
+def data_of(found):
+    """Return what the page shows of the solutions, with what they were made by."""
     results = {name: page_data.of_result(each, SHOWN) for name, each in found.items()}
     commands = ["python scripts/limits_study.py"]
-    return {"commands": commands, "commit": commit, "results": results}
+    return {"commands": commands, **page_data.stamp(), "results": results}
 
 
 def from_data(data):
@@ -301,7 +297,7 @@ def constant_torque(solution):
         "is a constant torque of 700 N m at every speed, on "
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
-        "determines such a gain: another run ended at 5,050. Stability at a constant torque is "
+        "determines such a gain, so other starts end at others. Stability at a constant torque is "
         "shown only for quasi-steady induction (docs/theory.md)."
     )
 
@@ -419,7 +415,7 @@ def branches_text(found):
         (
             "With a limit of the power, overspeed has the larger thrust, and underspeed is close",
             "to stall: as an open loop it is unstable (docs/theory.md). Overspeed at the limit is",
-            "stable only with induction in equilibrium: with a wake that needs seconds it wants a",
+            "stable only with induction in equilibrium: with a wake that needs seconds it needs a",
             "heavier shaft or a controller of the speed ([memory.md](memory.md)). Under all limits",
             "the slow",
             f"branch is {100.0 * (1.0 - min(start) / max(start)):.0f} % below the fast one in",

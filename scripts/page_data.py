@@ -1,24 +1,44 @@
 """Data of the pages of results in docs/data, with which `make test` compares the pages.
 
 python scripts/page_data.py PAGE ...    # record the numbers of pages that were just written
+python scripts/page_data.py --write PAGE ...    # write pages in RENDERED from their data
+python scripts/page_data.py    # print when and by which source the numbers of all pages were made
 
-The data of `limits` and `robust` are results, in SI units, from which their scripts write the page
-(`--from-data`). Those of the other pages are the cells of the tables and the numbers of the
-sentences, by heading, as the page's command printed them. A page that is edited by hand no longer
-agrees with its data; record it again only after the command that computes its numbers.
+The data of a page name its commands, and the commit and the versions that computed its numbers.
+Pages in RENDERED are written from results in their data, in SI units, by the function `from_data`
+of a script: the whole page, or the part of it that the script writes. The data of pages with
+sentences that no script writes also have the cells of the tables and the numbers of the sentences,
+by heading. A page that is edited by hand no longer agrees with its data; record it again only after
+the command that computes its numbers.
 """
 
 import json
 import re
 import subprocess
 import sys
+from datetime import UTC, datetime
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
 from hkt_mdo.results.summary import Summary
+from hkt_mdo.run.engine import versions
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
+RENDERED = {  # pages that are written from the results in their data, and by which script
+    "annual_energy": "annual_energy",
+    "bem": "compare_ccblade",
+    "controllers": "tracking_table",
+    "cost": "cost_of_energy",
+    "examples": "example_cases",
+    "hour": "turbulent_hour",
+    "limits": "limits_study",
+    "reynolds": "reynolds_study",
+    "robust": "robust_study",
+    "sensitivity": "sensitivity",
+    "stations": "station_study",
+}
 SENTENCE = 60  # characters from which a cell of a table is a sentence
 LINE = 100  # characters of a list that is written in one line
 NUMBER = r"(?<![\w.])[-+−]?\d+(?:[.\u202f]\d+)*(?:e[-+]?\d+| ?·10[⁻⁰¹²³⁴-⁹]+)?(?: %)?"
@@ -57,15 +77,47 @@ def cell_of(text):
     return text if len(text) <= SENTENCE else ", ".join(re.findall(NUMBER, bare(text)))
 
 
-def record(page):
-    """Write the data of a page: its numbers, its commands, and the commit that made new numbers."""
-    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+def record(page, **results):
+    """Write the data of a page: its numbers, its commands, and what made new numbers.
+
+    `results` are those of which the page was written; without them, those recorded earlier stay.
+    """
+    text = text_of(page)
     known = read(page) if (DATA / f"{page}.json").exists() else {}
     numbers = numbers_of(text)
     same = [*known.get("numbers", {}).values()] == [*numbers.values()]  # maybe under new headings
-    commands = known.get("commands") or sorted(set(COMMAND.findall(text)))
-    commit = known["commit"] if same else head()
-    write(page, {"commands": commands, "commit": commit, "numbers": numbers})
+    data = {"commands": known.get("commands") or sorted(set(COMMAND.findall(text)))}
+    written = {name: known[name] for name in known if name not in ("numbers", *STAMP, *data)}
+    old = not results and (same or written)
+    data |= {name: known[name] for name in STAMP} if old else stamp()
+    write(page, {**data, **written, **results, "numbers": numbers})
+
+
+STAMP = ("commit", "date", "computed_by")
+
+
+def stamp():
+    """Return what computes results now: commit, date, and versions with a digest of the source."""
+    today = datetime.now(UTC).date().isoformat()
+    return dict(zip(STAMP, (head(), today, versions()), strict=True))
+
+
+def page_from(name, render, **results):
+    """Write a page from results, by `render`, and its data."""
+    path = ROOT / "docs" / f"{name}.md"
+    path.write_text(render(results), encoding="utf-8")
+    record(name, **results)
+
+
+def text_of(name):
+    """Return the text of a page of the checkout."""
+    return (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+
+
+def between(page, begin, end, text):
+    """Return a page with another text between two lines of it."""
+    first, rest = page.split(begin)
+    return first + begin + text + end + rest.partition(end)[2]
 
 
 def head():
@@ -117,6 +169,20 @@ def result_of(data):
     return SimpleNamespace(**data | {"summary": summary})
 
 
+def main(words):
+    """Record pages, write pages from their data, or print the age of all data."""
+    for name in (Path(word).stem for word in words if word != "--write"):
+        if "--write" not in words:
+            record(name)
+            continue
+        from_data = import_module(RENDERED[name]).from_data
+        (ROOT / "docs" / f"{name}.md").write_text(from_data(read(name)), encoding="utf-8")
+    for path in () if words else sorted(DATA.glob("*.json")):
+        data = read(path.stem)
+        same = data["computed_by"]["hkt_mdo"] == versions()["hkt_mdo"]
+        made = "by the present source" if same else f"by the source of commit {data['commit']}"
+        print(f"{path.stem:15} {data['date']}  {made}: {data['commands'][0]}")
+
+
 if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        record(Path(name).stem)
+    main(sys.argv[1:])

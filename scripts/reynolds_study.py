@@ -1,6 +1,6 @@
 """What Reynolds-dependent polars do to the paper's conclusions: writes docs/reynolds.md.
 
-python scripts/reynolds_study.py --out results/reynolds --page docs/reynolds.md
+python scripts/reynolds_study.py --out results/reynolds
 """
 
 import argparse
@@ -67,17 +67,21 @@ Stations of the blade that open loop finds with local polars see Reynolds number
 """
 
 
-def describe(solution):
-    """Return the figures of a result that the tables show."""
+def describe(solution, local=None):
+    """Return the figures of a result that the tables show; `local` is its case in local polars."""
     summary = solution.summary
-    return {
+    chord = np.interp(0.7, summary["r_m"] / np.max(summary["r_m"]), summary["chord_m"])
+    figures = {
         "success": "yes" if solution.success else "no",
-        "energy": summary["simulated_energy_J"],
+        "energy_J": summary["simulated_energy_J"],
         "gain": summary["gain"],
-        "ratio": summary["tip_speed_ratio_at_power_coefficient_max"],
-        "power": summary["power_coefficient_max"],
-        "chord": float(np.interp(0.7, summary["r_m"] / np.max(summary["r_m"]), summary["chord_m"])),
+        "tip_speed_ratio": summary["tip_speed_ratio_at_power_coefficient_max"],
+        "power_coefficient": summary["power_coefficient_max"],
+        "chord_m": float(chord),
     }
+    if local is not None and summary["gain"] is not None:
+        figures["in_local_polars_J"] = flown(solution, local)  # None if the rotor stops
+    return figures
 
 
 def flown(invariant, local):
@@ -112,23 +116,20 @@ def rows(results, cases, variants):
     for case in cases:
         law, limit = CASES[case]
         for variant in variants:
-            solution = results[variant, case]
-            best = results[variant, case.rpartition("_")[0] + "_oloc"].summary
-            found = describe(solution)
-            less = 100.0 * (found["energy"] / best["simulated_energy_J"] - 1.0)
+            found = results[variant][case]
+            best = results[variant][case.rpartition("_")[0] + "_oloc"]["energy_J"]
+            less = 100.0 * (found["energy_J"] / best - 1.0)
             apart = ""
-            if variant.endswith("invariant") and found["gain"] is not None:
-                local = results[variant.replace("invariant", "local"), case]
-                energy = flown(solution, local)
-                apart = "stops"
-                if energy is not None:
-                    share = 100.0 * (energy / local.summary["simulated_energy_J"] - 1.0)
-                    apart = f"{share:+.2f} %"
+            if "in_local_polars_J" in found:
+                energy = found["in_local_polars_J"]
+                design = results[variant.replace("invariant", "local")][case]["energy_J"]
+                apart = f"{100.0 * (energy / design - 1.0):+.2f} %" if energy else "stops"
             gain = "" if found["gain"] is None else f"{found['gain']:.4g}"
             lines.append(
                 f"| {law} | {limit} | {variant.rpartition('_')[2]} | {found['success']} | "
-                f"{found['energy'] / 1e3:.2f} | {less:+.3f} % | {gain} | {found['power']:.4f} | "
-                f"{found['ratio']:.2f} | {found['chord']:.4f} | {apart} |"
+                f"{found['energy_J'] / 1e3:.2f} | {less:+.3f} % | {gain} | "
+                f"{found['power_coefficient']:.4f} | {found['tip_speed_ratio']:.2f} | "
+                f"{found['chord_m']:.4f} | {apart} |"
             )
     return "\n".join(lines)
 
@@ -138,7 +139,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=Path, default=Path(__file__).parent.parent / "cases")
     parser.add_argument("--out", type=Path, default=Path("results/reynolds"))
-    parser.add_argument("--page", type=Path, default=Path("docs/reynolds.md"))
     parser.add_argument("--jobs", type=int, default=None)
     arguments = parser.parse_args()
 
@@ -148,22 +148,29 @@ def main():
         for case in (BIG if variant.startswith("large") else CASES)
     }
     found = run_batch(plan, arguments.jobs, lambda folder, word: print(folder, word, flush=True))
-    results = {(folder.parent.name, folder.name): found[folder] for folder in plan}
-    low, high = reynolds_range(results["local", "sine_oloc"])
-    # the last section is written by hand
-    old = arguments.page.read_text(encoding="utf-8") if arguments.page.exists() else ""
-    text = old.partition(LAST)[2].strip() or "See the tables."
-    page = PAGE.format(
-        table=rows(results, CASES, ("invariant", "local")),
-        large=rows(results, BIG, ("large_invariant", "large_local")),
+    results = {variant: {} for variant in VARIANTS}
+    for variant, each in results.items():
+        for case in BIG if variant.startswith("large") else CASES:
+            local = None
+            if variant.endswith("invariant"):
+                local = found[arguments.out / variant.replace("invariant", "local") / case]
+            each[case] = describe(found[arguments.out / variant / case], local)
+    numbers = reynolds_range(found[arguments.out / "local" / "sine_oloc"])
+    page_data.page_from("reynolds", from_data, results=results, reynolds=numbers)
+
+
+def from_data(data):
+    """Return the page of its data; its last section is written by hand, and stays."""
+    low, high = data["reynolds"]
+    return PAGE.format(
+        table=rows(data["results"], CASES, ("invariant", "local")),
+        large=rows(data["results"], BIG, ("large_invariant", "large_local")),
         low=low,
         high=high,
-        conclusions=text,
+        conclusions=page_data.text_of("reynolds").partition(LAST)[2].strip(),
         last=LAST,
     )
-    arguments.page.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
     main()
-    page_data.record("reynolds")

@@ -3,8 +3,8 @@
 python scripts/robust_study.py --out results/robust --table docs/robust.md
 
 Designs and scores that a folder has are used again. About two hours on one core; --laws, --flows
-and --ceilings take a part. The numbers of the page are written into docs/data/robust.json, too;
-with --from-data the page is written from them alone.
+and --ceilings take a part. The page is written from docs/data/robust.json, without any run also by
+`python scripts/page_data.py --write robust`.
 """
 
 import argparse
@@ -117,11 +117,7 @@ def main():
         "--ceilings", type=int, default=3, help="of them, open loop optimized again"
     )
     parser.add_argument("--finished", action="store_true", help="only designs that are there")
-    parser.add_argument("--from-data", action="store_true", help="no runs: page of docs/data")
     given = parser.parse_args()
-    if given.from_data:
-        given.table.write_text(from_data(page_data.read("robust")), encoding="utf-8")
-        return
     designs = {}
     for law, name in product(given.laws, given.designs):
         folder = given.out / law / name.replace(", ", "_").replace(" ", "_")
@@ -134,7 +130,7 @@ def main():
         if solution.success
     }
     best = ceilings(designs, scores, given)
-    data = data_of(designs, scores, best, page_data.head())
+    data = data_of(designs, scores, best)
     page_data.write("robust", data)
     given.table.write_text(from_data(page_data.read("robust")), encoding="utf-8")
     print(f"wrote {given.table}")
@@ -297,8 +293,8 @@ def bracketed(values, digits=2):
     return "{} [{}, {}]".format(*found)
 
 
-def data_of(designs, scores, best, commit):
-    """Return what the page shows of designs and scores, with the commit that they were made by."""
+def data_of(designs, scores, best):
+    """Return what the page shows of designs and scores, with what they were made by."""
     passed = {
         f"{river} {FIRST_UNSEEN + number}": passing(river, FIRST_UNSEEN + number)
         for river in RIVERS
@@ -306,7 +302,7 @@ def data_of(designs, scores, best, commit):
     }
     return {
         "commands": ["python scripts/robust_study.py"],
-        "commit": commit,
+        **page_data.stamp(),
         "passed_J": passed,
         "designs": {
             f"{law}; {name}": page_data.of_result(each, SHOWN)

@@ -1,6 +1,6 @@
 """How the reproduction depends on what the paper leaves out: writes docs/sensitivity.md.
 
-python scripts/sensitivity.py --out results/sensitivity --table docs/sensitivity.md
+python scripts/sensitivity.py --out results/sensitivity
 """
 
 import argparse
@@ -50,7 +50,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=Path, default=Path(__file__).parent.parent / "cases")
     parser.add_argument("--out", type=Path, default=Path("results/sensitivity"))
-    parser.add_argument("--table", type=Path, default=Path("docs/sensitivity.md"))
     parser.add_argument("--jobs", type=int, default=None)
     arguments = parser.parse_args()
 
@@ -67,6 +66,27 @@ def main():
         plan, arguments.jobs, lambda path, word: print(f"  {path}: {word}", flush=True)
     )
 
+    results = {
+        variant: {case: _shown(found[folder(variant, case)]) for case in CASES}
+        for variant in VARIANTS
+    }
+    page_data.page_from("sensitivity", from_data, results=results)
+
+
+def _shown(solution):
+    """Return what the page shows of a result."""
+    summary = solution.summary
+    return {
+        "success": solution.success,
+        "mean_power_W": summary["simulated_energy_J"] / solution.case.phase.duration,
+        "tip_speed_ratio": summary["tip_speed_ratio_at_power_coefficient_max"],
+        "gain": summary["gain"],
+    }
+
+
+def from_data(data):
+    """Return the page of its data."""
+    results = data["results"]
     lines = [
         "# Sensitivity of the reproduction",
         "",
@@ -79,28 +99,17 @@ def main():
         "| | ΔE | λ | K₂ | K₁ | ΔE, 700 N m | λ | K₂ | K₁ |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    base = {case: _power(found[folder("as shipped", case)]) for case in CASES}
-    for variant in VARIANTS:
+    base = results["as shipped"]
+    for variant, of_case in results.items():
         cells = [variant]
         for law_2, law_1 in (CASES[:2], CASES[2:]):
-            quadratic, linear = (found[folder(variant, case)] for case in (law_2, law_1))
-            change = _power(quadratic) / base[law_2] - 1.0
-            peak = quadratic.summary["tip_speed_ratio_at_power_coefficient_max"]
-            gains = [
-                f"{s.summary['gain']:.2f}" + ("" if s.success else " (no success)")
-                for s in (quadratic, linear)
-            ]
-            cells += [f"{100.0 * change:+.3f} %", f"{peak:.2f}", *gains]
+            change = of_case[law_2]["mean_power_W"] / base[law_2]["mean_power_W"] - 1.0
+            cells += [f"{100.0 * change:+.3f} %", f"{of_case[law_2]['tip_speed_ratio']:.2f}"]
+            for each in (of_case[law_2], of_case[law_1]):
+                cells.append(f"{each['gain']:.2f}" + ("" if each["success"] else " (no success)"))
         lines.append("| " + " | ".join(cells) + " |")
-    arguments.table.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(f"wrote {arguments.table}")
-
-
-def _power(solution):
-    """Return the mean captured power, W."""
-    return solution.summary["simulated_energy_J"] / solution.case.phase.duration
+    return "\n".join(lines) + "\n"
 
 
 if __name__ == "__main__":
     main()
-    page_data.record("sensitivity")

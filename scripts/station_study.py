@@ -1,6 +1,6 @@
 """What the number of blade stations and of control points does: writes docs/stations.md.
 
-python scripts/station_study.py --out results/stations --table docs/stations.md
+python scripts/station_study.py --out results/stations
 """
 
 import argparse
@@ -71,14 +71,11 @@ rises towards its limit.
 FREE_WHY = """\
 Near hub and tip, where Prandtl's loss factor is small, the optimum of a free station lies at high
 induction (Buhl's branch) instead of about a third, with a chord and twist unlike its neighbours'.
-The free design changes there abruptly from one station to the next, and the optimizer takes many
-iterations to find at which stations, if it converges at all; splines change over smoothly. The gain
-is small, comes from a range in which the theory is least certain, and makes a blade that nobody
-would build. So with more than twenty stations chord and twist are splines of eight points unless
-`design.chord_points` and `design.twist_points` give other numbers.
+The free design changes there abruptly from one station to the next; splines change smoothly. The
+gain is small, comes from a range in which the theory is least certain, and makes a blade that
+nobody would build. So with more than twenty stations chord and twist are splines of eight points
+unless `design.chord_points` and `design.twist_points` give other numbers.
 
-An optimization that fails begins again from its last saved iterate, which depends on the speed of
-the machine: runs as long as these need not have the same iterations, or even success, every time.
 Iterations are those of the last optimization of a run; wall times have all of them. Roughness: the
 largest difference of a station from the straight line between its neighbours, chord over the
 largest chord and twist. Angle of attack over the stations, and axial induction a, at the mean tip
@@ -91,7 +88,6 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cases", type=Path, default=Path(__file__).parent.parent / "cases")
     parser.add_argument("--out", type=Path, default=Path("results/stations"))
-    parser.add_argument("--table", type=Path, default=Path("docs/stations.md"))
     arguments = parser.parse_args()
 
     plan = {
@@ -105,28 +101,42 @@ def main():
     found = run_batch(
         plan, 1, lambda path, word: print(f"  {path}: {word}", flush=True), records=False
     )
-    arguments.table.write_text(
-        page({(path.parent.name, path.name): each for path, each in found.items()}),
-        encoding="utf-8",
-    )
-    print(f"wrote {arguments.table}")
+    results = {variant: {} for variant in VARIANTS}
+    for path, solution in found.items():
+        results[path.parent.name][path.name] = _shown(solution)
+    page_data.page_from("stations", from_data, results=results)
 
 
-def page(found):
-    """Return the page for the solutions by variant and law."""
-    energy = {key: each.summary["simulated_energy_J"] for key, each in found.items()}
+def _shown(solution):
+    """Return what the page shows of a result."""
+    chord, twist = _roughness(solution)
+    low, high, inducing = _flow(solution)
+    summary = solution.summary
+    return {
+        "success": solution.success,
+        "energy_J": summary["simulated_energy_J"],
+        "iterations": summary["iterations"],
+        "wall_time_s": summary["wall_seconds"],
+        "roughness_of_chord": chord,
+        "roughness_of_twist_deg": twist,
+        "angle_of_attack_deg": [low, high],
+        "high_induction_stations": inducing,
+    }
+
+
+def from_data(data):
+    """Return the page of its data."""
+    found = {(name, law): x for name, of in data["results"].items() for law, x in of.items()}
+    energy = {key: each["energy_J"] for key, each in found.items()}
 
     def cost(variant, law):
         """Return the relative difference to the most stations, in per cent."""
         return 100.0 * (energy[variant, law] / energy[f"count_{COUNTS[-1]}", law] - 1.0)
 
     def effort(variant, law):
-        solution = found[variant, law]
-        mark = "" if solution.success else " (no success)"
-        return (
-            f"{solution.summary['iterations']} iterations, "
-            f"{solution.summary['wall_seconds']:.1f} s{mark}"
-        )
+        one = found[variant, law]
+        mark = "" if one["success"] else " (no success)"
+        return f"{one['iterations']} iterations, {one['wall_time_s']:.1f} s{mark}"
 
     limits = {law: _limit([energy[f"count_{n}", law] for n in COUNTS]) for law in LAWS}
     lines = [HEAD, "## Refinement", ""]
@@ -206,16 +216,17 @@ def page(found):
     for law in LAWS:
         for label, variant in ((f"{law}, free", "free"), (f"{law}, splines", f"count_{FREE}")):
             over = 100.0 * (energy[variant, law] / energy[f"count_{FREE}", law] - 1.0)
-            chord, twist = _roughness(found[variant, law])
-            low, high, inducing = _flow(found[variant, law])
+            one = found[variant, law]
+            low, high = one["angle_of_attack_deg"]
             lines.append(
                 f"| {label} | {energy[variant, law]:.1f} | {over:+.3f} % | "
-                f"{effort(variant, law)} | {chord:.3f}, {twist:.2f}° | "
-                f"{low:.1f} to {high:.1f}° | {inducing} stations |"
+                f"{effort(variant, law)} | {one['roughness_of_chord']:.3f}, "
+                f"{one['roughness_of_twist_deg']:.2f}° | {low:.1f} to {high:.1f}° | "
+                f"{one['high_induction_stations']} stations |"
             )
     lines += [
         "",
-        f"{sum(found['free', law].success for law in LAWS)} of {len(LAWS)} free designs are a "
+        f"{sum(found['free', law]['success'] for law in LAWS)} of {len(LAWS)} free designs are a "
         "success.",
         "",
         FREE_WHY,
@@ -273,7 +284,7 @@ def _roughness(solution):
         return np.max(np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]))
 
     chord = np.array(solution.summary["chord_m"])
-    return off(chord) / np.max(chord), off(solution.summary["twist_deg"])
+    return float(off(chord) / np.max(chord)), float(off(solution.summary["twist_deg"]))
 
 
 def _flow(solution):
@@ -285,9 +296,9 @@ def _flow(solution):
     blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
     found = bem.sections(blade, world.polar, summary["tip_speed_ratio"]["mean"])
     angle = np.rad2deg(found.angle_of_attack)
-    return angle.min(), angle.max(), int(np.count_nonzero(found.axial_induction > 0.5))
+    high = np.count_nonzero(found.axial_induction > 0.5)
+    return float(angle.min()), float(angle.max()), int(high)
 
 
 if __name__ == "__main__":
     main()
-    page_data.record("stations")

@@ -18,7 +18,6 @@ from hkt_mdo.case import load_case
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.studies.common import markdown_table, percent
 
-PAGE = page_data.ROOT / "docs" / "controllers.md"
 BEGIN, END = "<!-- by scripts/tracking_table.py -->\n", "<!-- end of the table -->"
 CASE = page_data.ROOT / "cases" / "sine_limited_oloc.yaml"
 POWER = ("limits={power: 5 kW}", "start.branch=overspeed")
@@ -44,15 +43,20 @@ def main():
         for law, changes in LAWS.items()
     }
     found = [*run_batch(cases, 1, partial(print, flush=True), records=False).values()]
-    rows = []
+    results = {}
     for i, row in enumerate(ROWS):
-        results = found[i * len(LAWS) : (i + 1) * len(LAWS)]
-        energies = [x.summary.simulated_energy_J if x and x.success else None for x in results]
-        rows.append([row, *(cell(each, energies[0]) for each in energies)])
+        energies = [x.summary.simulated_energy_J if x and x.success else None for x in found]
+        results[row] = dict(zip(LAWS, energies[i * len(LAWS) : (i + 1) * len(LAWS)], strict=True))
+    page_data.page_from("controllers", from_data, simulated_energy_J=results)
+
+
+def from_data(data):
+    """Return the page with the table of its data."""
+    rows = []
+    for row, energies in data["simulated_energy_J"].items():
+        rows.append([row, *(cell(each, energies["open loop"]) for each in energies.values())])
     table = "\n".join(markdown_table(["limits", *LAWS], rows))
-    head, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    text = f"{head}{BEGIN}\n{table}\n\n{END}{rest.partition(END)[2]}"
-    PAGE.write_text(text, encoding="utf-8")
+    return page_data.between(page_data.text_of("controllers"), BEGIN, END, f"\n{table}\n\n")
 
 
 def cell(energy, best):
@@ -65,4 +69,3 @@ def cell(energy, best):
 
 if __name__ == "__main__":
     main()
-    page_data.record("controllers")

@@ -17,6 +17,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import page_data
 
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results import plots, style
@@ -90,7 +91,6 @@ def main() -> None:
     """Run the three cases, unless they are there already, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/hour"))
-    parser.add_argument("--page", type=Path, default=ROOT / "docs" / "hour.md")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     solutions, costs = {}, {}
@@ -103,54 +103,66 @@ def main() -> None:
         solutions[law] = Solution.load(folder)
     draw(solutions, ROOT / "docs" / "images" / "example_turbulent_hour.png")
 
+    speed = physics(solutions["oloc"].case).inflow.speed_at(np.linspace(0.0, 3600.0, 36_001))
+    flow = {
+        "mean": float(np.mean(speed)),
+        "deviation": float(np.std(speed)),
+        "lowest": float(speed.min()),
+        "highest": float(speed.max()),
+        "cutoff_Hz": physics(solutions["oloc"].case).inflow.cutoff,
+    }
+    machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
+    results = {law: shown(solution) | costs[law] for law, solution in solutions.items()}
+    page_data.page_from("hour", from_data, results=results, flow_m_s=flow, machine=machine)
+
+
+def shown(solution) -> dict:
+    """Return what the page shows of a result."""
+    summary = solution.summary
+    checks = {check["name"]: check["value"] for check in summary["checks"]}
+    return {
+        "success": solution.success,
+        "message": str(solution.message),
+        "simulated_energy_J": summary["simulated_energy_J"],
+        "energy_bound_J": summary["energy_bound_J"],
+        "gain": summary["gain"],
+        "tip_speed_ratio": [summary["tip_speed_ratio"][end] for end in ("min", "max")],
+        "segments": solution.case.phase.segments,
+        "evaluations": int(solution.convergence["evaluation"].size),
+        "errors": [checks[x] for x in ("energy_error", "max_speed_error", "surrogate_error")],
+    }
+
+
+def from_data(data: dict) -> str:
+    """Return the page of its data; its last section is written by hand, and stays."""
     results, judges, spent = [], [], []
-    best = solutions["oloc"].summary["simulated_energy_J"]
-    for law, solution in solutions.items():
-        summary = solution.summary
-        values = {check["name"]: check["value"] for check in summary["checks"]}
-        energy, ratio = summary["simulated_energy_J"], summary["tip_speed_ratio"]
-        gain = "" if summary["gain"] is None else f"{summary['gain']:.4g}"
+    best = data["results"]["oloc"]["simulated_energy_J"]
+    for law, found in data["results"].items():
+        energy, (low, high) = found["simulated_energy_J"], found["tip_speed_ratio"]
+        gain = "" if found["gain"] is None else f"{found['gain']:.4g}"
         results.append(
-            f"| {LAWS[law]} | {'yes' if solution.success else 'no: ' + solution.message} | "
+            f"| {LAWS[law]} | {'yes' if found['success'] else 'no: ' + found['message']} | "
             f"{energy / 1e6:.4f} | {100.0 * (energy / best - 1.0):+.4f} % | "
-            f"{100.0 * energy / summary['energy_bound_J']:.3f} % | {gain} | "
-            f"{ratio['min']:.2f} to {ratio['max']:.2f} |"
+            f"{100.0 * energy / found['energy_bound_J']:.3f} % | {gain} | {low:.2f} to {high:.2f} |"
         )
-        judges.append(
-            f"| {LAWS[law]} | {solution.case.phase.segments} | "
-            f"{solution.case.phase.segments + 1} | "
-            f"{solution.convergence['evaluation'].size} | {values['energy_error']:.1e} | "
-            f"{values['max_speed_error']:.1e} | {values['surrogate_error']:.1e} |"
-        )
+        counts = f"{found['segments']} | {found['segments'] + 1} | {found['evaluations']}"
+        errors = " | ".join(f"{error:.1e}" for error in found["errors"])
+        judges.append(f"| {LAWS[law]} | {counts} | {errors} |")
         spent.append(
-            f"| {LAWS[law]} | {costs[law]['seconds'] / 60.0:.1f} min | "
-            f"{costs[law]['bytes'] / 1e9:.2f} GB |"
+            f"| {LAWS[law]} | {found['seconds'] / 60.0:.1f} min | {found['bytes'] / 1e9:.2f} GB |"
         )
-    flow = physics(solutions["oloc"].case).inflow
-    speed = flow.speed_at(np.linspace(0.0, 3600.0, 36_001))
-    words = (
-        f"von Kármán turbulence of {np.mean(speed):.2f} m/s with a standard deviation of "
-        f"{np.std(speed):.3f} m/s, {speed.min():.2f} to {speed.max():.2f} m/s, up to "
-        f"{flow.cutoff:g} Hz."
-    )
-    # the last section is written by hand
-    old = arguments.page.read_text(encoding="utf-8") if arguments.page.exists() else ""
-    text = old.partition(LAST)[2].strip() or "See the tables."
-    page = PAGE.format(
-        flow=words,
+    return PAGE.format(
+        flow="von Kármán turbulence of {mean:.2f} m/s with a standard deviation of "
+        "{deviation:.3f} m/s,\n{lowest:.2f} to {highest:.2f} m/s, up to "
+        "{cutoff_Hz:g} Hz.".format(**data["flow_m_s"]),
         results="\n".join(results),
         judges="\n".join(judges),
         costs="\n".join(spent),
-        machine=f"{os.cpu_count()} cores, {platform.machine()}, Python "
-        f"{platform.python_version()}; other work ran beside it.",
-        text=text,
+        machine=f"{data['machine']}; other work ran beside it.",
+        text=page_data.text_of("hour").partition(LAST)[2].strip(),
         last=LAST,
     )
-    arguments.page.write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
     main()
-    import page_data
-
-    page_data.record("hour")

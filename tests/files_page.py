@@ -68,7 +68,12 @@ def tables() -> str:
     """Return the tables of the page."""
     known = listed()
     sources = known["sources"]
-    lines = []
+    lines = ["\n## How many\n", "| | here, read by the tests | also read | refused |"]
+    lines.append("|---|---|---|---|")
+    for kind in READERS:
+        others = [entry for entry in known["listed"] if f"{entry['kind']}s" == kind]
+        counts = [sum(entry.get(key, 0) for entry in others) for key in ("read", "refused")]
+        lines.append(f"| {kind} | {len(known[kind])} | {counts[0]} | {counts[1]} |")
     for kind, read in READERS.items():
         lines += [
             f"\n## {kind.capitalize()}\n",

@@ -11,6 +11,7 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
+from hkt_mdo import build_problem
 from hkt_mdo.case import Case, case_json_schema, case_markdown, load_case, read_case
 from hkt_mdo.case.messages import TAGS
 from hkt_mdo.case.turbine import SectionFile
@@ -209,6 +210,21 @@ def test_extensions_of_the_architecture_are_those_that_are_tested():
     assert all(f"class {text}" in source for text in shown if text)
     for text in cases:
         load_case(parse(text, "architecture.md"), extensions=[EXTENSION])
+
+
+@pytest.mark.slow
+def test_the_case_that_the_architecture_follows_has_the_numbers_that_it_says(solve):
+    solution = solve("sine_limited_quadratic")
+    summary, problem = solution.summary, build_problem(solution.case)
+    problem.run_model()
+    assert len(summary.passes) == 1
+    assert f"{len(summary.checks)} checks, all passed: '{summary.message}'" in ARCHITECTURE
+    assert f"'{summary.message}', {summary.simulated_energy_J / 1e3:.2f} kJ" in ARCHITECTURE
+    assert f"# {problem.get_val('energy', units='kJ')[0]:.3f}, at the start" in ARCHITECTURE
+    sizes = {name: each["size"] for name, each in problem.model.get_design_vars().items()}
+    assert f"{sum(sizes.values())} design variables (9 chords, 9 twists, 1 gain" in ARCHITECTURE
+    rows = [each["size"] for each in problem.model.get_constraints().values()]
+    assert f"{sum(rows)} constraints" in ARCHITECTURE
 
 
 def test_files_that_the_architecture_names_are_there():

@@ -74,10 +74,12 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
     assert find_case("sine_oloc") == ROOT / "cases" / "sine_oloc.yaml"
     assert find_case("river_gust.yaml") == EXAMPLES / "river_gust.yaml"
     assert find_case("limits/rm1_turbulent_limits") == find_case("rm1_turbulent_limits.yaml")
+    assert find_case("cases/limits/all_oloc.yaml") == ROOT / "cases" / "limits" / "all_oloc.yaml"
+    assert find_case("cases/river_gust.yaml") == Path("cases/river_gust.yaml")  # not its folder
     assert load_case("own_files").name == "own_files"
     (tmp_path / "sine_oloc").write_text("inflow: {profile: sine}\ncontrol: {law: linear}\n")
     assert load_case("sine_oloc").control.law == "linear"
-    for name in ("sine", "cases/sine_oloc.yaml", "files", "../sine_oloc"):
+    for name in ("sine", "mine/sine_oloc.yaml", "files", "../sine_oloc"):
         assert find_case(name) == Path(name)
     with pytest.raises(InputError, match=r"^sine: does not exist"):
         load_case("sine")

@@ -179,7 +179,8 @@ class InflowDynamics(Section):
     @model_validator(mode="after")
     def _check_time(self) -> InflowDynamics:
         if self.tau1 is not None and not self.remembers:
-            problem, remedy = "is of no use without memory", "give model: oye, or leave it out"
+            problem = "has no effect on a wake without memory"
+            remedy = "give model: oye, or leave it out"
             raise refusal(problem, remedy, key="tau1", value=self.tau1)
         return self
 

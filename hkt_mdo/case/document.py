@@ -145,7 +145,8 @@ def _kind(value: Mapping[str, Any]) -> str:
     if value["type"] == "array":
         kinds = dict.fromkeys(map(_kind, value.get("prefixItems") or [value["items"]]))
         ends = dict.fromkeys((value.get("minItems", 0), value.get("maxItems", "any number")))
-        return f"list of {' to '.join(map(str, ends))}: {'; '.join(kinds)}"
+        length = " to ".join(map(str, ends)).replace("0 to any number", "any length")
+        return f"list of {length}: {'; '.join(kinds)}"
     if value["type"] == "object":
         return f"section of {_code(value['properties'])}"
     unit = f" in {value['unit']}" if "unit" in value else ""

@@ -273,7 +273,12 @@ def _read(extension: Extension) -> tuple[str, list[type]]:
     if isinstance(extension, str | Path):
         path = Path(extension).resolve()
         return str(path), _classes(_load(path))
-    raise InputError("is no file, module or class", "give one", key="extension", value=extension)
+    raise InputError(
+        "is no file, module or class",
+        "give the path of a Python file",
+        key="extension",
+        value=extension,
+    )
 
 
 def _classes(module: ModuleType) -> list[type]:
@@ -295,7 +300,7 @@ def _load(path: Path) -> ModuleType:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise InputError("is no Python file", "give --extend a file .py", file=path)
+        raise InputError("is no Python file", "give --extend a file that ends in .py", file=path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # pydantic looks annotations up there
     try:

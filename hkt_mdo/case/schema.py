@@ -87,8 +87,8 @@ class FlowScenario(Section):
     inflow: SerializeAsAny[Inflow] | None = None
     """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed, given as `resource` of the case: another name of `inflow`,
-    where it is put."""
+    """How long the flow has each speed, in place of the scenario's `inflow`; given as `resource` of
+    the case."""
     steady: bool = False
     """Whether the order of the flow's speeds is ignored: the rotor is in equilibrium at each of
     them.
@@ -165,9 +165,9 @@ class Case(Section):
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed in a year, in place of `inflow`, where it is put; `profile`
-    says which kind. The rotor is then in equilibrium at each speed, energies are those of a year,
-    and an optimization takes seconds."""
+    """How long the flow has each speed in a year, in place of `inflow`; `profile` says which kind.
+    The rotor is then in equilibrium at each speed, energies are those of a year, and an
+    optimization takes seconds."""
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
@@ -251,7 +251,7 @@ class Case(Section):
             and control.power is None
             and not limited & {PowerLimit.name, ElectricalPowerLimit.name}
         ):
-            problem = "is missing in a case without a limit of the power, which would choose it"
+            problem = "is missing, and there is no limit of the power from which it would follow"
             remedy = "give it or limits.power, or control.law: quadratic, which needs none"
             raise refusal(problem, remedy, key="control.power", value=None)
         if self.phase.final_speed == "initial" and isinstance(control, FeedbackLaw):
@@ -386,8 +386,8 @@ class Case(Section):
             raise refusal(problem, remedy, key=f"{key}.polar", value=condition.polar)
         thick = self.rotor.reynolds == "local" or self.design.thickness_points
         if condition.fouls and thick:
-            problem = "takes rotor.reynolds: invariant and no design.thickness_points"
-            remedy = "give these, or leave it out"
+            problem = "needs rotor.reynolds: invariant and no design.thickness_points"
+            remedy = "change these, or leave it out"
             raise refusal(problem, remedy, key=key, value=condition.model_dump(mode="json"))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -482,7 +482,7 @@ def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(resource, dict):
         return data
     if data.get("inflow") is not None:
-        problem = "is given besides inflow, whose other name it is"
+        problem = "is another name of inflow, and both are given"
         raise refusal(problem, "give one of them", key="resource")
     profile = resource.get("profile")
     known = [kind_name(each) for each in BUILT_IN.profiles if issubclass(each, Resource)]

@@ -176,7 +176,7 @@ class Rotor(Section):
     torque is computed at every node, as with `hydrodynamics.torque: direct`. `invariant`: it does
     not depend on it, as the paper assumes."""
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
-    """Reynolds number at which an `invariant` polar is read that has tables for several; null: of
+    """Reynolds number at which an `invariant` polar is read that has tables for several; null: for
     the sections of a windIO file, midway (in its logarithm) between the lowest and the highest."""
     material: Material = Field(default="aluminium_6061_t6", validate_default=True)  # type: ignore[assignment]
     """Material of the blades: a shipped name, or a section of its properties."""

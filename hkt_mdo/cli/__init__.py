@@ -29,7 +29,7 @@ app = typer.Typer(
     name="hkt",
     help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
     "A case is a short YAML file; a run of it writes a result folder; the other commands work on "
-    "cases or results.\n\n{EXIT_CODES}",
+    f"cases or results.\n\n{EXIT_CODES}",
     invoke_without_command=True,
     pretty_exceptions_enable=False,
 )

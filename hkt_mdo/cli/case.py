@@ -119,8 +119,8 @@ def n2(
 
 _OUTLINE = "Shipped name (naca63815) or file: CSV x_over_c,y_over_c, Selig or Lednicer."
 _ALPHA = "Angles of attack, degrees."
-_BESIDE = "Another polar to draw, shipped or a file; may be given several times."
-_TURBULENCE = "Amplification at transition; less where turbulent."
+_BESIDE = "Another polar to draw in the figure, shipped or a file; may be given several times."
+_TURBULENCE = "Critical exponent of the e^n method for transition; less in turbulent flow."
 
 
 def polar(

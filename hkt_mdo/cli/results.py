@@ -110,10 +110,11 @@ def report(
 
     A browser opens it from disk, without a network. It has the verdict with every judge, figures of
     merit, the blade as a solid that can be turned, operation over the flow speed and over time,
-    limits, convergence, and what is not modelled. Needs the extra `report` of hkt_mdo.
+    limits, convergence, and what is not modelled. It needs the extra report:
+    pip install 'hkt_mdo[report]'.
 
-    Of the folder of a sweep, report.html is written into it: front and map, on which a click opens
-    the report of a run, written into that one's folder.
+    For the folder of a sweep, report.html is written into that folder. It shows front and map; a
+    click on a point opens the report of that run, which is written into the folder of the run.
     """
     if len(results) == 1 and (results[0] / TABLE).is_file():
         from hkt_mdo.report.sweep import write_sweep_report
@@ -234,7 +235,7 @@ def simulate(
     ] = "fluctuation",
     rate: Annotated[float, Option("--sample-rate", metavar="HZ", help=_RATE)] = 100.0,
     cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
-    repeats: Annotated[int, Option(min=1, max=100_000, help="Noisy runs.")] = 20,
+    repeats: Annotated[int, Option(min=1, max=100_000, help="Number of noisy runs.")] = 20,
     seed: Seed = 1,
     flow_seeds: Annotated[str | None, Option(metavar="SEEDS", help=_SEEDS)] = None,
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
@@ -329,7 +330,8 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
             problem = f"does not go with {other}, {why}"
             raise InputError(problem, "leave one of them out", key=key, value=name)
     if tau1 is not None and not memory:
-        raise InputError("has no effect without memory", f"give {key} oye too", key="--tau1")
+        problem = "has no effect on a wake without memory"
+        raise InputError(problem, f"give {key} oye too", key="--tau1")
     if tau1 is not None and not 1e-3 <= tau1 <= 1e4:
         remedy = "give a number between 0.001 and 10000"
         raise InputError("is out of range", remedy, key="--tau1", value=tau1)

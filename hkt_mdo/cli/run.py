@@ -49,12 +49,12 @@ def run(
     results/NAME unless --out is given, where NAME is the name of the case, gets case.yaml (every
     default written out), summary.json (figures of merit and checks), trajectory.csv,
     simulation.csv, loads.csv, blade.csv, power_curve.csv, convergence.csv, solution.db and
-    history.db (OpenMDAO recorders), n2.html and figures/. Options override --set, --set overrides
-    the file.
+    history.db (OpenMDAO recorders), n2.html and figures/. Other options override
+    --set, and --set overrides the file.
 
-    Several cases run in --jobs processes, each into a folder of its name in --out. What is finished
-    there is not run again, so the same command goes on after an interruption. hkt sweep runs one
-    case with many values of its keys.
+    Several cases run in --jobs processes, each into a folder of its name in --out. Cases that
+    have a finished result there are not run again, so the same command continues after an
+    interruption. hkt sweep runs one case with many values of its keys.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = (f"{key}={value}" for key, value in given.items() if value is not None)

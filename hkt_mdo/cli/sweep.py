@@ -42,8 +42,9 @@ def sweep(
 
     The folder, results/NAME unless --out is given, gets sweep.yaml, a result folder for each run in
     runs, and one row a run in table.csv (table.parquet and grid.nc too, where pandas and xarray are
-    installed). A run that fails is a row with its message. Given again, the command goes on: what
-    is finished is not run again. hkt plot and hkt report take the folder.
+    installed). A run that fails is a row with its message. The same command continues an
+    interrupted sweep: runs that are finished are not repeated. hkt plot and hkt report take the
+    folder, too.
     """
     from hkt_mdo.case.sweep import load_sweep
 
@@ -64,7 +65,7 @@ def sweep(
             told = _reporter(status, quiet)
             rows = run_sweep(asked, folder, jobs, told, **how)
     except KeyboardInterrupt:
-        parts.complain("interrupted", f"finished runs are in {folder}; the same command goes on")
+        parts.complain("interrupted", f"finished runs are in {folder}; the same command continues")
         raise Exit(parts.INTERRUPTED) from None
     states = Counter(row["state"] for row in rows)
     if not quiet:
@@ -159,7 +160,7 @@ def run_several(
     try:
         found = run_batch(plan, jobs, told, not no_records, figures=figures)
     except KeyboardInterrupt:
-        parts.complain("interrupted", f"finished results are in {out}; the same command goes on")
+        parts.complain("interrupted", f"finished results are in {out}; the same command continues")
         raise Exit(parts.INTERRUPTED) from None
     failed = [path for path, each in found.items() if each is None or not each.success]
     if failed:

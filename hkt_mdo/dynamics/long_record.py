@@ -127,7 +127,7 @@ class RecordResource(Resource):
     discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None
     """Degree of the polynomial that is fitted to the rating curve; null: straight lines between its
-    points, whose ends hold beyond them."""
+    points, and beyond them the speed of the last point."""
     spikes: Literal["refuse", "keep"] = "refuse"
     """What is done about speeds above 20 m/s or discharges below zero: the record is refused, or
     they are left out."""

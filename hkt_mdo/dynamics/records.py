@@ -197,7 +197,7 @@ class _Record:
             count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1
         longest = self.longest_gap(step, uneven.size > 0)
         if count > MAX_ROWS:
-            problem = f"has {count:,} even samples, and {MAX_ROWS:,} are taken"
+            problem = f"has {count:,} even samples, and {MAX_ROWS:,} are the most"
             raise InputError(problem, "choose a part of it by start and duration", file=raw.file)
         good = np.isfinite(raw.speed) & ~spikes
         if uneven.size:

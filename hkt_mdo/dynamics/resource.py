@@ -163,8 +163,8 @@ class Resource(Inflow):
     """Width of the bins of the flow speed; 0.1 m/s is that of IEC TS 62600-200."""
     turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
     """Standard deviation of the flow's speed within a bin over its mean. The rotor follows it at
-    once: power is averaged over a normal distribution of speeds, of which limits hold up to 2.86
-    standard deviations above the mean."""
+    once: power is averaged over a normal distribution of speeds, and limits hold for speeds of up
+    to 2.86 standard deviations above the mean."""
     cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
     """Speed of the flow below which the machine stands still; `control.cut_out` is that above
     which it does."""
@@ -217,7 +217,7 @@ class Resource(Inflow):
                 value=self.cut_in,
             )  # fmt: skip
         if found.speed.size > MOST_SPEEDS:
-            problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are taken"
+            problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
         return found
 

@@ -25,7 +25,7 @@ def find_case(path: str | Path) -> Path:
     ----------
     path : str or pathlib.Path
         A path, or the name of a shipped case such as ``sine_oloc``, ``river_gust.yaml`` or
-        ``limits/all_oloc``; a file of that name comes first.
+        ``cases/limits/all_oloc.yaml``; a file of that name comes first.
 
     Returns
     -------
@@ -33,10 +33,11 @@ def find_case(path: str | Path) -> Path:
         The shipped case if there is one of that name, else `path`.
     """
     path = Path(path)
-    if path.parent.as_posix() in _FOLDERS and not path.exists():
-        inside = _FOLDERS if path.parent == Path() else (path.parent,)
+    name = path.relative_to("cases") if path.parts[:1] == ("cases",) else path
+    if name.parent.as_posix() in _FOLDERS and not path.exists():
+        inside = _FOLDERS if name == path and name.parent == Path() else (name.parent,)
         for folder in (shipped_cases() / each for each in inside):
-            for name in (path.name, f"{path.name}.yaml"):
-                if name.endswith(".yaml") and (folder / name).is_file():
-                    return folder / name
+            for file in (name.name, f"{name.name}.yaml"):
+                if file.endswith(".yaml") and (folder / file).is_file():
+                    return folder / file
     return path

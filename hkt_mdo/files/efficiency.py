@@ -58,7 +58,7 @@ def read_efficiency(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
             raise InputError(problem, "give a table over two or more of them", file=path)
     _, first = np.unique(i * speeds.size + j, return_index=True)
     repeated = ~np.isin(np.arange(i.size), first)
-    torque.refuse(repeated, "is there again with the same speed", "give each pair once")
+    torque.refuse(repeated, "is given twice with the same speed", "give each pair once")
     table = np.full((torques.size, speeds.size), np.nan)
     table[i, j] = efficiency.values
     for row, column in np.argwhere(np.isnan(table))[:1]:

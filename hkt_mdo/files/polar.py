@@ -15,7 +15,7 @@ from hkt_mdo.files.polar_table import SURFACES, PolarTable, Source, check_reynol
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
 
-_FORMATS = "a CSV file alpha_deg,cl,cd, an AeroDyn airfoil table or an XFOIL polar"
+_FORMATS = "a CSV file alpha_deg,cl,cd (or alpha_rad), an AeroDyn airfoil table or an XFOIL polar"
 _FLAGS = re.MULTILINE | re.IGNORECASE
 _AERODYN = re.compile(
     r"""^[ \t]*(@?"[^"\n]*"|\S+)[ \t]+"""

@@ -244,7 +244,7 @@ class _Turbine:
         for entry in self.root.get("airfoils", "add the airfoils that the blade names").items():
             name = entry.get("name").text()
             if name in library:
-                raise entry.refuse(f"is the second airfoil {name}", "give each its own name")
+                raise entry.refuse(f"is the second airfoil named {name}", "give each its own name")
             library[name] = entry
         chosen: dict[str, str | None] = {}
         for place, name, configuration in airfoils:

@@ -388,7 +388,7 @@ def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
         if documents > 1:
             problem, remedy = "begins a second YAML document", "keep one in a file"
         elif depth > deepest:
-            problem, remedy = f"is nested deeper than {deepest} levels", "unfold it"
+            problem, remedy = f"is nested deeper than {deepest} levels", "write fewer levels"
         elif count > MAX_NODES:
             problem, remedy = f"holds more than {MAX_NODES} values", "give a smaller file"
         elif case and getattr(event, "anchor", None) is not None:
@@ -439,7 +439,7 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
                 raise refuse(f"has no value ({line})", "give one, or null for the default", member)
             _check_keys(member, case, seen)
     elif re.search("[\ud800-\udfff]", node.value):
-        raise refuse("holds half a character", "write the text without \\u escapes")
+        raise refuse("has an incomplete Unicode character", "write the text without \\u escapes")
 
 
 def _is_empty(node: yaml.ScalarNode) -> bool:

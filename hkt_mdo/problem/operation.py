@@ -42,7 +42,7 @@ def in_operation(
             problem += f"the rotor needs {shortest:.3g} s"
         raise InputError(problem, "give a larger one, or null for none", **place)
     if count > MOST_INTERVALS:
-        problem = f"divides the operation into {count} intervals, and {MOST_INTERVALS} are possible"
+        problem = f"divides the operation into {count} intervals, and {MOST_INTERVALS} are the most"
         remedy = "give another one, a lower cutoff of the flow or a shorter phase.duration"
         raise InputError(problem, remedy, **place)
     prefix = "" if whole.name == "phase" else f"{whole.name}_"

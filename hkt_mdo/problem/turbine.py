@@ -212,7 +212,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
             raise InputError(problem, remedy, file=rotor.blade)
         text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
         left_out = own.size < table.r.size
-        notes = [f"{text} no load: the stations are the others"] if left_out else []
+        notes = [f"{text} no load; the other rows are the stations"] if left_out else []
         if low > hub / tip + OUTBOARD:
             text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub / tip:.4g}: the load falls"
             text += " to zero between them"

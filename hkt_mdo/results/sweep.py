@@ -162,7 +162,7 @@ class SweepTable:
         text = read_text(folder / TABLE, "table of a sweep", MAX_BYTES)
         header, *rows = list(csv.reader(io.StringIO(text))) or [[]]
         if not rows or {*map(len, rows)} != {len(header)} or not {*sweep.over} <= {*header}:
-            remedy = "give hkt sweep again, which writes it anew"
+            remedy = "run the same hkt sweep command again, which writes the table anew"
             raise InputError("is not the table of this sweep", remedy, file=folder / TABLE)
         columns = dict(zip(header, map(_column, zip(*rows, strict=True)), strict=True))
         return cls(folder, sweep, columns)

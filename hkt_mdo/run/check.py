@@ -435,7 +435,7 @@ def _bounds(found: Findings) -> Rows:
             yield Row(key, words, "", f"{value} with the starting blade")
             if np.max(limit.excess(values)) > KEPT:
                 text = f"broken at the start, {words}; {value} with the starting blade"
-                yield _warning(key, f"{text}: the run moves it inside")
+                yield _warning(key, f"{text}: the run looks for a blade within them")
 
 
 def _limits(found: Findings) -> Rows:
@@ -468,7 +468,7 @@ def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Ro
         if found.running or limit.place != "time":
             kept = _kept(limit, limit.value_of(values))
             if np.max(limit.excess(values)) > START_EXCESS:
-                text = f"broken at the start, {words}; {kept}: the run moves it inside"
+                text = f"broken at the start, {words}; {kept}: the run has to meet it"
                 yield _warning(key, text)
         yield Row(key, words, "", kept)
     if found.running:

@@ -163,7 +163,7 @@ def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) ->
             remedy = "results are written by the workers: choose a folder that all of them share"
             raise WrongWorkerError(f"the worker {name} does not see it", remedy, file=folder)
         if threads[name] > 1:
-            problem = f"the worker {name} has {threads[name]} threads, and a run needs a process"
+            problem = f"the worker {name} has {threads[name]} threads; a run needs its own process"
             raise WrongWorkerError(problem, "start it with --nthreads 1", key="scheduler")
 
 

@@ -63,7 +63,7 @@ def run_sweep(
     out = out.absolute()
     inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
     if inside and not inside & {SWEEP, "lock"}:
-        remedy = "choose another folder; one of an earlier sweep goes on"
+        remedy = "choose another folder, or that of an earlier sweep, which is then continued"
         raise InputError("holds files that are not of a sweep", remedy, file=out)
     with locked(out):
         (out / RUNS).mkdir(exist_ok=True)

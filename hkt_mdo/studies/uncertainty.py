@@ -235,7 +235,7 @@ class Design:
             course over time.
         """
         if inflow.steady:
-            problem = "is a resource, which has no course over time to be simulated in"
+            problem = "is a resource, which has no flow over time in which to simulate"
             raise InputError(
                 problem, "give another flow, such as --flow '{profile: sine}'", key="inflow"
             )

@@ -198,7 +198,7 @@ FLOWS = [
 DOCUMENTS = [
     ("control: {law: linear}", "inflow", "", "with one of constant, step, sine"),
     ("inflow: {profile: sine", "line 1", "", "YAML"),
-    (MINIMAL + 'rotor: {blade: "\\ud800"}', "rotor.blade", "", "half a character"),
+    (MINIMAL + 'rotor: {blade: "\\ud800"}', "rotor.blade", "", "incomplete Unicode"),
     (MINIMAL + 'rotor: {blade: "\\0"}', "rotor.blade", "\\x00", "shipped"),
     (
         MINIMAL + "rotor:\n  radius: 1\n  radius: 2",

@@ -227,7 +227,7 @@ def test_a_bad_extension_file_is_reported_with_its_line(text, told, tmp_path):
     [
         ("none.py", r"none\.py: cannot be read \(No such file"),
         (".", r"cannot be read \(Is a directory"),
-        ("e.txt", r"e\.txt: is no Python file; give --extend a file \.py"),
+        ("e.txt", r"e\.txt: is no Python file; give --extend a file that ends in \.py"),
     ],
 )
 def test_what_is_no_python_file_is_reported(name, told, tmp_path):

@@ -362,7 +362,9 @@ def test_without_arguments_the_first_steps_are_reported(capsys: pytest.CaptureFi
 
 def test_a_shell_can_complete(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--help"]) == 0
-    assert "--install-completion" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "--install-completion" in told
+    assert "Exit codes: 0 done" in told
 
 
 def test_plot_draws_the_figures(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -36,6 +36,16 @@ def test_one_section_in_two_formats_is_one_section():
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
 
 
+def test_a_polar_by_xfoil_is_its_columns():
+    path = FOLDER / "polars" / "xf-n0012-il-500000-n5.txt"
+    (table,) = read_polars(path)
+    rows = np.loadtxt(path, skiprows=12)
+    for name, column in (("lift", 1), ("drag", 2), ("moment", 4)):
+        np.testing.assert_array_equal(getattr(table, name), rows[:, column])
+    np.testing.assert_allclose(table.alpha, np.deg2rad(rows[:, 0]), rtol=1e-12)
+    assert table.reynolds == 5e5
+
+
 def test_rm1_is_the_blade_that_is_shipped():
     """WT_Perf's RM1 is shipped, OpenFAST's is here; they differ at the ends (data/README.md)."""
     openfast = read_blade(FOLDER / "blades" / "MHK_RM1_AeroDyn15_Blade.dat", hub_radius=1.0)

@@ -567,7 +567,7 @@ def test_limits(tmp_path, monkeypatch):
     monkeypatch.setattr(records, "MAX_ROWS", 2402)
     gap = csv(tmp_path, np.where(TIME > 300.0, TIME + 1.0, TIME))
     told_gap = refused(gap, gaps="interpolate", longest_gap=2.0)
-    assert "has 2,404 even samples, and 2,402 are taken" in told_gap
+    assert "has 2,404 even samples, and 2,402 are the most" in told_gap
     with pytest.raises(InputError, match="does not exist; give the path of a record"):
         read_record(tmp_path / "none.csv")
 

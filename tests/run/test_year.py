@@ -201,7 +201,7 @@ def test_turbulence_within_a_bin_is_the_mean_of_a_run_over_time(tmp_path):
 
 def test_a_year_has_no_course_to_be_simulated_in(year):
     design = Design.of(year)
-    with pytest.raises(InputError, match="no course over time"):
+    with pytest.raises(InputError, match="no flow over time"):
         design.fly(year.case.inflow)
     flow = ConstantInflow(speed=1.4)
     run_over_time = design.fly(flow)

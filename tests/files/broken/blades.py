@@ -196,7 +196,7 @@ _WINDIO = _changed(
         "cone too large": ("cone_angle: 2.5", "cone_angle: 250", "components.hub.cone_angle"),
         "outline": ("-0.12, 0.0]}", "0.0]}", "airfoils[0].coordinates"),
         "angles beyond": ("[-180, ", "[-190, ", "lies beyond the full circle"),
-        "airfoil twice": ("  - name: thin\n", "  - name: thick\n", "second airfoil thick"),
+        "airfoil twice": ("  - name: thin\n", "  - name: thick\n", "second airfoil named thick"),
         "key twice": (
             "name: a sound turbine",
             "name: a\nname: b",
