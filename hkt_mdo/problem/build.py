@@ -38,9 +38,10 @@ DESIGNED = {
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
 # bounds, and most iterations are needed to return.
 BARRIER = 6e-3
+# Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
-# segments there are: few steps suffice to approximate the Hessian, and every further step costs
-# time over all segments in each iteration.
+# segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
+# a first mesh, but not for the last digits on a finer one.
 FEW_STEPS, MANY_SEGMENTS = 15, 500
 
 
@@ -149,7 +150,8 @@ def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Dri
 
     `near` tells that the start is near the optimum, so that an optimizer had better stay there.
     """
-    settings, segments = physics.case.driver, sum(each.segments for each in physics.scenarios)
+    settings, law = physics.case.driver, physics.law
+    segments = sum(each.segments for each in physics.scenarios)
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
@@ -157,7 +159,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Dri
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=FEW_STEPS if physics.law.is_feedback and segments > MANY_SEGMENTS else None,
+        memory=FEW_STEPS if segments > MANY_SEGMENTS and (most or law.is_feedback) else None,
         progress=progress,
     )
 
