@@ -117,6 +117,7 @@ class OperationGroup(om.Group):
                 "generator": physics.generator,
             }
             about = own.law, options, parameters, self.options["scales"], bounds
+            torque = torque - physics.generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
             promoted = [(name, named(name, variant)) for name in parameters]

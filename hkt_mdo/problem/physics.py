@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.generator import Generator
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
@@ -288,10 +288,13 @@ class Physics:
         """The generator that decides where the rotor works best; None: the largest shaft power.
 
         A constant efficiency does not change the optimum, and losses have no effect on an objective
-        that does not contain the electrical power.
+        that does not contain the electrical power. The shaft's friction has, on that of the shaft.
         """
-        counts = "electrical_power" in self.objective.inputs and not self.generator.proportional
-        return self.generator if counts else None
+        counts = "electrical_power" in self.objective.inputs
+        if counts and not self.generator.proportional:
+            return self.generator
+        delivers = counts or "generator_power" in self.objective.inputs
+        return LOSSLESS if delivers and self.generator.rubs else None
 
     @property
     def blade(self) -> Blade:
@@ -393,12 +396,13 @@ class Physics:
                 ratio = np.maximum(speed * radius / flow, SLOWEST_RATIO)
                 torque = own.rotor.coefficients(point.blade, ratio).torque
                 torque = torque * torque_scale(own.density, radius, flow)
-            known = trajectory_of(time, flow, speed, torque, torque, radius, self.generator)
+            held = torque - self.generator.friction(speed)
+            known = trajectory_of(time, flow, speed, torque, held, radius, self.generator)
             known |= own.loads_along(point.blade, known, self.load_names)
-            known["torque_rate"] = scenario.rate_of(torque)
+            known["torque_rate"] = scenario.rate_of(held)
             scalars = own.scalars(point.blade, own.mass_and_inertia(point.blade)[1])
             known["steady"] = scenario.steady
-            found.append(known | scalars | self.states_at_rest(torque, flow))
+            found.append(known | scalars | self.states_at_rest(held, flow))
         energies = self.energies([scenario.sample_weights for scenario in self.scenarios], found)
         return [known | energies for known in found]
 

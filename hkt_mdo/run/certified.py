@@ -42,7 +42,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
     if free or any(each.duration < 10.0 * RAMP for each in physics.scenarios):
         return bound  # which quadratic feedback reaches
-    best = _best_power(physics, optimum)
+    best, friction = _best_power(physics, optimum), physics.generator.friction
 
     def at(inertia):
         total, family = 0.0, replace(best, inertia=inertia)
@@ -50,9 +50,9 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
             passing = Passing.of(scenario.inflow, scenario.edges)
             given = family, passing, physics.density, shape.blade.rotor_radius
             # the torque of a law under a limit lies between zero and the limit
-            found = [certificate(*given, None, limit)] if limit is not None else []
+            found = [certificate(*given, None, limit, friction)] if limit is not None else []
             if known is not None:
-                found.append(certificate(*given, known))
+                found.append(certificate(*given, known, friction=friction))
             total += scenario.weight * min(found)
         return total
 

@@ -29,6 +29,7 @@ from hkt_mdo.results.words import (
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size
+from hkt_mdo.run.flight import start_against_friction
 from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
 
@@ -364,6 +365,9 @@ def _start(found: Findings) -> Rows:
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
+    text, starts = start_against_friction(found.plant, found.physics.scenarios)
+    if text:
+        yield Row("start", text) if starts else _warning("generator.shaft_friction", text)
     if found.time_constant is not None:
         how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"

@@ -295,8 +295,8 @@ def _net_torques(physics, result, flight):
     flown, law = flight.simulation, physics.of(flight.scenario).law
 
     def net(speed):
-        driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - law.torque(speed, result.point.gains, *flown.states)
+        held = flight.plant.generator_torque(speed, flown.inflow_speed)
+        return held - law.torque(speed, result.point.gains, *flown.states)
 
     return net(flown.rotor_speed), net((1.0 - SLOWED) * flown.rotor_speed)
 

@@ -36,6 +36,7 @@ from hkt_mdo.run.flight import (
     SteadyFlight,
     design_and_result,
     simulated_objective,
+    start_against_friction,
     total,
 )
 from hkt_mdo.run.groups import by_scenario
@@ -163,10 +164,11 @@ def _energies(finished):
     physics, flights = finished.physics, finished.flights
     sums = {
         name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
-        for name in (*SIMULATED, "kinetic_energy_change")
+        for name in (*SIMULATED, "friction_energy", "kinetic_energy_change")
     }
-    energy, generated, stored = (
-        sums[name] for name in ("energy", "generator_energy", "kinetic_energy_change")
+    energy, *parts = (
+        sums[name]
+        for name in ("energy", "generator_energy", "friction_energy", "kinetic_energy_change")
     )
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
     meshes = [each.mesh for each in physics.scenarios]
@@ -188,7 +190,7 @@ def _energies(finished):
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
         "starting_energy_J": finished.start.operation.energy,
-        "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
+        "energy_balance_error": abs(energy - sum(parts)) / max(energy, 1e-9),
     }
 
 
@@ -398,6 +400,7 @@ def _notes(finished):
         *_unresolved(physics, blade, finished.flights),
         *_outside_table(physics.generator, finished.flights),
         *_unstable(finished.flights),
+        *filter(None, [start_against_friction(finished.flights[0].plant, physics.scenarios)[0]]),
         *(PULSES,) * physics.may_pulse,
     ]
 

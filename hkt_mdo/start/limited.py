@@ -142,7 +142,7 @@ class LimitedSearch(Search):
 
         def net(quantities):
             torque = law.torque(quantities["rotor_speed"], gains)
-            return (quantities["hydrodynamic_torque"] - torque) / unit(quantities)
+            return (quantities["control_torque"] - torque) / unit(quantities)
 
         ((value, by),) = self._chained([net], *coefficients)
         quantities = steady.quantities(coefficients[0])

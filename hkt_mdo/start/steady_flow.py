@@ -120,7 +120,7 @@ class SteadyFlow:
         ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
         torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
         speed = ratio * flow / radius
-        both = torque, torque  # of the flow and of the generator
+        both = torque, torque - physics.generator.friction(speed)  # of the flow, of the generator
         series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
         for name in physics.load_names:
             if name in coefficients:
