@@ -21,7 +21,7 @@ from hkt_mdo.problem.scenario import Scales
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.components import AngleComp, BladeGroup, rotor_inputs
+from hkt_mdo.rotor.components import AngleComp, BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
@@ -113,6 +113,9 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
     _add_variants(group, physics, setup)
+    if physics.asks_for("weight_stress"):
+        weight = WeightComp(rotor=physics.rotor, blade=blade)
+        group.add_subsystem("weight", weight, promotes=["*"])
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
     if attached:
@@ -142,6 +145,11 @@ def _add_variants(group, physics, setup):
         group.add_subsystem(
             f"rotor{variant}", rotor, promotes_inputs=inputs, promotes_outputs=outputs
         )
+        if physics.asks_for("weight_stress"):
+            weight = WeightComp(rotor=own.rotor, blade=setup.start.blade)
+            outputs = [("weight_stress", named("weight_stress", variant))]
+            about = {"promotes_inputs": inputs, "promotes_outputs": outputs}
+            group.add_subsystem(f"weight{variant}", weight, **about)
 
 
 def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Driver:

@@ -30,7 +30,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 def named(name: str, variant: str) -> str:
     """Return the name in the model of a quantity of scenarios' own; see `Physics.variants`."""
-    own = name in ("density", "inertia") or name.endswith("_table")
+    own = name in ("density", "inertia", "weight_stress") or name.endswith("_table")
     return f"{name}{variant}" if own else name
 
 

@@ -432,6 +432,7 @@ class Physics:
             "inertia": inertia,
             "mass": self.mass_and_inertia(blade)[0],
             "blade_area": planform_area(blade),
+            "weight_stress": self.weight_stress(blade),
             "chord": blade.chord,
             "twist": blade.twist,
             "thickness": np.broadcast_to(thickness, blade.r.shape),
@@ -492,6 +493,12 @@ class Physics:
         if isinstance(self.objective, ElectricalEnergy):
             captured *= self.generator.largest_efficiency
         return self.objective.bound(captured)
+
+    def weight_stress(self, blade: Blade) -> float:
+        """Return the largest stress in a blade by its weight in water, Pa; 0 if it is not used."""
+        if not self.asks_for("weight_stress"):
+            return 0.0
+        return float(self.loads.weight_stress(blade, derivatives=False).values[0])
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""

@@ -33,6 +33,7 @@ from hkt_mdo.results.words import (
     measured,
     printable,
     tip_deflection,
+    weight_moment,
 )
 
 VERSION = 1
@@ -464,6 +465,9 @@ class Summary(_Entry, Mapping[str, Any]):
     """Stability of the loop if the wake has memory, also if the case does not have it."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
+    weight_moment_Nm: _Number = None
+    """Moment of a horizontal blade's weight, less its buoyancy, at the hub's radius, about the
+    rotor's axis; it changes its sign in half a turn."""
     at_bounds: list[BoundEntry] | None = None
     """Design variables that end at a bound of the case: a wider one may give more."""
     scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
@@ -650,6 +654,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield from _largest_rows(rest, self.loads, case)  # the torque has a row of its own
         if self.tip_deflection_m is not None:
             yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
+        if self.weight_moment_Nm is not None:
+            yield weight_moment(self.weight_moment_Nm)
         yield from (branch.row() for branch in self.branches or ())
 
 

@@ -165,6 +165,12 @@ def flow_words(section: Any) -> str:
     return f"{section.profile}: {', '.join(words)}"
 
 
+def weight_moment(moment: float) -> Row:
+    """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
+    note = "edgewise, of one blade at the hub, reversing in every turn"
+    return Row("weight in water", abs(moment), "N*m", note, 3)
+
+
 def tip_deflection(deflection: float, radius: float | None) -> Row:
     """Return the row of a tip's deflection (m), a share of the radius (m) where that is known."""
     share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""

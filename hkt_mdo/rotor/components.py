@@ -338,6 +338,29 @@ class InertiaComp(BladeComp):
             partials[name, "rotor_radius"] = slope
 
 
+class WeightComp(BladeComp):
+    """Largest stress in a blade by its weight in water; see `LoadModel.weight_stress`.
+
+    Inputs are those of `BladeComp`, output weight_stress (Pa). The option rotor is a `RotorModel`.
+    """
+
+    def setup(self):
+        super().setup()
+        self.add_output("weight_stress", units="Pa", desc="largest stress by the weight in water")
+        self.declare_partials("*", "*")
+
+    def compute(self, inputs, outputs):
+        outputs["weight_stress"] = self._solve(inputs).values
+
+    def compute_partials(self, inputs, partials):
+        found = self._solve(inputs)
+        for name in self.inputs_of_blade:
+            partials["weight_stress", name] = getattr(found, f"by_{name}")
+
+    def _solve(self, inputs):
+        return self.options["rotor"].loads.weight_stress(self.blade_of(inputs))
+
+
 class BladeGroup(om.Group):
     """The blades of a rotor: mass, inertia and tables over the tip speed ratio from their shape.
 

@@ -25,6 +25,7 @@ from hkt_mdo.results.words import (
     number,
     powers,
     tip_deflection,
+    weight_moment,
 )
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
@@ -457,6 +458,8 @@ def _limits(found: Findings) -> Rows:
         deflection = loads.tip_deflection(found.physics, found.start.blade, found.at_start.values())
         if deflection is not None:
             yield tip_deflection(deflection, found.start.blade.tip_radius)
+    if found.physics.loads.structure:
+        yield weight_moment(found.physics.loads.weight_moment(found.start.blade))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

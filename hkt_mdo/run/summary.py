@@ -274,6 +274,7 @@ def _extremes(finished, scenarios):
         "limits": limits,
         "loads": found,
         "tip_deflection_m": None if None in bent else max(bent),
+        "weight_moment_Nm": physics.loads.structure and physics.loads.weight_moment(blade),
     }
 
 

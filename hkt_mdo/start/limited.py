@@ -183,6 +183,7 @@ class LimitedSearch(Search):
             "ratio": ratio,
             "rotor_radius": blade.rotor_radius,
             "inertia": physics.mass_and_inertia(blade)[1],
+            "weight_stress": 0.0,
         }
         by = mass.inertia_by_chord[None], none, mass.inertia_by_thickness[None]
         slopes = {
@@ -190,6 +191,10 @@ class LimitedSearch(Search):
             "rotor_radius": by_all((*3 * [none], np.ones(1)))[:1],
             "inertia": by_all((*by, np.array([3.0 * mass.inertia / blade.rotor_radius])))[:1],
         }
+        if names and physics.asks_for("weight_stress"):
+            weight = physics.loads.weight_stress(blade)
+            by = weight.by_chord, weight.by_twist, weight.by_thickness, weight.by_rotor_radius
+            values["weight_stress"], slopes["weight_stress"] = weight.values[0], by_all(by)[:1]
         rotor = physics.rotor.coefficients(blade, ratio, derivatives=True)
         values["torque"] = rotor.torque
         by = rotor.torque_by_chord, rotor.torque_by_twist, rotor.torque_by_thickness

@@ -2,7 +2,8 @@
 
 The rotor's time constant is a few hundredths of a second and the flow changes over many seconds, so
 the rotor follows Q = u + F on the unstalled side, F the friction of the shaft. No differential
-equation is solved, so there are no false solutions; the energy is within about 1e-5 of the dynamic one.
+equation is solved, so there are no false solutions; the energy is within about 1e-5 of the dynamic
+one.
 """
 
 from __future__ import annotations
