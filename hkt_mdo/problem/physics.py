@@ -500,6 +500,12 @@ class Physics:
             return 0.0
         return float(self.loads.weight_stress(blade, derivatives=False).values[0])
 
+    def water_inertias(self, blade: Blade) -> tuple[float, float]:
+        """Return the inertia (kg*m**2) of the water that a blade accelerates, by both models."""
+        models = "plate", "ellipse"
+        plate, ellipse = (self.rotor.water_inertia(blade, x).inertia for x in models)
+        return float(plate), float(ellipse)
+
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
         mass, inertia, *_ = self.rotor.mass_and_inertia(blade)
@@ -745,6 +751,8 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         structure=turbine.structure,
         cavitation=cavitation,
         inertia_factor=case.condition.inertia,
+        added_inertia=case.rotor.added_inertia,
+        thickness=turbine.thickness,
     )
 
 

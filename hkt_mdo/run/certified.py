@@ -24,8 +24,8 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
 
     `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
     only the torque limit is regarded. None where polars follow the Reynolds number, the radius or
-    the thickness is designed, the turbine differs between scenarios, or the best tip speed ratio is
-    near `HIGHEST`.
+    the thickness is designed, the turbine differs between scenarios, the inertia is not that of
+    blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
     if physics.rotor.follows_reynolds or shape.radius_bounds is not None:
@@ -34,7 +34,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
         return None
     if any(physics.of(each) is not physics for each in physics.scenarios):
         return None
-    if physics.rotor.inertia_factor != 1.0:
+    if physics.rotor.inertia_factor != 1.0 or physics.rotor.added_inertia != "none":
         return None
     if optimum.tip_speed_ratio > 0.8 * HIGHEST:
         return None

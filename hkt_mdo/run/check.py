@@ -25,6 +25,7 @@ from hkt_mdo.results.words import (
     number,
     powers,
     tip_deflection,
+    water_inertia,
     weight_moment,
 )
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -172,6 +173,7 @@ def _turbine(found: Findings) -> Rows:
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
     yield Row("inertia", inertia, "kg*m**2", besides if rotor.hub_inertia else "", 4)
+    yield water_inertia(found.physics.water_inertias(blade), inertia, rotor.added_inertia)
 
 
 def _kind(rotor) -> str:

@@ -216,6 +216,7 @@ def _blade(finished):
         "tip_radius_m": blade.tip_radius,
         "set_angle_deg": _set_angle(physics, blade),
         "inertia_kg_m2": finished.result.inertia,
+        "water_inertia_kg_m2": physics.water_inertias(blade),
         "mass_kg": finished.result.mass,
         "r_m": blade.r,
         "chord_m": blade.chord,
