@@ -127,8 +127,10 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
 
 def _add_variants(group, physics, setup):
     """Add inertia and tables of the rotor for scenarios with another turbine or water."""
+    band = physics.band(setup)
     tables = ("torque_coefficient_table",) if physics.has_curve else ()
     tables += tuple(f"{name}_table" for name in physics.load_names)
+    tables = tuple(band.outputs(physics.load_names)) if band else tables
     variants = {physics.variants[each.turbine]: physics.of(each) for each in physics.scenarios}
     for variant, own in variants.items():
         if not variant:
@@ -139,6 +141,7 @@ def _add_variants(group, physics, setup):
             nodes=np.asarray(setup.nodes, dtype=float),
             coefficients=("torque",) if physics.has_curve else (),
             loads=physics.load_names,
+            band=band,
         )
         inputs = rotor_inputs(setup.start.blade)
         outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
@@ -273,7 +276,7 @@ def _declare_constraints(model, physics, setup, scales):
         if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
     for number, scenario in enumerate(physics.scenarios):
-        if physics.may_pulse:
+        if physics.may_pulse and not scenario.steady:
             lower, upper = Follower(physics, setup, physics.band(setup)).bounds(number)
             about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
             name = f"{scenario.path}.wake_factor"

@@ -286,6 +286,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         plant = plant_of(own, blade, inertia)
         options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
+            plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
             flown = _balanced(plant, scenario, own.law, result.point.gains, nodes, physics.states)
             flights.append(SteadyFlight.of(own, plant, *flown, **options))
             continue
