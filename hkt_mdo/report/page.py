@@ -365,8 +365,8 @@ def not_modelled(case: Case) -> list[str]:
     list of str
         What no case has, and what this case does not ask for.
     """
-    stress = case.limits.stress
-    weight = "" if stress is not None and stress.weight else "no weight, "
+    weighs = any(getattr(limit, "weight", False) for limit in case.limits.given)
+    weight = "" if weighs else "no weight, "
     added = ", no added mass" if case.rotor.added_inertia == "none" else ""
     found = [
         "The flow has one speed over the whole disc: no shear, no waves, no yaw, no wake of "
