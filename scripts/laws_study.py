@@ -498,8 +498,8 @@ def answer(found, flights):
     tracked = [each[0] for each in losses(TRACKING, slow)]
     if least and tracked:
         sentences.append(
-            "Static laws lose most where open loop slows the rotor to keep a limit (underspeed), as "
-            "it does with 5 kW and a limit on the thrust: no law of the speed alone is stable "
+            "Static laws lose most where open loop slows the rotor to keep a limit (underspeed), "
+            "as it does with 5 kW and a limit on the thrust: no law of the speed alone is stable "
             "there (with induction in equilibrium), "
             f"and each loses {min(least):.2g} % or more, tracking {tracked[0]:.2g} to "
             f"{tracked[-1]:.2g} %."
