@@ -156,10 +156,11 @@ def _add_variants(group, physics, setup):
             group.add_subsystem(f"weight{variant}", weight, **about)
 
 
-def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Driver:
+def make_driver(physics: Physics, progress=None, most=None, near=True, first=False) -> om.Driver:
     """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
 
-    `near` tells that the start is near the optimum, so that an optimizer had better stay there.
+    `near` tells that the start is near the optimum, so that an optimizer had better stay there;
+    `first` that no optimization on a coarser mesh went before.
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
@@ -170,7 +171,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Dri
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=FEW_STEPS if segments > MANY_SEGMENTS and (most or law.is_feedback) else None,
+        memory=FEW_STEPS if segments > MANY_SEGMENTS and (first or law.is_feedback) else None,
         progress=progress,
     )
 

@@ -43,7 +43,8 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
         The end of the optimization, converged or not.
     """
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
-    problem = assemble(physics, setup, make_driver(physics, state, most, near), state.scratch)
+    driver = make_driver(physics, state, most, near, first=not state.passes)
+    problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
     state.log.add_recorders(problem, whole=rows <= MOST_ROWS)
     try:
