@@ -350,6 +350,10 @@ class Case(Section):
             if value != only:
                 remedy = f"give {only}, or inflow_dynamics: quasi_steady"
                 raise refusal(problem, remedy, key=key, value=value)
+        for flow in (self.inflow, *(each.inflow for each in self.scenarios)):
+            if isinstance(flow, Resource):
+                remedy = "give inflow_dynamics: quasi_steady, which has the same equilibria"
+                raise refusal(problem, remedy, key="resource", value=flow.profile)
         for number, scenario in enumerate(self.scenarios):
             for key in ("steady", "density", "condition"):
                 if getattr(scenario, key):

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from hkt_mdo.case.messages import translate
 from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.dynamics.harmonics import Tide, constituents
-from hkt_mdo.dynamics.long_record import FEWEST_BLOCKS, FlowSamples, RecordResource
+from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import Dumper, parse
@@ -129,11 +129,11 @@ def _statistics(speed, share) -> Iterator[str]:
 def _length(samples: FlowSamples, tidal: bool) -> Iterator[str]:
     """Yield the uncertainty that follows from the length of the record."""
     scatter, days = samples.scatter(np.abs(samples.speed) ** 3), samples.time[-1] / 86400.0
-    block = f"blocks of {samples.block / 86400.0:.5g} days"
-    text = f"unknown, as the record has less than {FEWEST_BLOCKS} {block}"
+    text, block = "unknown, less than 3", f"blocks of {samples.block / 86400.0:.5g} days"
     if scatter is not None:
-        text = f"{100.0 * scatter:.2g} %, by the scatter of {block}"
-    yield f"standard uncertainty of the mean cubed speed by the length of the record: {text}"
+        text = f"{100.0 * scatter:.2g} %, by the scatter of"
+    what = "standard uncertainty of the mean cubed speed by the length of the record"
+    yield f"{what}: {text} {block}"
     if tidal and days < DAYS_201:
         yield f"{days:.4g} days of a tide: IEC TS 62600-201 asks for {DAYS_201:g} days at least"
 

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
 from hkt_mdo.errors import InputError
@@ -148,6 +148,14 @@ class DurationCurve(Inflow):
         pass
 
 
+def _find_file(value: str, info: ValidationInfo) -> str:
+    """Return the absolute path of a file that a resource names."""
+    return existing_file(value, info, "give the path of a file")
+
+
+_File = Annotated[str, AfterValidator(_find_file)]
+
+
 class Resource(Inflow):
     """How long a flow has each speed in a year, with cut-in, availability and losses.
 
@@ -172,7 +180,7 @@ class Resource(Inflow):
     reversal: Literal["turns", "stands", "backwards"] = "turns"
     """What the turbine does in reversed flow, of negative speed: it turns into the flow, it stands
     still, or its rotor turns backwards in flow from behind, with `reversed_polar`."""
-    reversed_polar: str | None = None
+    reversed_polar: _File | None = None
     """Path of the polar of a section in flow from behind, for `reversal: backwards`: a file as of
     `rotor.polar`, with the angle of attack that the section has when it is turned by 180 degrees
     about the blade's axis, its trailing edge in front; that is the angle of the section itself less
@@ -218,14 +226,9 @@ class Resource(Inflow):
     def _check_reversal(self):
         if (self.reversal == "backwards") != (self.reversed_polar is not None):
             problem = "belongs to reversal: backwards, which needs it"
-            raise refusal(problem, "give both or neither", key="reversed_polar")
+            value = self.reversed_polar
+            raise refusal(problem, "give both or neither", key="reversed_polar", value=value)
         return self
-
-    @field_validator("reversed_polar")
-    @classmethod
-    def _find_polar(cls, value: str | None, info: ValidationInfo) -> str | None:
-        remedy = "give the path of a polar"
-        return None if value is None else existing_file(value, info, remedy)
 
     @cached_property
     def speeds(self) -> Speeds:
@@ -325,16 +328,9 @@ class HistogramResource(Resource):
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
-    file: str | None = None
+    file: _File | None = None
     """Path of a CSV file with the columns `speed_m_s` and `hours` in place of both, such as
     `hkt resource` writes."""
-
-    @field_validator("file")
-    @classmethod
-    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
-        if value is None:
-            return None
-        return existing_file(value, info, "give the path of a CSV file")
 
     @model_validator(mode="after")
     def _check(self) -> HistogramResource:

@@ -600,9 +600,10 @@ def _checked(case: Case, scenario: Scenario) -> list[Scenario]:
     resource = getattr(scenario, "resource", None)
     if getattr(resource, "reversed_speeds", None) is None:
         return [scenario.resolved()]
-    own = scenario.condition or case.condition
-    about = {name: getattr(scenario, name) for name in ("mesh", "weight", "density", "own_limits")}
-    about |= {"condition": own.model_copy(update={"polar": resource.reversed_polar})}
+    changed = {"polar": resource.reversed_polar}
+    condition = (scenario.condition or case.condition).model_copy(update=changed)
+    kept = ("mesh", "weight", "density", "own_limits")
+    about = {name: getattr(scenario, name) for name in kept} | {"condition": condition}
     about |= {"name": f"{scenario.name}_backwards", "interval_of": scenario.name}
     back = SteadyScenario.of(resource, backwards=True, **about)
     return [scenario, back.below(case.control.cut_out)]

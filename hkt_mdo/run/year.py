@@ -90,17 +90,16 @@ def entry(flights: Sequence[Flight], limits: dict[str, dict[str, Any]]) -> YearE
         for each, power in zip(flights, powers, strict=True)
     )
     parts = uncertainty(flights)
-    whole = float(np.sqrt(sum(part**2 for part in parts.values()))) if parts else None
     return YearEntry(
         energy_kWh=energy / KILOWATT_HOUR,
         net_energy_kWh=kept * energy / KILOWATT_HOUR,
-        uncertainty=whole,
+        uncertainty=float(np.linalg.norm(list(parts.values()))) if parts else None,
         uncertainty_by=parts,
         kept=kept,
         rated_power_W=rated,
         capacity_factor=kept * energy / (YEAR * rated),
         operation_h=hours,
-        standstill_h=YEAR / HOUR - hours,
+        standstill_h=max(YEAR / HOUR - hours, 0.0),
         rated_h=at_rated * scale / HOUR,
         mean_cube_m3_s3=scenario.resource.mean_cube,
         limits_h={name: hours * each["share_of_time"] for name, each in limits.items()},

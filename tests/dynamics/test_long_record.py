@@ -154,6 +154,7 @@ def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
     assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 0
     told = capsys.readouterr().out
     assert "3649 samples over 9.99 years" in told
+    assert "by the scatter of blocks of 365.25 days" in told
     case = (tmp_path / "out" / "case.yaml").read_text() + "control: {law: quadratic}\n"
     (tmp_path / "out" / "case.yaml").write_text(case)
     found = load_case(tmp_path / "out" / "case.yaml").inflow

@@ -81,6 +81,7 @@ def test_a_scenario_of_a_year_has_its_hours():
     np.testing.assert_allclose(scenario.speeds, [1.0, 1.5], rtol=1e-12)
     np.testing.assert_allclose(scenario.node_weights, [0.5 * YEAR, 0.3 * YEAR], rtol=1e-12)
     assert scenario.standstill == pytest.approx(0.2 * YEAR, rel=1e-12)
+    assert "wider bins than the 0.1 m/s" in scenario.messages[0]
 
 
 @pytest.mark.parametrize(
@@ -93,6 +94,9 @@ def test_a_scenario_of_a_year_has_its_hours():
         ({"speeds": [1], "hours": [1, 1]}, "2 values for 1 speeds"),
         ({"speeds": [1, 1], "hours": [1, 1]}, "twice"),
         ({"profile": "sine"}, "is no resource"),
+        ({"speeds": [-1, 1], "hours": [1, 1], "reversal": "backwards"}, "which needs it"),
+        ({"speeds": [1], "hours": [1], "reversed_polar": __file__}, "which needs it"),
+        ({"speeds": [1], "hours": [1], "speed_uncertainty": -0.1}, "at least 0"),
         ({"profile": "distribution", "scale": -1, "shape": 2}, "greater than 0"),
     ],
 )
@@ -100,6 +104,13 @@ def test_a_bad_resource_is_refused_with_its_key(resource, words):
     with pytest.raises(InputError, match=words) as refused:
         year(**({"profile": "histogram"} | resource))
     assert str(refused.value.key).startswith("resource")
+
+
+def test_a_year_has_no_memory_of_the_wake():
+    data = {"resource": {"profile": "histogram", "speeds": [1], "hours": [1]}, "control": CONTROL}
+    with pytest.raises(InputError, match="inflow_dynamics: oye") as refused:
+        load_case(data | {"inflow_dynamics": "oye"})
+    assert refused.value.key == "resource"
 
 
 def test_a_year_without_flow_is_refused():

@@ -233,6 +233,10 @@ def test_a_year_backwards_is_the_sum_over_its_bins(tmp_path):
     rows = {row.label: row.text for row in found.summary.rows(found.case)}
     assert "standstill 876.6 h" in rows["hours of operation"]
     assert "year" in figures(found)
+    flows = [{"resource": HISTOGRAM | back}, {"inflow": "sine", "duration": 8.0, "segments": 8}]
+    mixed = run(tmp_path / "b", scenarios=flows, control=QUADRATIC, **FIXED)
+    assert mixed.success, mixed.message  # the nodes of the torque curve suit the reversed polar
+    assert len(mixed.summary.passes) < 4
 
 
 def test_a_year_is_reported(year):
