@@ -106,13 +106,6 @@ def test_a_bad_resource_is_refused_with_its_key(resource, words):
     assert str(refused.value.key).startswith("resource")
 
 
-def test_a_year_has_no_memory_of_the_wake():
-    data = {"resource": {"profile": "histogram", "speeds": [1], "hours": [1]}, "control": CONTROL}
-    with pytest.raises(InputError, match="inflow_dynamics: oye") as refused:
-        load_case(data | {"inflow_dynamics": "oye"})
-    assert refused.value.key == "resource"
-
-
 def test_a_year_without_flow_is_refused():
     slow = year(profile="histogram", speeds=[0.1, 0.2], hours=[1, 1])
     with pytest.raises(InputError, match="no time of operation"):
