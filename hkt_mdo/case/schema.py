@@ -312,6 +312,9 @@ class Case(Section):
         """Put scenarios of several realizations as one scenario for each; refuse bad ones."""
         self._check_scenarios()
         self._check_condition("condition", self.condition)
+        for flow in (self.inflow, *(each.inflow for each in self.scenarios)):
+            if back := getattr(flow, "reversed_polar", None):
+                self._check_condition("resource", Condition(polar=back), "reversed_polar")
         made: dict[str, FlowScenario] = {}
         for number, scenario in enumerate(self.scenarios):
             for each in scenario.realized(self, f"scenarios[{number}]"):
@@ -368,7 +371,7 @@ class Case(Section):
             weights = [each.weight for each in self.scenarios]
             raise refusal(problem, remedy, key="scenarios", value=weights)
 
-    def _check_condition(self, key: str, condition: Condition) -> None:
+    def _check_condition(self, key: str, condition: Condition, polar: str = "polar") -> None:
         """Refuse a condition of the turbine that the law or the rotor cannot have."""
         if condition.torque_constant != 1.0 and not self.control.is_feedback:
             problem = "is that of a feedback law; the torque of an open loop is itself optimized"
@@ -377,7 +380,7 @@ class Case(Section):
         if condition.polar is not None and self.rotor.sections:
             problem = "is that of one section, and the rotor has several"
             remedy = "give factors on lift and drag instead"
-            raise refusal(problem, remedy, key=f"{key}.polar", value=condition.polar)
+            raise refusal(problem, remedy, key=f"{key}.{polar}", value=condition.polar)
         thick = self.rotor.reynolds == "local" or self.design.thickness_points
         if condition.fouls and thick:
             problem = "needs rotor.reynolds: invariant and no design.thickness_points"

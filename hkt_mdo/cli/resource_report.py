@@ -23,6 +23,7 @@ from hkt_mdo.results import style
 from hkt_mdo.results.folder import make_folder, write_csv, write_text
 
 HOURS = YEAR / 3600.0
+DAYS_201 = 35.0  # of a record for a harmonic analysis
 DAYS_SHOWN = 15.0  # of the record, beside its prediction
 MOST_SHOWN = 20_000  # samples in a figure
 
@@ -70,6 +71,7 @@ def report_resource(
     write_text(written[1], _yaml({"profile": "histogram", "file": "resource.csv"}))
     yield from samples.messages
     yield from _statistics(speed, share)
+    yield from _length(samples, tide is not None)
     if tide is not None:
         write_text(written[2], _yaml(tide.section))
         yield from _of_tide(tide)
@@ -122,6 +124,18 @@ def _statistics(speed, share) -> Iterator[str]:
             f"the flow runs the other way in {100.0 * back:.3g} % of the time, with "
             f"{100.0 * cubes:.3g} % of the mean cubed speed"
         )
+
+
+def _length(samples: FlowSamples, tidal: bool) -> Iterator[str]:
+    """Yield the uncertainty that follows from the length of the record."""
+    scatter, days = samples.scatter(np.abs(samples.speed) ** 3), samples.time[-1] / 86400.0
+    text, block = "unknown, less than 3", f"blocks of {samples.block / 86400.0:.5g} days"
+    if scatter is not None:
+        text = f"{100.0 * scatter:.2g} %, by the scatter of"
+    what = "standard uncertainty of the mean cubed speed by the length of the record"
+    yield f"{what}: {text} {block}"
+    if tidal and days < DAYS_201:
+        yield f"{days:.4g} days of a tide: IEC TS 62600-201 asks for {DAYS_201:g} days at least"
 
 
 def _of_tide(tide: Tide) -> Iterator[str]:

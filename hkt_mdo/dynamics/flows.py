@@ -183,7 +183,8 @@ class Inflow(Section):
             if not speed[low] >= SLOWEST:
                 place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
                 problem = f"{place}: the flow stops or reverses, which no turbine here does"
-                remedy = "give a larger mean, smaller fluctuations or a shorter phase.duration"
+                remedy = "give a larger mean, smaller fluctuations, a shorter phase.duration, or a "
+                remedy += "resource of a year, in which the flow may reverse"
                 raise InputError(problem, remedy, key="inflow")
             if (fastest := float(np.max(speed))) > FASTEST:
                 remedy = f"give speeds of at most {FASTEST:g} m/s"

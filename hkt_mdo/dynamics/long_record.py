@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from hkt_mdo.dynamics.records import FASTEST
-from hkt_mdo.dynamics.resource import YEAR, Resource, in_bins
+from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
 from hkt_mdo.files.record_table import RecordOptions, read_csv, read_pairs
@@ -26,6 +26,7 @@ _READERS = dict.fromkeys((".csv", ".txt"), read_csv)
 _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
 _READERS |= {".json": read_json}
 FEWEST = 16  # samples
+SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
 POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
 _SAMPLES = "time_column", "speed_column", "time_unit", "speed_unit", "area", "bins", "component"
 
@@ -53,6 +54,29 @@ class FlowSamples:
     discharge: np.ndarray | None = None
     axis: float | None = None
     messages: tuple[str, ...] = ()
+
+    @property
+    def block(self) -> float:
+        """Length of a block of the record, s: a year, or of a short one a spring-neap cycle."""
+        years = self.time[-1] / YEAR + 0.01 >= FEWEST_BLOCKS
+        return YEAR if years else SPRING_NEAP
+
+    def scatter(self, values: np.ndarray) -> float | None:
+        """Return the relative standard uncertainty of the mean of values at the samples, (n,).
+
+        That of the means of equal blocks of the record, which count as independent:
+        s/(mean sqrt(n)). None of less than three blocks, and of a mean of zero.
+        """
+        length = float(self.time[-1])
+        count = int(length / self.block + 0.01)
+        if count < FEWEST_BLOCKS or not np.mean(values):
+            return None
+        place = np.minimum((count * self.time / length).astype(int), count - 1)
+        samples = np.bincount(place, minlength=count)
+        means = np.bincount(place, values, count)[samples > 0] / samples[samples > 0]
+        if means.size < FEWEST_BLOCKS:
+            return None
+        return float(np.std(means, ddof=1) / np.sqrt(means.size) / abs(np.mean(values)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,6 +290,16 @@ class RecordResource(Resource):
                 mean, share = in_bins(own, np.full(own.size, 1.0 / speed.size), self.bin_width)
                 found.append((sign * mean, share))
         return tuple(np.concatenate(each) for each in zip(*found, strict=True))
+
+    def scatter(self, energies):
+        speed = self.samples.speed
+        values = np.zeros(speed.size)
+        for way, energy in energies.items():
+            runs = way * speed >= 0.0
+            bins = np.floor(np.abs(speed[runs]) / self.bin_width + SAME).astype(int)
+            place = np.unique(bins, return_inverse=True)[1]
+            values[runs] += (energy / np.bincount(place))[place]
+        return self.samples.scatter(values)
 
     @property
     def messages(self):

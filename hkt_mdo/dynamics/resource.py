@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, model_validator
 
 from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
 from hkt_mdo.errors import InputError
@@ -26,6 +26,7 @@ TAIL = 1e-5  # share of the time above the fastest bin of a distribution, five m
 TIDE_STEP = 600.0  # s, at which a tide is sampled
 SAME = 1e-9  # m/s, by which speeds of one bin differ at most
 MOST_SPEEDS = 2000
+WIDEST = 0.1  # m/s, of the bins of IEC TS 62600-200
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +148,14 @@ class DurationCurve(Inflow):
         pass
 
 
+def _find_file(value: str, info: ValidationInfo) -> str:
+    """Return the absolute path of a file that a resource names."""
+    return existing_file(value, info, "give the path of a file")
+
+
+_File = Annotated[str, AfterValidator(_find_file)]
+
+
 class Resource(Inflow):
     """How long a flow has each speed in a year, with cut-in, availability and losses.
 
@@ -168,10 +177,14 @@ class Resource(Inflow):
     cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
     """Speed of the flow below which the machine stands still; `control.cut_out` is that above
     which it does."""
-    reversal: Literal["turns", "stands"] = "turns"
-    """What the turbine does in reversed flow, of negative speed: it turns into the flow, or it
-    stands still. A rotor that works in flow from behind is not modelled: it would need polars of
-    flow from the trailing edge."""
+    reversal: Literal["turns", "stands", "backwards"] = "turns"
+    """What the turbine does in reversed flow, of negative speed: it turns into the flow, it stands
+    still, or its rotor turns backwards in flow from behind, with `reversed_polar`."""
+    reversed_polar: _File | None = None
+    """Path of the polar of a section in flow from behind, for `reversal: backwards`: a file as of
+    `rotor.polar`, with the angle of attack that the section has when it is turned by 180 degrees
+    about the blade's axis, its trailing edge in front; that is the angle of the section itself less
+    180 degrees, with the same lift and drag."""
     availability: Annotated[float, Quantity(gt=0, le=1)] = 1.0
     """Share of the time in which the machine is ready to work."""
     array_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
@@ -180,9 +193,28 @@ class Resource(Inflow):
     """Share of the energy that is lost between generator and grid; the section `generator` has the
     generator's own losses."""
 
+    speed_uncertainty: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
+    """Standard uncertainty of the flow's speed, as a share of it: one factor on all speeds, such as
+    the calibration of the instrument. The annual energy is reported with the uncertainty that
+    follows from it."""
+
     def occurrence(self) -> tuple[np.ndarray, np.ndarray]:
         """Return speeds, m/s, and their shares of the time, which sum to 1, both (n,)."""
         raise NotImplementedError
+
+    def scatter(self, energies: dict[float, np.ndarray]) -> float | None:
+        """Return the relative standard uncertainty of an energy by the length of the record.
+
+        `energies` has the energy of each bin of `speeds`, (n_bins,), by the direction of the flow:
+        `forward`, and -1 for that of `reversed_speeds`. None where there is no record, or it is too
+        short.
+        """
+        return None
+
+    @property
+    def forward(self) -> float:
+        """The direction of `speeds`: 1, or 0 for both if the turbine turns into the flow."""
+        return 0.0 if self.reversal == "turns" else 1.0
 
     @property
     def kept(self) -> float:
@@ -190,15 +222,35 @@ class Resource(Inflow):
         lost = (1.0 - self.array_losses) * (1.0 - self.electrical_losses)
         return self.availability * lost
 
+    @model_validator(mode="after")
+    def _check_reversal(self):
+        if (self.reversal == "backwards") != (self.reversed_polar is not None):
+            problem = "belongs to reversal: backwards, which needs it"
+            value = self.reversed_polar
+            raise refusal(problem, "give both or neither", key="reversed_polar", value=value)
+        return self
+
     @cached_property
     def speeds(self) -> Speeds:
-        """The speeds in bins, rising, without those at which the machine stands still."""
+        """The speeds in bins, rising, without those at which the machine stands still.
+
+        Of both directions if the turbine turns into the flow, otherwise of positive speeds only.
+        """
+        return self._toward(self.forward)
+
+    @cached_property
+    def reversed_speeds(self) -> Speeds | None:
+        """The same of reversed flow, in which the rotor turns backwards; None if it never does."""
+        slowest = max(self.cut_in, SLOWEST)
+        if self.reversal != "backwards" or np.min(self.occurrence()[0]) > -slowest:
+            return None
+        return self._toward(-1.0)
+
+    def _toward(self, way: float) -> Speeds:
+        """Return the speeds of a direction, 1 or -1, or of both, 0, without its sign."""
         speed, share = self.occurrence()
-        idle = 0.0
-        if self.reversal == "stands":
-            idle = float(np.sum(share[speed < 0.0]))
-            speed, share = speed[speed >= 0.0], share[speed >= 0.0]
-        speed = np.abs(speed)
+        runs = way * speed >= 0.0
+        idle, speed, share = float(np.sum(share[~runs])), np.abs(speed[runs]), share[runs]
         if self.own_bins:
             speed, place = np.unique(np.round(speed / SAME) * SAME, return_inverse=True)
             share = np.bincount(place, share)
@@ -227,9 +279,16 @@ class Resource(Inflow):
         notes = f"resource {self.profile}: {found.mean.size} speeds of the flow"
         notes += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
         idle = f"; below resource.cut_in = {self.cut_in:g} m/s the machine stands still"
+        still = found.idle
         if self.reversal == "stands":
             idle += ", and where the flow runs the other way"
-        return (f"{notes}{idle}: {8766.0 * found.idle:.4g} h a year",)
+        elif (back := self.reversed_speeds) is not None:
+            still += back.idle - 1.0
+            notes += f", {back.mean.size} more at which the rotor turns backwards"
+        several = self.own_bins and found.mean.size > 1
+        if (np.median(np.diff(found.mean)) if several else self.bin_width) > 1.15 * WIDEST:
+            notes += f", in wider bins than the {WIDEST:g} m/s of IEC TS 62600-200"
+        return (f"{notes}{idle}: {8766.0 * still:.4g} h a year",)
 
     @property
     def mean_cube(self) -> float:
@@ -269,16 +328,9 @@ class HistogramResource(Resource):
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
-    file: str | None = None
+    file: _File | None = None
     """Path of a CSV file with the columns `speed_m_s` and `hours` in place of both, such as
     `hkt resource` writes."""
-
-    @field_validator("file")
-    @classmethod
-    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
-        if value is None:
-            return None
-        return existing_file(value, info, "give the path of a CSV file")
 
     @model_validator(mode="after")
     def _check(self) -> HistogramResource:

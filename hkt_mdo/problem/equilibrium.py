@@ -33,18 +33,21 @@ class SteadyScenario(Scenario):
 
     `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `place` is the number
-    of the bin of each speed, and `resource` the resource of the speeds.
+    of the bin of each speed, `resource` the resource of the speeds, and `backwards` tells whether
+    they are those of reversed flow, in which the rotor turns backwards.
     """
 
     place: np.ndarray = None  # type: ignore[assignment]
     resource: Inflow = None  # type: ignore[assignment]
+    backwards: bool = False
     steady: ClassVar[bool] = True
 
     @classmethod
     def of(cls, inflow: Inflow, mesh: Phase, weight: float, name: str, **others) -> SteadyScenario:
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
-            speeds, notes = inflow.speeds, inflow.messages
+            back = others.get("backwards") and inflow.reversed_speeds
+            speeds, notes = back or inflow.speeds, inflow.messages
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
             notes = *inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow"

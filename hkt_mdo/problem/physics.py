@@ -571,7 +571,7 @@ def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple
 def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
-        return [_checked(case, _scenario(case, case.inflow, case.phase))]
+        return _checked(case, _scenario(case, case.inflow, case.phase))
     found, total = [], sum(each.weight for each in case.scenarios)
     for number, own in enumerate(case.scenarios):
         mesh = {"duration": own.duration, "segments": own.segments}
@@ -589,7 +589,7 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
                 own_limits={limit.name: limit for limit in limits},
                 steady=own.steady,
             )
-            found.append(_checked(case, scenario))
+            found += _checked(case, scenario)
     return found
 
 
@@ -605,13 +605,25 @@ def _scenario(case: Case, inflow: Inflow, mesh, *, steady: bool = False, **about
     return made.below(case.control.cut_out)
 
 
-def _checked(case: Case, scenario: Scenario) -> Scenario:
-    """Return a scenario on a mesh that resolves its flow; refuse a flow that is none."""
+def _checked(case: Case, scenario: Scenario) -> list[Scenario]:
+    """Return a scenario on a mesh that resolves its flow; refuse a flow that is none.
+
+    Two if its rotor turns backwards in reversed flow, the second of the same group.
+    """
     inflow = scenario.inflow
     for duration in (inflow.length, scenario.mesh.duration):
         if duration is not None:
             inflow.check(duration)
-    return scenario.resolved()
+    resource = getattr(scenario, "resource", None)
+    if getattr(resource, "reversed_speeds", None) is None:
+        return [scenario.resolved()]
+    changed = {"polar": resource.reversed_polar}
+    condition = (scenario.condition or case.condition).model_copy(update=changed)
+    kept = ("mesh", "weight", "density", "own_limits")
+    about = {name: getattr(scenario, name) for name in kept} | {"condition": condition}
+    about |= {"name": f"{scenario.name}_backwards", "interval_of": scenario.name}
+    back = SteadyScenario.of(resource, backwards=True, **about)
+    return [scenario, back.below(case.control.cut_out)]
 
 
 def physics(case: Case) -> Physics:

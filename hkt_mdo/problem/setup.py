@@ -142,10 +142,8 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     for _ in range(6):
         centers = 0.5 * (nodes[1:] + nodes[:-1])
         coarse = np.zeros(centers.size, dtype=bool)
-        pairs = zip(
-            *(_coefficients(physics, start.blade, x) for x in (nodes, centers)), strict=True
-        )
-        for (table, least), (exact, _) in pairs:
+        both = (_of_turbines(physics, start.blade, ratios) for ratios in (nodes, centers))
+        for (table, least), (exact, _) in zip(*both, strict=True):
             coarse |= np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0) > least
         coarse &= (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
         if not np.any(coarse):
@@ -154,6 +152,16 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
         coarse = np.convolve(coarse, np.ones(3), mode="same") > 0.0
         nodes = np.sort(np.r_[nodes, centers[coarse]])
     return np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])]) if finer else nodes
+
+
+def _of_turbines(physics, blade, ratios):
+    """Yield `_coefficients` of the sections of every scenario, which may be fouled or reversed."""
+    found = {}
+    for each in physics.scenarios:
+        own = each.condition or physics.case.condition
+        found.setdefault((own.lift, own.drag, own.polar), physics.of(each))
+    for turbine in found.values():
+        yield from _coefficients(turbine, blade, ratios)
 
 
 def _coefficients(physics, blade, ratios):

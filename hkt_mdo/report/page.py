@@ -198,7 +198,9 @@ def _headline(solution: Solution) -> dict[str, str]:
     rows: dict[str, str] = {}
     for year in (entry.year for entry in entries if entry.year and len(entries) == 1):
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
-        rows["electrical energy a year"] = "-" if net is None else f"{number(1e-3 * net)} MWh"
+        doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
+        told = "-" if net is None else f"{number(1e-3 * net)} MWh{doubt}"
+        rows["electrical energy a year"] = told
         factor = year.capacity_factor
         rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
     for name, energy in (

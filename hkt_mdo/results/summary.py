@@ -324,11 +324,14 @@ class YearEntry(_Entry):
     `net_energy_kWh` is the energy after availability and losses, `kept` their factor. The capacity
     factor
     is the net energy over that of the largest electrical power all year. `limits_h` has the hours
-    in which each limit binds.
+    in which each limit binds. `uncertainty` is the standard uncertainty of the energy as a share of
+    it, and `uncertainty_by` has its parts: the flow's `speed`, and the length of the `record`.
     """
 
     energy_kWh: _Number = None
     net_energy_kWh: _Number = None
+    uncertainty: _Number = None
+    uncertainty_by: dict[str, _Number] = {}
     kept: _Number = None
     rated_power_W: _Number = None
     capacity_factor: _Number = None
@@ -343,9 +346,16 @@ class YearEntry(_Entry):
         lost = "" if self.kept in (None, 1.0) else f"times {self.kept:.4g} for what is lost"
         gross = measured(self.energy_kWh, "", 6)
         net, factor = self.net_energy_kWh, self.capacity_factor
-        yield Row("annual energy", f"{gross} kWh", note="electrical, of 8766 h")
+        parts = {name: f"{100.0 * (x or 0.0):.2g} %" for name, x in self.uncertainty_by.items()}
+        both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
+        causes = (
+            f"by the flow's speed {parts['speed']}" if "speed" in parts else "",
+            f"by the length of the record {parts['record']}" if "record" in parts else "",
+        )
+        note = "electrical, of 8766 h" + ("; standard uncertainty: " if both else "")
+        yield Row("annual energy", f"{gross} kWh{both}", note=note + joined(*causes))
         if lost:
-            yield Row("annual energy, net", f"{measured(net, '', 6)} kWh", note=lost)
+            yield Row("annual energy, net", f"{measured(net, '', 6)} kWh{both}", note=lost)
         most = f"of the largest power, {measured(self.rated_power_W, 'W')}"
         yield Row("capacity factor", factor, note=most, digits=4)
         yield Row(

@@ -21,6 +21,7 @@ _SMALL = "m", "s"
 _IDLE = (
     *("start", "phase", "scale", "gaps", "spikes", "uneven"),
     *("turbulence_intensity", "reversal", "availability", "array_losses", "electrical_losses"),
+    *("speed_uncertainty", "reversed_polar"),
 )
 """Keys of a flow that are not shown if they have their defaults."""
 

@@ -307,7 +307,7 @@ def _scenario(finished, flights):
     limits = {name: _limit(pairs) for name, pairs in over_time.items()}
     year = None
     if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
-        year = a_year.entry(flights[0], limits).model_dump()
+        year = a_year.entry(flights, limits).model_dump()
     return {
         "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
@@ -538,7 +538,7 @@ def write_tables(out: Path, finished: Finished) -> None:
         span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(flights[0], SteadyFlight):
-            bins = a_year.table(flights[0])
+            bins = a_year.table(flights)
             write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
     met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]

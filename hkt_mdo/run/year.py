@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from hkt_mdo.dynamics.resource import YEAR, Resource
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.results.summary import YearEntry
-from hkt_mdo.run.flight import SteadyFlight
+from hkt_mdo.run.flight import Flight
 
 HOUR = 3600.0
 KILOWATT_HOUR = 3.6e6
@@ -23,20 +24,27 @@ MEANS = {
 }
 
 
-def table(flight: SteadyFlight) -> dict[str, np.ndarray]:
+def table(flights: Sequence[Flight]) -> dict[str, np.ndarray]:
     """Return the power curve and the energy of a year by bins, (n_bins,) by column.
 
     Parameters
     ----------
-    flight : SteadyFlight
-        Of a steady scenario.
+    flights : sequence of Flight
+        Of a steady scenario, one for each direction of the flow in which the rotor works.
 
     Returns
     -------
     dict of numpy.ndarray
         Columns as of `hkt_mdo.results.solution.TABLES`: means over the speeds of a bin, by the time
-        of each.
+        of each. Speeds at which the rotor turns backwards are negative.
     """
+    ways = [_of_direction(flight) for flight in flights]
+    order = np.argsort(np.concatenate([way["inflow_speed_m_s"] for way in ways]))
+    return {name: np.concatenate([way[name] for way in ways])[order] for name in ways[0]}
+
+
+def _of_direction(flight: Flight) -> dict[str, np.ndarray]:
+    """Return the table of one direction of the flow."""
     scenario, known = flight.scenario, flight.integrated
     assert isinstance(scenario, SteadyScenario)
     weights, place = scenario.node_weights, scenario.place
@@ -46,7 +54,8 @@ def table(flight: SteadyFlight) -> dict[str, np.ndarray]:
     def mean(values):
         return (np.bincount(place, weights * values)[used]) / time[used]
 
-    found = {"inflow_speed_m_s": np.cbrt(mean(known["inflow_speed"] ** 3))}
+    speed = np.cbrt(mean(known["inflow_speed"] ** 3))
+    found = {"inflow_speed_m_s": -speed if scenario.backwards else speed}
     found["hours"] = time[used] * (YEAR / scenario.mesh.duration) / HOUR
     found |= {column: mean(known[name]) for column, name in MEANS.items()}
     kept = scenario.resource.kept if isinstance(scenario.resource, Resource) else 1.0
@@ -54,13 +63,13 @@ def table(flight: SteadyFlight) -> dict[str, np.ndarray]:
     return found | {"energy_kWh": kept * energy / KILOWATT_HOUR}
 
 
-def entry(flight: SteadyFlight, limits: dict[str, dict[str, Any]]) -> YearEntry:
+def entry(flights: Sequence[Flight], limits: dict[str, dict[str, Any]]) -> YearEntry:
     """Return the results of the year of a resource.
 
     Parameters
     ----------
-    flight : SteadyFlight
-        Of a resource.
+    flights : sequence of Flight
+        Of a resource, one for each direction of the flow in which the rotor works.
     limits : dict
         The entries of the limits over time, by name, with their shares of the time of operation.
 
@@ -68,23 +77,66 @@ def entry(flight: SteadyFlight, limits: dict[str, dict[str, Any]]) -> YearEntry:
     -------
     YearEntry
     """
-    scenario, known = flight.scenario, flight.integrated
+    scenario = flights[0].scenario
     assert isinstance(scenario, SteadyScenario)
     assert isinstance(scenario.resource, Resource)
     scale, kept = YEAR / scenario.mesh.duration, scenario.resource.kept
-    energy = flight.simulation.electrical_energy * scale
-    rated = float(np.max(known["electrical_power"]))
-    hours = scenario.duration * scale / HOUR
-    at_rated = flight.integral(np.where(known["electrical_power"] >= RATED * rated, 1.0, 0.0))
+    energy = sum(each.simulation.electrical_energy for each in flights) * scale
+    powers = [each.integrated["electrical_power"] for each in flights]
+    rated = float(np.max(np.concatenate(powers)))
+    hours = sum(each.scenario.duration for each in flights) * scale / HOUR
+    at_rated = sum(
+        each.integral(np.where(power >= RATED * rated, 1.0, 0.0))
+        for each, power in zip(flights, powers, strict=True)
+    )
+    parts = uncertainty(flights)
     return YearEntry(
         energy_kWh=energy / KILOWATT_HOUR,
         net_energy_kWh=kept * energy / KILOWATT_HOUR,
+        uncertainty=float(np.linalg.norm(list(parts.values()))) if parts else None,
+        uncertainty_by=parts,
         kept=kept,
         rated_power_W=rated,
         capacity_factor=kept * energy / (YEAR * rated),
         operation_h=hours,
-        standstill_h=YEAR / HOUR - hours,
+        standstill_h=max(YEAR / HOUR - hours, 0.0),
         rated_h=at_rated * scale / HOUR,
         mean_cube_m3_s3=scenario.resource.mean_cube,
         limits_h={name: hours * each["share_of_time"] for name, each in limits.items()},
     )
+
+
+def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
+    """Return the relative standard uncertainties of the energy of a year, by their cause.
+
+    The uncertainty of the speed of the flow counts by the slope of the power curve, v dP/dv =
+    3 P + v³ d(P/v³)/d(ln v), at unchanged hours of operation. The length of a record counts by the
+    scatter of the energy over parts of it.
+
+    Parameters
+    ----------
+    flights : sequence of Flight
+        Of a resource, one for each direction of the flow in which the rotor works.
+
+    Returns
+    -------
+    dict of str to float
+        ``speed`` and ``record``, where they are known.
+    """
+    resource, found, total, slope = flights[0].scenario.resource, {}, 0.0, 0.0
+    for flight in flights:
+        known = _of_direction(flight)
+        speed, power = np.abs(known["inflow_speed_m_s"]), known["electrical_power_W"]
+        changes = 0.0 if speed.size < 2 else np.gradient(power / speed**3, np.log(speed))
+        total += float(known["hours"] @ power)
+        slope += float(known["hours"] @ (3.0 * power + speed**3 * changes))
+    if resource.speed_uncertainty and total:
+        found["speed"] = resource.speed_uncertainty * abs(slope / total)
+    by_bin = {}
+    for scenario, flight in ((each.scenario, each) for each in flights):
+        energy = scenario.node_weights * flight.integrated["electrical_power"]
+        way = -1.0 if scenario.backwards else resource.forward
+        bins = resource.reversed_speeds if scenario.backwards else resource.speeds
+        by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
+    record = resource.scatter(by_bin)
+    return found if record is None else found | {"record": record}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import rv_histogram
+from scipy.stats import bootstrap, rv_histogram, sem
 
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
@@ -53,6 +53,26 @@ def test_the_tanana_has_the_rating_curve_and_the_energy_of_mhkit():
     assert share @ of(mean) == pytest.approx(np.mean(of(speed)), rel=0.02)  # at 0.1 m/s
     assert share @ mean**3 == pytest.approx(np.mean(speed**3), rel=1e-12)
     assert "IEC TS 62600-301 asks for 15 points" in " ".join(record.messages)
+
+
+def test_the_scatter_of_years_is_that_of_their_bootstrap():
+    """Of the Tanana's mean cubed speed: SciPy's bootstrap of the means of its ten years."""
+    file = str(DATA / "usgs_discharge_TRTS_20090801_20190801_daily.csv")
+    record = RecordResource(file=file, rating=TANANA["rating"])
+    cubes = record.samples.speed**3
+    years = [np.mean(part) for part in np.array_split(cubes, 10)]
+    drawn = bootstrap((years,), np.mean, n_resamples=9999, rng=np.random.default_rng(1))
+    expected = drawn.standard_error * np.sqrt(10.0 / 9.0) / np.mean(cubes)
+    assert record.samples.scatter(cubes) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_short_record_has_blocks_of_spring_and_neap_or_no_uncertainty(known):
+    samples, _ = known
+    assert samples.scatter(samples.speed**2) is None  # 30 days
+    blocks = np.random.default_rng(2).normal(5.0, 1.0, 6)
+    time = np.arange(6 * 1000) * 14.765 * DAY / 1000
+    found = FlowSamples(time, np.ones(time.size)).scatter(np.repeat(blocks, 1000))
+    assert found == pytest.approx(sem(blocks) / np.mean(blocks), rel=1e-12)
 
 
 def test_the_usgs_file_has_its_days():
@@ -134,6 +154,7 @@ def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
     assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 0
     told = capsys.readouterr().out
     assert "3649 samples over 9.99 years" in told
+    assert "by the scatter of blocks of 365.25 days" in told
     case = (tmp_path / "out" / "case.yaml").read_text() + "control: {law: quadratic}\n"
     (tmp_path / "out" / "case.yaml").write_text(case)
     found = load_case(tmp_path / "out" / "case.yaml").inflow

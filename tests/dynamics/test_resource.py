@@ -81,6 +81,7 @@ def test_a_scenario_of_a_year_has_its_hours():
     np.testing.assert_allclose(scenario.speeds, [1.0, 1.5], rtol=1e-12)
     np.testing.assert_allclose(scenario.node_weights, [0.5 * YEAR, 0.3 * YEAR], rtol=1e-12)
     assert scenario.standstill == pytest.approx(0.2 * YEAR, rel=1e-12)
+    assert "wider bins than the 0.1 m/s" in scenario.messages[0]
 
 
 @pytest.mark.parametrize(
@@ -93,6 +94,9 @@ def test_a_scenario_of_a_year_has_its_hours():
         ({"speeds": [1], "hours": [1, 1]}, "2 values for 1 speeds"),
         ({"speeds": [1, 1], "hours": [1, 1]}, "twice"),
         ({"profile": "sine"}, "is no resource"),
+        ({"speeds": [-1, 1], "hours": [1, 1], "reversal": "backwards"}, "which needs it"),
+        ({"speeds": [1], "hours": [1], "reversed_polar": __file__}, "which needs it"),
+        ({"speeds": [1], "hours": [1], "speed_uncertainty": -0.1}, "at least 0"),
         ({"profile": "distribution", "scale": -1, "shape": 2}, "greater than 0"),
     ],
 )

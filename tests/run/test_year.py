@@ -1,10 +1,13 @@
 """Steady scenarios and years: held to sums by SciPy, to runs over time, and to differences."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from openmdao.utils.assert_utils import assert_check_partials, assert_check_totals
 from scipy.optimize import brentq
 
+import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.resource import YEAR
@@ -13,6 +16,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.report.charts import Labelled, views
 from hkt_mdo.results.plots import figures
 from hkt_mdo.results.solution import Solution
@@ -24,11 +28,14 @@ from hkt_mdo.run.run import run_case
 from hkt_mdo.start.find import find_start
 from hkt_mdo.studies.uncertainty import Design
 
+DATA = Path(__file__).parents[1] / "data" / "mhkit"
+POLAR = Path(hkt_mdo.__file__).parent / "files" / "data" / "naca63815_polar_Re2e5.csv"
 HISTOGRAM = {
     "profile": "histogram",
     "speeds": [0.4, 0.8, 1.1, 1.4, -1.7, 2.2],
     "hours": [10, 20, 30, 20, 15, 5],
     "availability": 0.9,
+    "speed_uncertainty": 0.02,
 }
 FIXED = {"design": {"blade": "fixed"}, "start": {"method": "blade"}}
 QUADRATIC = {"law": "quadratic", "torque_limit": 900.0}
@@ -88,6 +95,148 @@ def test_a_fixed_blades_year_is_the_sum_over_its_bins(year):
     assert year.summary.simulated_energy_J == pytest.approx(total, rel=1e-8)
     assert year.energy == pytest.approx(total, rel=2e-5)  # by the torque curve
     assert np.sum(year.year["energy_kWh"]) * 3.6e6 == pytest.approx(0.9 * total, rel=1e-8)
+
+
+def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year):
+    """By SciPy's root finding, in all flows one per cent faster and slower."""
+    world, law, gain = physics(year.case), year.case.control, np.array([year.gain])
+    plant = Plant(world.blade, world.polar, 1.0, 1000.0, bem.rotor_coefficients)
+
+    def energy(scale):
+        total = 0.0
+        for v, time in zip(HISTOGRAM["speeds"][1:], HISTOGRAM["hours"][1:], strict=True):
+            flow = np.array([scale * abs(v)])
+
+            def net(w, flow=flow):
+                w = np.array([w])
+                return float(plant.torque(w, flow)[0] - law.torque(w, gain)[0])
+
+            w = np.array([brentq(net, 5.0 * flow[0] / 1.4, 14.0 * flow[0] / 1.4, xtol=1e-12)])
+            total += time * w[0] * plant.torque(w, flow)[0]
+        return total
+
+    told = year.summary.scenarios["phase"].year
+    share = 0.02 * (energy(1.01) - energy(0.99)) / (0.02 * energy(1.0))
+    assert told.uncertainty == told.uncertainty_by["speed"] == pytest.approx(share, rel=0.02)
+    row = next(row for row in year.summary.rows(year.case) if row.label == "annual energy")
+    assert f"± {100.0 * share:.2g} %" in row.text
+
+
+@pytest.mark.slow
+def test_the_uncertainty_of_a_record_is_the_scatter_of_its_years(tmp_path):
+    """Of the Tanana: the energy of each year by the power curve, their scatter over sqrt(n)."""
+    resource = {
+        "profile": "long_record",
+        "file": str(DATA / "usgs_discharge_TRTS_20090801_20190801_daily.csv"),
+        "rating": str(DATA / "tanana_DV_curve.csv"),
+        "cut_in": 0.8,
+    }
+    found = run(tmp_path / "a", resource=resource, control=QUADRATIC, **FIXED)
+    speed, record = found.year["inflow_speed_m_s"], found.case.inflow.samples
+    of_bin = dict(zip((10.0 * speed).astype(int), found.year["electrical_power_W"], strict=True))
+    power = np.array([of_bin.get(int(10.0 * v + 1e-9), 0.0) for v in record.speed])
+    told = found.summary.scenarios["phase"].year
+    assert np.mean(power) * 8.766 == pytest.approx(told.energy_kWh, rel=1e-9)
+    years = np.array([np.mean(part) for part in np.array_split(power, 10)])
+    share = np.std(years, ddof=1) / np.sqrt(10.0) / np.mean(years)
+    assert told.uncertainty_by == {"record": pytest.approx(share, rel=1e-2)}
+
+
+def force_on_section(flow, chordwise, normal):
+    """Force on a section over dynamic pressure and chord, as vectors, at any angle of attack.
+
+    The lift of a plate and drag, and a force to the convex side by camber. `flow` is the direction
+    of the flow, `chordwise` that from the leading to the trailing edge.
+    """
+    cosine, sine = flow @ chordwise, flow @ normal
+    across = np.array([-flow[1], flow[0]])
+    return 5.0 * sine * cosine * across + 0.1 * cosine**2 * normal + 0.05 * flow
+
+
+def reversed_polar(path):
+    """Write the polar of that section in flow from behind, over its angle less 180 degrees."""
+    rows, x, y = [], np.array([1.0, 0.0]), np.array([0.0, 1.0])
+    for angle in np.arange(-20.0, 20.25, 0.25):
+        full = np.deg2rad(angle + 180.0)
+        flow = np.array([np.cos(full), np.sin(full)])
+        force = force_on_section(flow, x, y)
+        rows.append([angle, force @ np.array([-flow[1], flow[0]]), force @ flow])
+    np.savetxt(path, rows, delimiter=",", header="alpha_deg,cl,cd", comments="")
+    return str(path)
+
+
+def test_a_section_in_flow_from_behind_has_the_forces_of_the_blade_in_its_own_frame(tmp_path):
+    """The flow is along -x, the blade moves along -y, its trailing edge in front."""
+    rotor = {"polar": reversed_polar(tmp_path / "reversed.csv")}
+    world = physics(load_case({"resource": HISTOGRAM, "control": QUADRATIC, "rotor": rotor}))
+    blade, ratio = world.blade, 6.0
+    found = bem.sections(blade, world.polar, np.array([ratio]))
+    checked = 0
+    for i, r in enumerate(blade.r):
+        if abs(found.angle_of_attack[0, i]) > np.deg2rad(18.0):
+            continue  # beyond the file
+        axial = 1.0 - found.axial_induction[0, i]
+        turning = ratio * r / blade.rotor_radius * (1.0 + found.tangential_induction[0, i])
+        wind = np.array([-axial, turning])
+        twist = blade.twist[i]
+        chordwise = np.array([np.sin(twist), -np.cos(twist)])
+        normal = np.array([np.cos(twist), np.sin(twist)])
+        size = np.hypot(*wind)
+        force = blade.chord[i] * size**2 * force_on_section(wind / size, chordwise, normal)
+        np.testing.assert_allclose(
+            -force, [found.normal_load[0, i], found.tangential_load[0, i]], rtol=2e-4, atol=1e-4
+        )
+        checked += 1
+    assert checked > 5
+
+
+@pytest.mark.slow
+def test_a_rotor_that_works_backwards_with_its_own_polar_works_as_one_that_turns(tmp_path):
+    plain = run(tmp_path / "a", resource=HISTOGRAM, control=QUADRATIC, **FIXED, **TIGHT)
+    back = {"reversal": "backwards", "reversed_polar": str(POLAR)}
+    both = run(tmp_path / "b", resource=HISTOGRAM | back, control=QUADRATIC, **FIXED, **TIGHT)
+    assert both.success, both.message
+    assert both.summary.simulated_energy_J == pytest.approx(
+        plain.summary.simulated_energy_J, rel=1e-9
+    )
+    told = both.summary.scenarios["phase"].year
+    expected = plain.summary.scenarios["phase"].year
+    for name in ("operation_h", "rated_h", "capacity_factor", "limits_h"):
+        assert getattr(told, name) == pytest.approx(getattr(expected, name), rel=1e-6)
+    assert both.year["inflow_speed_m_s"][0] == pytest.approx(-1.7)
+
+
+@pytest.mark.slow
+def test_a_year_backwards_is_the_sum_over_its_bins(tmp_path):
+    """Each direction by SciPy's root finding, with the polar of its own; limits hold in both."""
+    file = reversed_polar(tmp_path / "reversed.csv")
+    back = {"reversal": "backwards", "reversed_polar": file}
+    found = run(tmp_path / "a", resource=HISTOGRAM | back, control=QUADRATIC, **FIXED)
+    assert found.success, found.message
+    world, law, total = physics(found.case), found.case.control, 0.0
+    rotor = found.case.rotor.model_copy(update={"polar": file})
+    polars = world.polar, build_turbine(rotor, found.case.fluid, 1.0).polar
+    hours = np.array(HISTOGRAM["hours"]) / sum(HISTOGRAM["hours"]) * YEAR
+    for v, time in zip(HISTOGRAM["speeds"][1:], hours[1:], strict=True):
+        plant = Plant(world.blade, polars[v < 0.0], 1.0, 1000.0, bem.rotor_coefficients)
+
+        def net(w, v=v, plant=plant):
+            torque = plant.torque(np.array([w]), np.array([abs(v)]))[0]
+            return float(torque - law.torque(np.array([w]), np.array([found.gain]))[0])
+
+        ratios = np.linspace(4.0, 14.0, 101) * abs(v) / 1.4
+        last = np.flatnonzero([net(w) > 0.0 for w in ratios])[-1]
+        w = brentq(net, ratios[last], ratios[last + 1], xtol=1e-14, rtol=1e-14)
+        total += time * w * float(plant.torque(np.array([w]), np.array([abs(v)]))[0])
+    assert found.summary.simulated_energy_J == pytest.approx(total, rel=1e-8)
+    assert np.sum(found.year["energy_kWh"]) * 3.6e6 == pytest.approx(0.9 * total, rel=1e-8)
+    rows = {row.label: row.text for row in found.summary.rows(found.case)}
+    assert "standstill 876.6 h" in rows["hours of operation"]
+    assert "year" in figures(found)
+    flows = [{"resource": HISTOGRAM | back}, {"inflow": "sine", "duration": 8.0, "segments": 8}]
+    mixed = run(tmp_path / "b", scenarios=flows, control=QUADRATIC, **FIXED)
+    assert mixed.success, mixed.message  # the nodes of the torque curve suit the reversed polar
+    assert len(mixed.summary.passes) < 4
 
 
 def test_a_year_is_reported(year):
