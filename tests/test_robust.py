@@ -297,5 +297,5 @@ def test_a_condition_that_cannot_be_is_refused():
             load_case(case({"inflow": "sine", "condition": sections}, law=law))
         assert re.search(message, str(error.value)), str(error.value)
     local = {"reynolds": "local", "polar": "naca63815"}
-    with pytest.raises(InputError, match=r"condition.*takes rotor.reynolds: invariant"):
+    with pytest.raises(InputError, match=r"condition.*needs rotor.reynolds: invariant"):
         load_case(case({"inflow": "sine"}, condition={"lift": 0.9}, rotor=local), check_files=False)
