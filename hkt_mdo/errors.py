@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 import reprlib
-from collections.abc import Iterable, Iterator
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -165,3 +167,24 @@ def interrupts_of_compiled_code() -> Iterator[None]:
         if isinstance(cause, KeyboardInterrupt):
             raise KeyboardInterrupt from error
         raise
+
+
+@contextmanager
+def handling(number: int, handler: Callable) -> Iterator[None]:
+    """Give a signal another handler; in another thread than the main one nothing is changed.
+
+    Parameters
+    ----------
+    number : int
+        The signal, such as `signal.SIGTERM`.
+    handler : callable
+        Called with the signal and the frame.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before or signal.SIG_DFL)

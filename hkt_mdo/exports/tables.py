@@ -9,7 +9,6 @@ from functools import lru_cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator
 
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
@@ -19,7 +18,7 @@ from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import TABLES, Solution
 from hkt_mdo.rotor.scales import power_scale
-from hkt_mdo.sections import Quantity, ordered
+from hkt_mdo.sections import Pair, Quantity
 
 RATIO_STEP = 0.1  # of the tip speed ratios of the coefficients
 SLOWEST = 0.5  # tip speed ratio at which coefficients and the search for a balance begin
@@ -69,13 +68,7 @@ class Table(NamedTuple):
 class _Tables(Format):
     """What the formats of tables share."""
 
-    flow_range: (
-        Annotated[
-            tuple[Annotated[float, Quantity("m/s", gt=0)], Annotated[float, Quantity("m/s", gt=0)]],
-            AfterValidator(ordered),
-        ]
-        | None
-    ) = None
+    flow_range: Pair[Annotated[float, Quantity("m/s", gt=0)]] | None = None
     """Slowest and fastest flow of the table of steady operation; null: those of the case, a fifth
     wider, up to the cut-out speed."""
 
