@@ -15,7 +15,7 @@ from hkt_mdo.dynamics.flows import TIDAL_HOURS
 from hkt_mdo.dynamics.long_record import FlowSamples
 from hkt_mdo.errors import InputError, install
 
-USUAL = "M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"
+USUAL = tuple(TIDAL_HOURS)
 HOUR, DAY = 3600.0, 86400.0
 TINY = 1e-4  # amplitude over the largest, below which a constituent is left out of a case
 
