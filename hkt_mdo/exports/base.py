@@ -29,6 +29,8 @@ from hkt_mdo.sections import Section
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
+TEMPLATES = Path(__file__).with_name("templates")
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
@@ -210,3 +212,21 @@ def export(
         make_folder(folder)
     write_files(contents)
     return list(contents)
+
+
+def filled(template: str, words: dict[str, Any]) -> str:
+    """Return the text of a template with its fields filled in.
+
+    Parameters
+    ----------
+    template : str
+        Name of a file in the folder of templates.
+    words : dict
+        The text for each ``{field}``.
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    return (TEMPLATES / template).read_text(encoding="utf-8").format_map(words)

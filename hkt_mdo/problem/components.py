@@ -281,14 +281,11 @@ class IntegralComp(om.ExplicitComponent):
                         partials[output, place] = weights * by
                         continue
                     by = slope(integrand.rate, values, name, diagonal=False)
-                    total = np.zeros((self._size(output), by.shape[1]))
+                    total = np.zeros((self._var_rel2meta[output]["size"], by.shape[1]))
                     total[rows.get(scenario, 0)] = weights @ (by * np.ones((weights.size, 1)))
                     dense[place] = dense.get(place, 0.0) + total
             for place, by in dense.items():
                 partials[output, place] = by
-
-    def _size(self, output):
-        return self._var_rel2meta[output]["size"]
 
     def _each(self, integrand, inputs):
         """Yield each scenario, its inputs' names, its weights and its quantities."""
