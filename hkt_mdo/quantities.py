@@ -7,9 +7,10 @@ a limit or an objective of one's own may take.
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 from typing import Literal
+
+from hkt_mdo.errors import did_you_mean
 
 _SUFFIXES = {None: "", "N*m": "_Nm", "N*m/s": "_Nm_s", "m/s": "_m_s", "rad/s": "_rad_s"}
 
@@ -182,6 +183,4 @@ def nearest(name: str) -> str:
     str
         The nearest name, if one is near, and all of them.
     """
-    close = difflib.get_close_matches(name, QUANTITIES, n=1)
-    guess = f"did you mean {close[0]}? " if close else ""
-    return f"{guess}known: {', '.join(QUANTITIES)}"
+    return f"{did_you_mean(name, QUANTITIES)}known: {', '.join(QUANTITIES)}"

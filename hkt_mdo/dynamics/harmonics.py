@@ -13,7 +13,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.flows import TIDAL_HOURS
 from hkt_mdo.dynamics.long_record import FlowSamples
-from hkt_mdo.errors import InputError, install
+from hkt_mdo.errors import InputError, install, needed
 
 HOUR, DAY = 3600.0, 86400.0
 TINY = 1e-4  # amplitude over the largest, below which a constituent is left out of a case
@@ -86,11 +86,7 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
         the requested ones: by Rayleigh's criterion their frequencies must differ by one over its
         length.
     """
-    try:
-        import utide
-    except ImportError:
-        problem = "needs utide, which is not installed"
-        raise InputError(f"harmonic analysis {problem}", install("resource")) from None
+    utide = needed("utide", install("resource"), "harmonic analysis ")
     known = utide.constit_index_dict
     for name in names:
         if name not in known:

@@ -6,10 +6,10 @@ A folder may come from any source: its files are limited in size and read as tex
 from __future__ import annotations
 
 import html
-import importlib
 import os.path
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ import numpy as np
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, needed
 from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, RATES
@@ -425,7 +425,7 @@ class Solution:
         InputError
             If there is no figure of a name.
         """
-        plots = importlib.import_module("hkt_mdo.results.plots")  # Matplotlib takes its time
+        plots = import_module("hkt_mdo.results.plots")  # Matplotlib takes its time
         return plots.figures(self, names or ("blade", "operation", "schedule", "limits"))
 
     def __repr__(self) -> str:
@@ -444,11 +444,7 @@ class Solution:
 
 
 def _package(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        remedy = f"install it with: pip install {name}"
-        raise InputError(f"the package {name} is not installed", remedy) from None
+    return needed(name, f"install it with: pip install {name}")
 
 
 def _read_csv(path: Path, columns: tuple[str, ...], maybe: set[str]) -> dict[str, np.ndarray]:
