@@ -113,6 +113,9 @@ _ALL = (
     Described("inertia", "kg*m**2", "moment of inertia about the shaft", "design", "rotor"),
     Described("mass", "kg", "mass of the blades", "design", "rotor"),
     Described("blade_area", "m**2", "planform area of all blades", "design", "rotor"),
+    Described(
+        "weight_stress", "Pa", "largest stress in a blade by its weight in water", "design", "rotor"
+    ),
     Described("energy", "J", "energy captured from the flow", "result", "integrals"),
     Described("generator_energy", "J", "energy taken by the generator", "result", "integrals"),
     Described(
@@ -150,7 +153,7 @@ OVER_TIME = names(over="time")
 TRAJECTORY = names(source="trajectory")
 LOADS = names(source="loads")
 RATES = names(source="rates")
-STEADY = frozenset((*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia"))
+STEADY = frozenset((*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia", "weight_stress"))
 """Quantities of a rotor in steady operation, which the search for a start has."""
 
 

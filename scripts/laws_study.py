@@ -2,7 +2,7 @@
 
 python scripts/laws_study.py --out results/laws --table docs/laws.md
 
-Finished results are used again. About two hours on two cores; --flows and --limits take a part.
+Finished results are used again. An hour on a core for each flow; --flows, --limits take a part.
 """
 
 import argparse
@@ -75,22 +75,14 @@ Written by `python scripts/laws_study.py`: the paper's rotor on 40 stations, bla
 together (*designed*), or the law alone with the blade of open loop under the same limits (*kept*).
 Every energy is the captured energy of the integration with direct BEM, over an open cycle, compared
 with open loop in the same flow under the same limits. 'Refused' marks a run that its judges
-refused; flows and limits that are not in the tables were not run.
+refused. Flows and limits that are not in the tables were not run: `--flows` and `--limits` choose
+what is, and a flow takes about an hour.
 
 Induction is quasi-steady in this program, while a wake needs seconds. With memory, laws that hold
 the torque or the power constant let a light rotor run away; laws that rise with the speed do not
-([memory.md](memory.md)). Every result has a line that says which it is. The designs and energies of
-this page are those of induction in equilibrium.
+([memory.md](memory.md)). Every result has a line that says whether its loop is stable with memory.
+The designs and energies of this page are those of induction in equilibrium.
 """
-SEED_ONE = """\
-That static laws keep every limit in the other seeds is due to the seed of the design. All these
-designs were made with seed 1, which has both the highest maximum and the highest minimum of seeds 1
-to 20 (1.94 and
-1.26 m/s).
-Designed on seed 7 instead, under all limits, `rated` and a curve of 8 knots exceed the limit on
-cavitation by up to 41 % (rotor speed 19 %, thrust 18 %) in 18 of the other 19 seeds, and
-`quadratic` that on thrust by up to 22 % in all 19. A law keeps its limits only in
-flows like those that it was designed for, so the fastest flow has to be part of the design."""
 
 
 def main():
@@ -337,9 +329,7 @@ def delivered(found):
         "These are captured energies over open cycles, so part of the differences is energy stored "
         f"in the rotors. Under all limits open loop captures {captured} and delivers {told[0]} to "
         f"the generator; rated delivers {told[1]}, and a curve of 6 knots {told[2]}. Compared by "
-        "delivered energy the three are close too, but in another order. Over a closed cycle "
-        "(`phase.final_speed: initial`, not in the table) open loop captures and delivers "
-        "259.97 kJ."
+        "delivered energy the three are close too."
     )
     return [textwrap.fill(words, 100), ""]
 
@@ -444,7 +434,7 @@ def seeds(flights):
         "energy by the noise, and how many runs stall."
     )
     header = ["limits", "law", "time, % quiet / noisy", "excess, %", "noise, %", "stalled"]
-    body = textwrap.fill(words, 100), "", *markdown_table(header, rows), "", SEED_ONE, ""
+    body = textwrap.fill(words, 100), "", *markdown_table(header, rows), ""
     return ["## Flows that the design has not seen", "", *body]
 
 
@@ -508,8 +498,8 @@ def answer(found, flights):
     tracked = [each[0] for each in losses(TRACKING, slow)]
     if least and tracked:
         sentences.append(
-            "Such laws lose most where open loop slows the rotor to keep a limit (underspeed), as "
-            "it does with 5 kW and a limit on the thrust: no law of the speed alone is stable "
+            "Static laws lose most where open loop slows the rotor to keep a limit (underspeed), "
+            "as it does with 5 kW and a limit on the thrust: no law of the speed alone is stable "
             "there (with induction in equilibrium), "
             f"and each loses {min(least):.2g} % or more, tracking {tracked[0]:.2g} to "
             f"{tracked[-1]:.2g} %."
@@ -580,17 +570,20 @@ def breaking(flights):
     told = TRACKING, ESTIMATED
     static = [each["excess"] for key, each in flights.items() if key[2] not in told]
     quiet, noisy = (100.0 * max(0.0, *ends) for ends in zip(*static, strict=True))
-    fell = ", under ".join(
-        f"{named(law)} in {count} of {flown[law]}" for law, count in stalls.items() if count
+    fell = " and in ".join(
+        f"{count} of {flown[law]} simulations of {named(law)}"
+        for law, count in stalls.items()
+        if count
     )
     count = max(each["seeds"] for each in flights.values())
     kept = f"exceed limits by up to {quiet:.1f} %"
     if quiet < 0.05:
-        kept = "keep every limit, because of the design's seed (see the table below)"
+        kept = "keep every limit"
     return (
         f"In {count} other seeds of the turbulence (10 %) static laws {kept}; with a noisy sensor "
         f"they exceed one by {noisy:.1f} %. Tracking exceeds one by "
-        f"{100.0 * max(lag, default=0.0):.0f} %. Of the simulations, the rotor stalls under {fell}."
+        f"{100.0 * max(lag, default=0.0):.0f} %."
+        + (f" The rotor stalls in {fell}." if fell else "")
     )
 
 

@@ -20,7 +20,6 @@ OTHERWISE = {
     "install": "versions of packages",
     "openmdao": "its code is run and compared: tests/test_model_pages.py",
     "own_turbine": "values of cases, not results",
-    "postprocessing": "its code is run and compared: tests/test_model_pages.py",
     "tutorials/year": "values of a case, not results",
 }
 """Pages with decimal numbers but without data, and why."""

@@ -347,12 +347,6 @@ class Case(Section):
             if value != only:
                 remedy = f"give {only}, or inflow_dynamics: quasi_steady"
                 raise refusal(problem, remedy, key=key, value=value)
-        for number, scenario in enumerate(self.scenarios):
-            for key in ("steady", "density", "condition"):
-                if getattr(scenario, key):
-                    remedy = "leave it out, or give inflow_dynamics: quasi_steady"
-                    key, value = f"scenarios[{number}].{key}", getattr(scenario, key)
-                    raise refusal(problem, remedy, key=key, value=value)
 
     def _check_scenarios(self) -> None:
         """Refuse weights that are all zero, and limits that a scenario cannot have of its own."""

@@ -191,6 +191,10 @@ class Rotor(Section):
     meet, towards a thin trailing edge, the section is solid. Buckling is not checked."""
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
+    added_inertia: Literal["none", "plate", "ellipse"] = "none"
+    """The water that the blades accelerate when their speed changes, as part of the moment of
+    inertia: `none`; `plate`, that of flat plates of the sections' chord; `ellipse`, that of
+    ellipses of their chord and thickness (docs/theory.md)."""
 
     @model_validator(mode="before")
     @classmethod

@@ -1,7 +1,8 @@
 """An upper bound on the captured energy that includes the torque limit and the control law.
 
 Every instant may have a blade and a rotor speed of its own. Energy stored in the rotor between
-instants enters by a multiplier theta(t), any smooth function: with I dw/dt = Q - u,
+instants enters by a multiplier theta(t), any smooth function: with I dw/dt = Q - u, u
+including friction,
 
     integral of Q w dt = integral of [(1 - theta) u w + theta Q w + theta' I w² / 2] dt
                          + [(1 - theta) I w² / 2] from 0 to T,
@@ -15,12 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from hkt_mdo.dynamics.generator import LOSSLESS
 from hkt_mdo.rotor.scales import power_scale
 
 SPEEDS = 25  # flow speeds of the table
 BISECTIONS = 16  # for the multiplier
 MOST = 4.0  # largest multiplier
 RAMP = 0.2  # s, over which the multiplier becomes one at both ends
+LEAST = 0.1  # share of the flow's torque that a law is fitted to, if friction takes more
 GAINS, WIDEST, REFINEMENTS = 17, 5.0, 5  # gains tried, their range about a good one, refinements
 
 
@@ -61,28 +64,34 @@ class Passing:
         return cls(time - edges[0], (half * weights).ravel(), *flow)
 
 
-def certificate(best, passing, density, rotor_radius, law=None, torque_limit=None):
+def certificate(
+    best, passing, density, rotor_radius, law=None, torque_limit=None, friction=LOSSLESS.friction
+):
     """Return an upper bound (J) on the captured energy of every blade and gain.
 
     best is the family's `BestPower`; law is a `FeedbackLaw` with one gain, or None: open loop, with
     a torque between zero and torque_limit (N*m; None: no limit). The bound holds at tip speed
     ratios within those of `best` and, under feedback, for gains within a factor `WIDEST` of the one
-    that is best in steady flow.
+    that is best in steady flow. friction (N*m) is a function of the rotor speed (rad/s).
     """
     scale = power_scale(density, rotor_radius, passing.speed)
     if law is None and torque_limit is None:
         return float(passing.weights @ scale * best.power.max())
     table = _Table(best, passing, density, rotor_radius)
     if law is None:
-        return table.energy(lambda speed: torque_limit * speed, most=1.0)
+        return table.energy(lambda speed: (torque_limit + friction(speed)) * speed, most=1.0)
     place = np.argmax(best.power)
     middle = np.cbrt(passing.weights @ passing.speed**3 / passing.weights.sum())
     speed = best.tip_speed_ratio[place] * middle / rotor_radius
     torque = power_scale(density, rotor_radius, middle) * best.power[place] / speed
-    fitted = law.fit(np.array([speed]), np.array([torque]))
+    held = max(torque - friction(speed), LEAST * torque)
+    fitted = law.fit(np.array([speed]), np.array([held]))
+
+    def braking(speed, gain):
+        return (law.torque(speed, np.atleast_1d(gain)) + friction(speed)) * speed
 
     def at(gain):
-        return table.energy(lambda speed: law.torque(speed, np.atleast_1d(gain)) * speed)
+        return table.energy(lambda speed: braking(speed, gain))
 
     gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
     found = np.array([at(gain) for gain in gains])

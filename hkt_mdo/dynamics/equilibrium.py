@@ -19,7 +19,7 @@ ROUNDS, EXACT = 80, 1e-14  # of the root finding, and its relative tolerance
 def equilibria(
     plant: Plant, controller: FeedbackTorque, flow: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the fastest equilibrium of a rotor in each flow: where Q = u and Q - u falls.
+    """Return the fastest equilibrium of a rotor in each flow: where Q = u + F and Q - u - F falls.
 
     A fast rotor that is then loaded settles there. The states of a law are in equilibrium too.
 
@@ -42,16 +42,18 @@ def equilibria(
     law, gains, unit = controller.law, controller.gains, flow / plant.blade.rotor_radius
     if law.states:
         speed = np.asarray(law.speed_at_rest(flow, gains), dtype=float)
-        return speed, plant.torque(speed, flow) > 0.0
+        return speed, plant.generator_torque(speed, flow) > 0.0
 
     def net(ratio, place=slice(None)):
         speed = ratio * unit[place]
-        return plant.torque(speed, flow[place]) - law.torque(speed, gains)
+        return plant.generator_torque(speed, flow[place]) - law.torque(speed, gains)
 
     highest, last = HIGHEST
     while True:
         ratios = np.linspace(SLOWEST_RATIO, highest, GRID)
-        driving = _driving(plant, flow, ratios) >= law.torque(np.outer(unit, ratios), gains)
+        speeds = np.outer(unit, ratios)
+        braking = law.torque(speeds, gains) + plant.generator.friction(speeds)
+        driving = _driving(plant, flow, ratios) >= braking
         if not np.any(driving[:, -1]) or highest >= last:
             break
         highest *= 2.0

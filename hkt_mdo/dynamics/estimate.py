@@ -14,8 +14,9 @@ from hkt_mdo.rotor.scales import torque_scale
 class FlowEstimate:
     """The speed of the flow in which a rotor has a torque, by a model of the rotor.
 
-    Q = u + I dw/dt, and Q / (w R)² falls with the tip speed ratio about that of the largest power.
-    In that range each value belongs to one ratio; a stalled rotor is estimated to be at its end.
+    Q = u + F + I dw/dt, F the friction of the shaft, and Q / (w R)² falls with the tip speed ratio
+    about that of the largest power. In that range each value belongs to one ratio; a stalled rotor
+    is estimated to be at its end.
     `plant` is the rotor that the controller assumes: the estimate is wrong if the actual water,
     blade or inertia differ. Raises InputError for polars that follow the Reynolds number:
     then there is no curve over the tip speed ratio alone.
@@ -51,7 +52,7 @@ class FlowEstimate:
         The arguments are of one shape, the torque in N*m, the acceleration in rad/s**2.
         """
         tip = speed * self.plant.blade.rotor_radius
-        driving = torque + self.plant.inertia * acceleration
+        driving = torque + self.plant.generator.friction(speed) + self.plant.inertia * acceleration
         unit = torque_scale(self.plant.density, self.plant.blade.rotor_radius, tip)
         share = np.clip(driving / unit, self.ratio_of.x[0], self.ratio_of.x[-1])
         return tip / self.ratio_of(share)

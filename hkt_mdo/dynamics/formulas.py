@@ -53,9 +53,8 @@ class Formula(Section):
     unit: ClassVar[str | None] = None
 
     def value(self, **quantities: Any) -> Any:
-        """Return the value of the formula, in `unit`; by default the one input itself."""
-        (only,) = quantities.values()
-        return only
+        """Return the value of the formula, in `unit`; by default the input, or the inputs' sum."""
+        return sum(quantities.values())
 
     @property
     def series(self) -> dict[str, tuple[str | None, str]]:

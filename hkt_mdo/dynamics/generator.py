@@ -30,7 +30,8 @@ _WAYS = "give efficiency, losses at rated torque and speed, or table: one of the
 class Generator(Section):
     """What the generator delivers: a constant efficiency, losses, or a table.
 
-    Without keys there are no losses.
+    Without keys there are no losses. The two keys of shaft_friction brake the rotor; all others
+    only reduce the electrical power.
 
     The electrical power is P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed)
     - iron_loss (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the
@@ -51,6 +52,12 @@ class Generator(Section):
     """Loss by friction at `rated_speed`; it grows with the speed."""
     iron_loss: _Loss | None = None
     """Loss in the iron at `rated_speed`; it grows with the speed squared."""
+    shaft_friction: Annotated[float, Quantity("N*m", ge=0)] = 0.0
+    """Torque of shaft, bearings and seals that brakes the turning rotor at any speed (Coulomb
+    friction). The generator's torque comes on top of it. The rotor starts only in a flow whose
+    torque on the standing rotor is larger."""
+    shaft_friction_slope: Annotated[float, Quantity("N*m*s/rad", ge=0)] = 0.0
+    """The part of that torque which is proportional to the rotor's speed, over the speed."""
     table: str | None = None
     """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
     or `speed_rad_s`, and `efficiency`: every torque at every speed. It is interpolated by natural
@@ -82,6 +89,15 @@ class Generator(Section):
                 problem, remedy = "has no effect", f"give generator.{needs}, or leave it out"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         return self
+
+    def friction(self, speed):
+        """Return the torque that brakes the shaft, N*m; speed (rad/s) may be complex."""
+        return self.shaft_friction + self.shaft_friction_slope * speed
+
+    @property
+    def rubs(self) -> bool:
+        """Whether the shaft has friction."""
+        return bool(self.shaft_friction or self.shaft_friction_slope)
 
     def electrical_power(self, torque, speed):
         """Return the electrical power, W; torque (N*m) and speed (rad/s) may be complex."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import PrivateAttr, model_validator
+from pydantic import PrivateAttr, Strict, model_validator
 
 from hkt_mdo.dynamics.formulas import Formula, slope
 from hkt_mdo.dynamics.laws import Law
@@ -223,10 +223,17 @@ class StressLimit(Limit):
 
     name: ClassVar[str] = "stress"
     unit: ClassVar[str | None] = "Pa"
-    inputs: ClassVar[tuple[str, ...]] = ("stress",)
 
     bound: Annotated[Any, _Stress("Pa", gt=0)]
     """Largest stress, or `allowable`, that of `rotor.material`; apply a safety factor yourself."""
+    weight: Annotated[bool, Strict()] = False
+    """Whether the largest stress by the blade's weight in water is added, which changes its sign in
+    every half turn. The sum is an upper bound: both may be largest at different places."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The stress by flow and rotation, and that by the weight where it counts."""
+        return ("stress", "weight_stress") if self.weight else ("stress",)
 
     def on(self, blade, material=None):
         if self.bound != ALLOWABLE:

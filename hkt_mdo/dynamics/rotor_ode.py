@@ -444,7 +444,9 @@ class FeedbackComp(_NodeComp):
 
 
 class ShaftComp(_NodeComp):
-    """Rigid shaft, I dw/dt = Q - u (paper eq. 6), solved for the acceleration or for the torque.
+    """Rigid shaft, I dw/dt = Q - u - F(w), solved for the acceleration or for the torque.
+
+    That is the paper's eq. 6 with the friction F of the shaft (`Generator.friction`).
 
     The inverse shaft has rotor_acceleration as an input and control_torque as an output. The
     generator's power follows from its torque and the rotor's speed.
@@ -460,19 +462,26 @@ class ShaftComp(_NodeComp):
         """Inputs of the balance, and of the power, which needs the generator's torque."""
         if self.options["inverse"]:
             torque = ("hydrodynamic_torque", "rotor_acceleration", "inertia")
-            found, power = {"control_torque": torque}, ("rotor_speed", *torque)
+            power, torque = ("rotor_speed", *torque), (*self._rubbing, *torque)
+            found = {"control_torque": torque}
         else:
-            torque = ("hydrodynamic_torque", "control_torque", "inertia")
+            torque = (*self._rubbing, "hydrodynamic_torque", "control_torque", "inertia")
             found, power = {"rotor_acceleration": torque}, ("rotor_speed", "control_torque")
         return found | {"generator_power": power, "electrical_power": power}
 
+    @property
+    def _rubbing(self):
+        """The inputs on which the friction depends."""
+        return ("rotor_speed",) if self.options["generator"].rubs else ()
+
     def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
         (given,) = given.values()
+        net = hydrodynamic_torque - self.options["generator"].friction(rotor_speed)
         if self.options["inverse"]:
-            torque = hydrodynamic_torque - inertia * given
+            torque = net - inertia * given
             found = {"control_torque": torque}
         else:
-            torque, acceleration = given, (hydrodynamic_torque - given) / inertia
+            torque, acceleration = given, (net - given) / inertia
             found = {"rotor_acceleration": acceleration}
         electrical = self.options["generator"].electrical_power(torque, rotor_speed)
         return found | {"generator_power": torque * rotor_speed, "electrical_power": electrical}

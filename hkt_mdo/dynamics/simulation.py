@@ -80,6 +80,25 @@ class Plant:
         coefficient = self.coefficients(self.blade, polar, ratio).torque
         return torque_scale(self.density, radius, inflow_speed) * coefficient
 
+    def generator_torque(self, speed, inflow_speed):
+        """Return the generator torque that holds the rotor in equilibrium, N*m, of shape (n,).
+
+        That of the flow less the friction of the shaft; the arguments are those of `torque`.
+        """
+        return self.torque(speed, inflow_speed) - self.generator.friction(speed)
+
+    @property
+    def starting_flow(self):
+        """Speed of the flow from which the standing rotor starts against the friction, m/s.
+
+        Without a generator torque; infinite where the flow does not drive the standing rotor.
+        """
+        friction, one = self.generator.friction(0.0), np.ones(1)
+        driving = float(self.torque(0.0 * one, one)[0])  # of a flow of 1 m/s
+        if not friction:
+            return 0.0
+        return float(np.sqrt(friction / driving)) if driving > 0.0 else np.inf
+
     def station_torques(self, speed, inflow_speed, filters):
         """Return the torque of all blades at each station, N*m, (n, n_stations).
 
@@ -198,7 +217,8 @@ class FeedbackTorque:
         faster, slower = (plant.torque(speed + move, flow) for move in (step, -step))
         slopes = self.law.slopes(speed, flow, self.gains, *states)
         slopes[0] *= -1.0 / plant.inertia
-        slopes[0, 0] += (faster - slower) / (2.0 * step * plant.inertia)
+        by_speed = (faster - slower) / (2.0 * step) - plant.generator.shaft_friction_slope
+        slopes[0, 0] += by_speed / plant.inertia
         return np.moveaxis(slopes, -1, 0)
 
 
@@ -220,6 +240,7 @@ class Simulation:
     energy: float
     generator_energy: float
     electrical_energy: float
+    friction_energy: float
     kinetic_energy_change: float
     stopped_at: float | None
     speed_at: Callable
@@ -268,7 +289,9 @@ def simulate(
     max_step: float | None = None,
     tolerance: float = 1e-9,
 ) -> Simulation:
-    """Integrate I dw/dt = Q(w, v(t)) - u(t, w) (paper eq. 6) and the three energies.
+    """Integrate I dw/dt = Q(w, v(t)) - u(t, w) - F(w) (paper eq. 6) and the energies.
+
+    F is the friction of the shaft, if any.
 
     No step extends over an end of the flow's `pieces`, and the flow is sampled sixteen times in
     each, so that no gust is missed.
@@ -358,7 +381,7 @@ class _Motion:
     def march(self, start, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, most, last = [], np.zeros(3), FAILURES + edges.size, None
+        paths, energies, most, last = [], np.zeros(4), FAILURES + edges.size, None
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             fine = self._graded(self._divided_by_flow(window), last)
@@ -439,7 +462,8 @@ class _Motion:
     def _dense_rates(self, values, flow, driving, control):
         """Return the rates of the speed and the controller's states."""
         speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
-        acceleration = (driving - control) / self.plant.inertia
+        friction = self.plant.generator.friction(speed)
+        acceleration = (driving - control - friction) / self.plant.inertia
         rates = self.controller.rates(speed, flow, acceleration, *states) if states else ()
         return np.stack((acceleration, *rates), axis=-1)
 
@@ -557,8 +581,10 @@ class _Motion:
             share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
                 turning = stages[..., 0]
-                electrical = self.plant.generator.electrical_power(control, turning)
-                powers = driving * turning, control * turning, electrical
+                generator = self.plant.generator
+                electrical = generator.electrical_power(control, turning)
+                lost = generator.friction(turning) * turning
+                powers = driving * turning, control * turning, electrical, lost
                 return path, np.array([np.sum(step * MATRIX[-1] * each) for each in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
             edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))

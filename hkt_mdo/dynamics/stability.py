@@ -33,7 +33,8 @@ class Loop:
     Attributes
     ----------
     frozen : array, shape (n,)
-        Slope of the flow's torque by the rotor's speed in an unchanged wake, N*m*s/rad.
+        Slope of the flow's torque by the rotor's speed in an unchanged wake, less that of the
+        shaft's friction, N*m*s/rad.
     answers : array, shape (n, n_stations)
         Slope that the wake of each station adds in the end, N*m*s/rad.
     slow, fast : array, shape (n, 1) and (n, n_stations)
@@ -78,7 +79,8 @@ class Loop:
             law = np.moveaxis(slopes, -1, 0)
         else:
             law = np.full((n, 1, 1), controller.stiffness)
-        return cls(plant.torque_slope(speed, flow), answers, slow, fast, law, plant.inertia)
+        frozen = plant.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
+        return cls(frozen, answers, slow, fast, law, plant.inertia)
 
     def matrix(self, inertia: float) -> np.ndarray:
         """Return the matrix of the motion with an inertia, kg*m**2, (n, size, size).

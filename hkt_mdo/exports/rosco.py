@@ -177,7 +177,7 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
     if isinstance(law, Tracking):
         speeds = law.speed_at_rest(flows, design.gains)
-        torques = design.plant.torque(speeds, flows)
+        torques = design.plant.generator_torque(speeds, flows)
         limit = np.inf if law.torque_limit is None else law.torque_limit
         return flows, speeds, np.clip(torques, 0.0, limit)
     flows, speeds = balanced(design, flows)

@@ -311,7 +311,7 @@ def steady_operation(
         problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)
         raise InputError(problem, remedy, key="flow_range", value=list(flow_range))
     torque, radius = design.plant.torque(speed, flow), blade.rotor_radius
-    both = torque, torque  # of the flow and of the generator
+    both = torque, design.plant.generator_torque(speed, flow)  # of the flow and of the generator
     known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.generator)
     del known["time"]
     return known | world.loads_along(blade, known, world.loads.names)
@@ -338,8 +338,8 @@ def balanced(design: Design, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     def net(ratio, flow):
         speed = ratio * flow / radius
-        driving = plant.torque(speed, flow)
-        return driving - law.torque(speed, gains, *law.at_rest(driving, flow))
+        held = plant.generator_torque(speed, flow)
+        return held - law.torque(speed, gains, *law.at_rest(held, flow))
 
     best = design.physics.rotor.best_operation(design.blade).tip_speed_ratio
     ratio = np.linspace(SLOWEST, max(3.0 * best, 10.0), SEARCHED)

@@ -21,7 +21,7 @@ from hkt_mdo.problem.scenario import Scales
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.components import AngleComp, BladeGroup, rotor_inputs
+from hkt_mdo.rotor.components import AngleComp, BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
@@ -38,9 +38,10 @@ DESIGNED = {
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
 # bounds, and most iterations are needed to return.
 BARRIER = 6e-3
+# Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
-# segments there are: few steps suffice to approximate the Hessian, and every further step costs
-# time over all segments in each iteration.
+# segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
+# a first mesh, but not for the last digits on a finer one.
 FEW_STEPS, MANY_SEGMENTS = 15, 500
 
 
@@ -113,6 +114,9 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
     _add_variants(group, physics, setup)
+    if physics.asks_for("weight_stress"):
+        weight = WeightComp(rotor=physics.rotor, blade=blade)
+        group.add_subsystem("weight", weight, promotes=["*"])
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
     if attached:
@@ -124,8 +128,10 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
 
 def _add_variants(group, physics, setup):
     """Add inertia and tables of the rotor for scenarios with another turbine or water."""
+    band = physics.band(setup)
     tables = ("torque_coefficient_table",) if physics.has_curve else ()
     tables += tuple(f"{name}_table" for name in physics.load_names)
+    tables = tuple(band.outputs(physics.load_names)) if band else tables
     variants = {physics.variants[each.turbine]: physics.of(each) for each in physics.scenarios}
     for variant, own in variants.items():
         if not variant:
@@ -136,12 +142,18 @@ def _add_variants(group, physics, setup):
             nodes=np.asarray(setup.nodes, dtype=float),
             coefficients=("torque",) if physics.has_curve else (),
             loads=physics.load_names,
+            band=band,
         )
         inputs = rotor_inputs(setup.start.blade)
         outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
         group.add_subsystem(
             f"rotor{variant}", rotor, promotes_inputs=inputs, promotes_outputs=outputs
         )
+        if physics.asks_for("weight_stress"):
+            weight = WeightComp(rotor=own.rotor, blade=setup.start.blade)
+            outputs = [("weight_stress", named("weight_stress", variant))]
+            about = {"promotes_inputs": inputs, "promotes_outputs": outputs}
+            group.add_subsystem(f"weight{variant}", weight, **about)
 
 
 def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Driver:
@@ -149,7 +161,8 @@ def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Dri
 
     `near` tells that the start is near the optimum, so that an optimizer had better stay there.
     """
-    settings, segments = physics.case.driver, sum(each.segments for each in physics.scenarios)
+    settings, law = physics.case.driver, physics.law
+    segments = sum(each.segments for each in physics.scenarios)
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
@@ -157,7 +170,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True) -> om.Dri
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=FEW_STEPS if physics.law.is_feedback and segments > MANY_SEGMENTS else None,
+        memory=FEW_STEPS if segments > MANY_SEGMENTS and (most or law.is_feedback) else None,
         progress=progress,
     )
 
@@ -265,7 +278,7 @@ def _declare_constraints(model, physics, setup, scales):
         if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
     for number, scenario in enumerate(physics.scenarios):
-        if physics.may_pulse:
+        if physics.may_pulse and not scenario.steady:
             lower, upper = Follower(physics, setup, physics.band(setup)).bounds(number)
             about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
             name = f"{scenario.path}.wake_factor"

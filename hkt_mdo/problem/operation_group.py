@@ -28,7 +28,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 def named(name: str, variant: str) -> str:
     """Return the name in the model of a quantity of scenarios' own; see `Physics.variants`."""
-    own = name in ("density", "inertia") or name.endswith("_table")
+    own = name in ("density", "inertia", "weight_stress") or name.endswith(("_table", "_band"))
     return f"{name}{variant}" if own else name
 
 
@@ -116,12 +116,13 @@ class OperationGroup(om.Group):
         operation = physics.split(setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
             own, variant = physics.of(each), physics.variants[each.turbine]
-            hydrodynamics, parameters = self._hydrodynamics(own)
+            hydrodynamics, parameters = self._hydrodynamics(own, each.steady)
             options = {
                 "hydrodynamics": partial(_hydrodynamics, hydrodynamics),
                 "generator": physics.generator,
             }
             about = own.law, options, parameters, self.options["scales"], bounds
+            torque = torque - physics.generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
             promoted = [(name, named(name, variant)) for name in parameters]
@@ -139,11 +140,15 @@ class OperationGroup(om.Group):
             self.add_subsystem("traj", trajectory)
             self.promotes("traj", inputs=inputs)
 
-    def _hydrodynamics(self, physics):
-        """Return the options of `HydrodynamicsGroup` and the ODE's inputs, with units."""
+    def _hydrodynamics(self, physics, steady):
+        """Return the options of `HydrodynamicsGroup` and the ODE's inputs, with units.
+
+        In a steady scenario a wake with memory is in equilibrium.
+        """
         setup = self.options["start"]
         names = ["density", "inertia", "rotor_radius"]
-        if physics.remembers:
+        remembers = physics.remembers and not steady
+        if remembers:
             tau1 = physics.case.inflow_dynamics.tau1
             options = {"band": self._band, "tau1": tau1, "share": self._follower.share}
         elif physics.has_curve:
@@ -153,7 +158,7 @@ class OperationGroup(om.Group):
             options = {"blade": setup.start.blade, "polar": physics.polar, "coefficients": solver}
             names += ["chord", "twist"]
         parameters = {name: QUANTITIES[name].unit for name in names}
-        if physics.remembers:
+        if remembers:
             parameters |= dict.fromkeys(self._band.outputs(()))
         elif physics.has_curve:
             parameters["torque_coefficient_table"] = None
@@ -166,7 +171,6 @@ class OperationGroup(om.Group):
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
         fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
-        sources = "rotor_speed", "inflow_speed", *("wake_ratio",) * physics.remembers
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
             model = self._band if physics.remembers else TorqueSpline(nodes)
@@ -174,8 +178,11 @@ class OperationGroup(om.Group):
             variant = physics.variants[scenario.turbine]
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in sources:
+            for quantity in ("rotor_speed", "inflow_speed"):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
+            if physics.remembers:  # a wake in equilibrium is that of the rotor's own ratio
+                quantity = "tip_speed_ratio" if scenario.steady else "wake_ratio"
+                self.connect(f"{scenario.path}.{quantity}", f"{name}.wake_ratio")
 
     def _add_rates(self):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.generator import Generator
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
@@ -288,10 +288,13 @@ class Physics:
         """The generator that decides where the rotor works best; None: the largest shaft power.
 
         A constant efficiency does not change the optimum, and losses have no effect on an objective
-        that does not contain the electrical power.
+        that does not contain the electrical power. The shaft's friction has, on that of the shaft.
         """
-        counts = "electrical_power" in self.objective.inputs and not self.generator.proportional
-        return self.generator if counts else None
+        counts = "electrical_power" in self.objective.inputs
+        if counts and not self.generator.proportional:
+            return self.generator
+        delivers = counts or "generator_power" in self.objective.inputs
+        return LOSSLESS if delivers and self.generator.rubs else None
 
     @property
     def blade(self) -> Blade:
@@ -393,12 +396,13 @@ class Physics:
                 ratio = np.maximum(speed * radius / flow, SLOWEST_RATIO)
                 torque = own.rotor.coefficients(point.blade, ratio).torque
                 torque = torque * torque_scale(own.density, radius, flow)
-            known = trajectory_of(time, flow, speed, torque, torque, radius, self.generator)
+            held = torque - self.generator.friction(speed)
+            known = trajectory_of(time, flow, speed, torque, held, radius, self.generator)
             known |= own.loads_along(point.blade, known, self.load_names)
-            known["torque_rate"] = scenario.rate_of(torque)
+            known["torque_rate"] = scenario.rate_of(held)
             scalars = own.scalars(point.blade, own.mass_and_inertia(point.blade)[1])
             known["steady"] = scenario.steady
-            found.append(known | scalars | self.states_at_rest(torque, flow))
+            found.append(known | scalars | self.states_at_rest(held, flow))
         energies = self.energies([scenario.sample_weights for scenario in self.scenarios], found)
         return [known | energies for known in found]
 
@@ -428,6 +432,7 @@ class Physics:
             "inertia": inertia,
             "mass": self.mass_and_inertia(blade)[0],
             "blade_area": planform_area(blade),
+            "weight_stress": self.weight_stress(blade),
             "chord": blade.chord,
             "twist": blade.twist,
             "thickness": np.broadcast_to(thickness, blade.r.shape),
@@ -488,6 +493,18 @@ class Physics:
         if isinstance(self.objective, ElectricalEnergy):
             captured *= self.generator.largest_efficiency
         return self.objective.bound(captured)
+
+    def weight_stress(self, blade: Blade) -> float:
+        """Return the largest stress in a blade by its weight in water, Pa; 0 if it is not used."""
+        if not self.asks_for("weight_stress"):
+            return 0.0
+        return float(self.loads.weight_stress(blade, derivatives=False).values[0])
+
+    def water_inertias(self, blade: Blade) -> tuple[float, float]:
+        """Return the inertia (kg*m**2) of the water that a blade accelerates, by both models."""
+        models = "plate", "ellipse"
+        plate, ellipse = (self.rotor.water_inertia(blade, x).inertia for x in models)
+        return float(plate), float(ellipse)
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
@@ -734,6 +751,8 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         structure=turbine.structure,
         cavitation=cavitation,
         inertia_factor=case.condition.inertia,
+        added_inertia=case.rotor.added_inertia,
+        thickness=turbine.thickness,
     )
 
 

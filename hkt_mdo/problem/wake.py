@@ -56,7 +56,7 @@ class Follower:
         blade, time = self.setup.start.blade, scenario.samples
         flow = scenario.inflow.speed_at(time)
         ratio = speed * blade.rotor_radius / flow
-        tables = self.band.solve(self.physics.rotor, blade, ())
+        tables = self.band.solve(self.physics.of(scenario).rotor.as_built(blade), blade, ())
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
         steady = flow * self.band.spline.values(table, ratio)[0]
         slow = self.physics.case.inflow_dynamics.tau1

@@ -397,14 +397,17 @@ def not_modelled(case: Case) -> list[str]:
     list of str
         What no case has, and what this case does not ask for.
     """
+    weighs = any(getattr(limit, "weight", False) for limit in case.limits.given)
+    weight = "" if weighs else "no weight, "
+    added = ", no added mass" if case.rotor.added_inertia == "none" else ""
     found = [
         "The flow has one speed over the whole disc: no shear, no waves, no yaw, no wake of "
         "another turbine, and no turbulence that is smaller than the rotor.",
         "The channel is wide and deep: no blockage by bed, banks or surface, and no support "
         "structure.",
-        "Sections have the lift and drag of steady flow: no dynamic stall, no added mass.",
+        f"Sections have the lift and drag of steady flow: no dynamic stall{added}.",
         "Blades are rigid in the flow. Stress is that of a beam of one material, by thrust, torque "
-        "and centrifugal force: no fatigue, no buckling, no torsion, no weight, no root joint.",
+        f"and centrifugal force: no fatigue, no buckling, no torsion, {weight}no root joint.",
         "The torque follows its demand at once, and the sensor has no noise: hkt simulate RESULT "
         "--noise-snr tells what noise and its filter change. Start and stop are left out.",
     ]

@@ -33,6 +33,8 @@ from hkt_mdo.results.words import (
     measured,
     printable,
     tip_deflection,
+    water_inertia,
+    weight_moment,
 )
 
 VERSION = 1
@@ -464,6 +466,12 @@ class Summary(_Entry, Mapping[str, Any]):
     """Stability of the loop if the wake has memory, also if the case does not have it."""
     tip_deflection_m: _Number = None
     """Largest deflection of a tip out of the rotor plane, of a linear beam."""
+    water_inertia_kg_m2: tuple[float, float] | None = None
+    """Inertia of the water that the blades accelerate, as flat plates and as ellipses of the
+    sections' thickness; it is part of the rotor's only as `rotor.added_inertia` says."""
+    weight_moment_Nm: _Number = None
+    """Moment of a horizontal blade's weight, less its buoyancy, at the hub's radius, about the
+    rotor's axis; it changes its sign in half a turn."""
     at_bounds: list[BoundEntry] | None = None
     """Design variables that end at a bound of the case: a wider one may give more."""
     scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
@@ -619,6 +627,9 @@ class Summary(_Entry, Mapping[str, Any]):
         if case.design.set_angle_bounds:
             yield Row("set angle", self.set_angle_deg, "deg", digits=4)
         yield Row("inertia", self.inertia_kg_m2, "kg*m**2", digits=4)
+        if self.water_inertia_kg_m2 is not None and self.inertia_kg_m2:
+            model = case.rotor.added_inertia
+            yield water_inertia(self.water_inertia_kg_m2, self.inertia_kg_m2, model)
         yield Row("mass", self.mass_kg, "kg", digits=4)
         for label, error in (
             ("torque curve, relative error", self.surrogate_error),
@@ -650,6 +661,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield from _largest_rows(rest, self.loads, case)  # the torque has a row of its own
         if self.tip_deflection_m is not None:
             yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
+        if self.weight_moment_Nm is not None:
+            yield weight_moment(self.weight_moment_Nm)
         yield from (branch.row() for branch in self.branches or ())
 
 

@@ -170,6 +170,20 @@ def flow_words(section: Any) -> str:
     return f"{section.profile}: {', '.join(words)}"
 
 
+def water_inertia(estimates: tuple[float, float], inertia: float, model: str) -> Row:
+    """Return the row of the water's inertia, two estimates beside that of the rotor (kg m²)."""
+    shares = measured(tuple(100.0 * each / inertia for each in estimates), "%", 3)
+    counted = "not counted in it" if model == "none" else f"as {model} counted in it"
+    note = f"as plates to ellipses, {shares} of the inertia, {counted}"
+    return Row("inertia of water", estimates, "kg*m**2", note, 3)
+
+
+def weight_moment(moment: float) -> Row:
+    """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
+    note = "edgewise, of one blade at the hub, reversing in every turn"
+    return Row("weight in water", abs(moment), "N*m", note, 3)
+
+
 def tip_deflection(deflection: float, radius: float | None) -> Row:
     """Return the row of a tip's deflection (m), a share of the radius (m) where that is known."""
     share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""

@@ -291,10 +291,10 @@ class AngleComp(BladeComp):
 class InertiaComp(BladeComp):
     """Mass and inertia of the rotor from its chord and radius; see `mass_and_inertia`.
 
-    Inputs chord[n_stations] (m), thickness[n_stations] (over chord) where it is designed,
-    rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the
-    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2). The option rotor is a
-    `RotorModel`.
+    Inputs chord[n_stations] (m), twist[n_stations] (rad) where the inertia of the water counts,
+    thickness[n_stations] (over chord) where it is designed, rotor_radius (m), with which hub,
+    stations and tip move: mass is proportional to it and the blades' inertia to its cube. Outputs
+    mass (kg), inertia (kg*m**2). The option rotor is a `RotorModel`.
     """
 
     def setup(self):
@@ -305,14 +305,16 @@ class InertiaComp(BladeComp):
 
     @property
     def inputs_of_blade(self):
-        """Names of the inputs that decide the sections' areas, and the radius.
+        """Names of the inputs that decide the inertia: without water, not the twist.
 
         Returns
         -------
         list of str
             Names of `QUANTITIES`.
         """
-        return [name for name in rotor_inputs(self.options["blade"]) if name != "twist"]
+        moves_water = self.options["rotor"].added_inertia != "none"
+        names = rotor_inputs(self.options["blade"])
+        return [name for name in names if name != "twist" or moves_water]
 
     def _evaluate(self, inputs):
         """Return the blades' `RotorMass` at the start's radius, and the radius over the start's."""
@@ -333,9 +335,33 @@ class InertiaComp(BladeComp):
         radius, (*sizes, _) = self.options["blade"].rotor_radius, self.inputs_of_blade
         for power, name in ((1, "mass"), (3, "inertia")):
             for by in sizes:
-                partials[name, by] = getattr(blades, f"{name}_by_{by}") * stretch**power
+                slope = getattr(blades, f"{name}_by_{by}", 0.0)  # twist has no effect on the mass
+                partials[name, by] = slope * stretch**power
             slope = power * getattr(blades, name) * stretch ** (power - 1) / radius
             partials[name, "rotor_radius"] = slope
+
+
+class WeightComp(BladeComp):
+    """Largest stress in a blade by its weight in water; see `LoadModel.weight_stress`.
+
+    Inputs are those of `BladeComp`, output weight_stress (Pa). The option rotor is a `RotorModel`.
+    """
+
+    def setup(self):
+        super().setup()
+        self.add_output("weight_stress", units="Pa", desc="largest stress by the weight in water")
+        self.declare_partials("*", "*")
+
+    def compute(self, inputs, outputs):
+        outputs["weight_stress"] = self._solve(inputs).values
+
+    def compute_partials(self, inputs, partials):
+        found = self._solve(inputs)
+        for name in self.inputs_of_blade:
+            partials["weight_stress", name] = getattr(found, f"by_{name}")
+
+    def _solve(self, inputs):
+        return self.options["rotor"].loads.weight_stress(self.blade_of(inputs))
 
 
 class BladeGroup(om.Group):

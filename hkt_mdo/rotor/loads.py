@@ -22,6 +22,7 @@ from hkt_mdo.rotor.strength import (
 )
 
 # Unit of the coefficient of each load, the load over q (Pa)
+GRAVITY = 9.80665  # m/s²
 COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
 
 
@@ -105,7 +106,7 @@ class Cavitation:
     margin: float = 1.1
     atmospheric_pressure: float = 101325.0
     vapour_pressure: float = 1705.0  # of water at 15 degrees Celsius
-    gravity: float = 9.80665
+    gravity: float = GRAVITY
 
     def available_pressure(self, height, water_density):
         """Return the pressure above that of vapour (Pa) at a height over the hub (m).
@@ -206,6 +207,74 @@ class LoadModel:
             return self.structure, None
         thickness = place_weights(blade.r.size) @ blade.thickness
         return self.structure.at(thickness), self.structure.at(thickness, 1)
+
+    def weight_stress(self, blade, derivatives=True):
+        """Return the largest stress in a blade by its weight in water alone, as an `Envelope`, Pa.
+
+        The weight less the buoyancy, g (rho_b - rho) A per length, bends a horizontal blade about
+        the rotor's axis; in half a turn this moment changes its sign. The material alone is in the
+        water's way: a hollow blade is flooded. The pull along a vertical blade is left out
+        (docs/theory.md).
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+        derivatives : bool
+            Whether the derivatives are computed.
+
+        Returns
+        -------
+        Envelope
+            Of one point, which has no tip speed ratio.
+        """
+        (structure, change), weights = self._structure(blade), place_weights(blade.r.size)
+        r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
+        area = np.broadcast_to(structure.area, r.size)
+        excess = GRAVITY * (structure.density - self.water_density)
+        moments = (
+            excess * (first - (r if first.ndim == 1 else r[:, None]) * alone)
+            for alone, first in _outboard(blade, area, r, chord, powers=(0, 1))
+        )
+        moment, moment_by_chord, moment_by_area = moments
+        weak, strong = _about_chord(0.0, moment[None], twist)
+        wanted = change if derivatives else None
+        bending = structure.bending(weak, strong, chord, self.exponent, wanted)
+        values, share, _ = norm(bending.smooth, self.exponent)
+        if not derivatives:
+            return Envelope(np.max(np.real(bending.largest), axis=1), *(np.empty(0),) * 5)
+        by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
+        by_moment = by_weak * np.sin(twist) + by_strong * np.cos(twist)
+        by_places = by_moment @ moment_by_chord - 3.0 * share * bending.smooth / chord
+        by_chord = by_places @ weights
+        by_twist = (by_weak * strong - by_strong * weak) @ weights
+        by_thickness = np.zeros(by_chord.shape)
+        if change is not None:
+            by_places = share * bending.by_change + (by_moment @ moment_by_area) * change.area
+            by_thickness = by_places @ weights
+        by_radius = radius_slope(blade, values, by_chord, 1)
+        return Envelope(values, np.zeros(1), by_chord, by_twist, by_thickness, by_radius)
+
+    def weight_moment(self, blade):
+        """Return the moment of a horizontal blade's weight in water at the hub's radius, N*m.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+
+        Returns
+        -------
+        float
+            Less the buoyancy; the sections are linear between stations.
+        """
+        structure, _ = self._structure(blade)
+        weights = place_weights(blade.r.size)
+        edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
+        area = np.broadcast_to(structure.area, len(weights))
+        r, chord, area = map(between, (edges, carried(weights @ blade.chord), carried(area)))
+        moment = np.sum(WEIGHTS * np.diff(edges) * area * chord**2 * (r - blade.hub_radius))
+        return float(GRAVITY * (structure.density - self.water_density) * moment)
 
     def flapwise_moment(self, blade, tip_speed_ratio, r, flow=None):
         """Return the moment that bends a blade flapwise at radii r over q, m³, (n_points, n_r).
@@ -424,17 +493,19 @@ def _stress(model, blade, flow, ratio):
     return Load(r, exact, values, slopes)
 
 
-def _outboard(blade, area, r, chord):
+def _outboard(blade, area, r, chord, powers=(1, 2)):
     """Return the integrals of A s ds and A s² ds from every place to the tip, and their slopes.
 
-    A = area chord², both linear between the places r and constant from the last to the tip. Shapes
-    are (2, n_places), and (2, n_places, n_places) for the derivatives by the chord and by the area
-    at the places.
+    Or of A times other powers of s. A = area chord², both linear between the places r and constant
+    from the last to the tip. Shapes are (2, n_places), and (2, n_places, n_places) for the
+    derivatives by the chord and by the area at the places.
     """
     n, edges = r.size, np.append(r, blade.tip_radius)
     s, local, areas = map(between, (edges, carried(chord)[1:], carried(area)[1:]))
     unit = WEIGHTS * np.diff(edges)
-    weight, unit = (np.stack((factor, factor * s)) for factor in (unit * areas * s, unit * s))
+    weight, unit = (
+        np.stack([factor * s**power for power in powers]) for factor in (unit * areas, unit)
+    )
     integrals = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
 
     def slopes(by):

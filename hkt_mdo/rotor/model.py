@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.rotor import stall, steady_optimum
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.inertia import RotorMass, mass_and_inertia, water_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
 
@@ -34,7 +34,12 @@ class RotorModel(Hydrodynamics):
     cavitation : Cavitation, optional
         Suction and depth; without it there is no load `cavitation`.
     inertia_factor : float
-        Inertia of the actual rotor over that of blades and hub.
+        Inertia of the actual rotor over that of blades, hub and water.
+    added_inertia : str
+        The water that turning blades accelerate, as part of the inertia: "none", or that of flat
+        plates, "plate", or of ellipses with the sections' thickness, "ellipse".
+    thickness : float or ndarray of shape (n_stations,)
+        Thickness of the sections over the chord, where a blade does not have its own.
     """
 
     section_area: float | np.ndarray | CubicSpline
@@ -44,6 +49,8 @@ class RotorModel(Hydrodynamics):
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
     inertia_factor: float = 1.0
+    added_inertia: str = "none"
+    thickness: float | np.ndarray = 0.0
 
     @property
     def loads(self):
@@ -67,10 +74,35 @@ class RotorModel(Hydrodynamics):
         Returns
         -------
         RotorMass
-            The mass is that of the blades, the inertia that of blades and hub times the factor.
+            The mass is that of the blades, the inertia that of blades, hub and water times the
+            factor.
         """
         about = self.section_area, self.material_density, self.hub_inertia
-        return mass_and_inertia(blade, *about).heavier(self.inertia_factor)
+        found = mass_and_inertia(blade, *about)
+        if self.added_inertia != "none":
+            found = RotorMass(*map(np.add, found, self.water_inertia(blade, self.added_inertia)))
+        return found.heavier(self.inertia_factor)
+
+    def water_inertia(self, blade, model):
+        """Return the inertia of the water that a turning blade accelerates; see `water_inertia`.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+        model : str
+            "plate" or "ellipse".
+
+        Returns
+        -------
+        RotorMass
+            Its inertia and the gradients of that.
+        """
+        thickness = self.thickness if blade.thickness is None else blade.thickness
+        found = water_inertia(blade, self.water_density, thickness * (model == "ellipse"))
+        designed = blade.thickness is not None and model == "ellipse"
+        none = np.zeros(blade.r.size)
+        return found if designed else found._replace(inertia_by_thickness=none)
 
     def stall_fence(self, shape, blade, tip_speed_ratio):
         """Return the stations whose flow must stay attached; see `hkt_mdo.rotor.stall`.

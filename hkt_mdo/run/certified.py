@@ -24,8 +24,8 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
 
     `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
     only the torque limit is regarded. None where polars follow the Reynolds number, the radius or
-    the thickness is designed, the turbine differs between scenarios, or the best tip speed ratio is
-    near `HIGHEST`.
+    the thickness is designed, the turbine differs between scenarios, the inertia is not that of
+    blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
     if physics.rotor.follows_reynolds or shape.radius_bounds is not None:
@@ -34,7 +34,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
         return None
     if any(physics.of(each) is not physics for each in physics.scenarios):
         return None
-    if physics.rotor.inertia_factor != 1.0:
+    if physics.rotor.inertia_factor != 1.0 or physics.rotor.added_inertia != "none":
         return None
     if optimum.tip_speed_ratio > 0.8 * HIGHEST:
         return None
@@ -42,7 +42,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
     if free or any(each.duration < 10.0 * RAMP for each in physics.scenarios):
         return bound  # which quadratic feedback reaches
-    best = _best_power(physics, optimum)
+    best, friction = _best_power(physics, optimum), physics.generator.friction
 
     def at(inertia):
         total, family = 0.0, replace(best, inertia=inertia)
@@ -50,9 +50,9 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
             passing = Passing.of(scenario.inflow, scenario.edges)
             given = family, passing, physics.density, shape.blade.rotor_radius
             # the torque of a law under a limit lies between zero and the limit
-            found = [certificate(*given, None, limit)] if limit is not None else []
+            found = [certificate(*given, None, limit, friction)] if limit is not None else []
             if known is not None:
-                found.append(certificate(*given, known))
+                found.append(certificate(*given, known, friction=friction))
             total += scenario.weight * min(found)
         return total
 

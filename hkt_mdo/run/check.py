@@ -25,10 +25,13 @@ from hkt_mdo.results.words import (
     number,
     powers,
     tip_deflection,
+    water_inertia,
+    weight_moment,
 )
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size
+from hkt_mdo.run.flight import start_against_friction
 from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
 
@@ -170,6 +173,7 @@ def _turbine(found: Findings) -> Rows:
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
     yield Row("inertia", inertia, "kg*m**2", besides if rotor.hub_inertia else "", 4)
+    yield water_inertia(found.physics.water_inertias(blade), inertia, rotor.added_inertia)
 
 
 def _kind(rotor) -> str:
@@ -364,6 +368,9 @@ def _start(found: Findings) -> Rows:
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
+    text, starts = start_against_friction(found.plant, found.physics.scenarios)
+    if text:
+        yield Row("start", text) if starts else _warning("generator.shaft_friction", text)
     if found.time_constant is not None:
         how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
@@ -453,6 +460,8 @@ def _limits(found: Findings) -> Rows:
         deflection = loads.tip_deflection(found.physics, found.start.blade, found.at_start.values())
         if deflection is not None:
             yield tip_deflection(deflection, found.start.blade.tip_radius)
+    if found.physics.loads.structure:
+        yield weight_moment(found.physics.loads.weight_moment(found.start.blade))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

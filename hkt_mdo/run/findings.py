@@ -201,7 +201,8 @@ class Findings:
         self.given = blade if begun else build_turbine(case.rotor, case.fluid, self.mean).blade
         _, inertia = physics.mass_and_inertia(blade)
         solver = BEM[case.hydrodynamics.check]
-        self.plant = Plant(blade, physics.built(blade), inertia, physics.density, solver)
+        about = physics.built(blade), inertia, physics.density, solver, physics.generator
+        self.plant = Plant(blade, *about)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
         self.above_rated = self.average(lambda flow: flow.above(self.rated_speed))
@@ -244,8 +245,8 @@ class Findings:
             self.steady_speed = float(steady.rotor_speed[0])
             slope = 0.0
             if law.is_feedback:
-                speed, torque = steady.rotor_speed[:1], steady.hydrodynamic_torque[:1]
-                states = law.at_rest(torque, np.array([self.mean]))
+                speed, flow = steady.rotor_speed[:1], np.array([self.mean])
+                states = law.at_rest(self.plant.generator_torque(speed, flow), flow)
                 slope = float(law.torque_by_speed(speed, gains, *states)[0])
             self.time_constant = self.relaxation(self.steady_speed, self.mean, slope)
 
@@ -271,8 +272,9 @@ class Findings:
         return flow.average(power_scale(self.physics.density, radius, flow.speed))
 
     def torque(self, rotor_speed: float, flow_speed: float) -> float:
-        """Return the torque (N*m) of the starting blade at speeds in rad/s and m/s."""
-        return float(self.plant.torque(np.array([rotor_speed]), np.array([flow_speed]))[0])
+        """Return the torque (N*m) for the generator, of the starting blade at rad/s and m/s."""
+        at = np.array([[rotor_speed], [flow_speed]])
+        return float(self.plant.generator_torque(*at)[0])
 
     def places(self, chosen=slice(None)) -> str:
         """Return in words where stations of the starting blade lie."""

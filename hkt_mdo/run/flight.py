@@ -97,7 +97,9 @@ class Flown:
     def rates_flown(self) -> dict[str, np.ndarray]:
         """All rates, along the integration."""
         flown = self.simulation
-        acceleration = (flown.hydrodynamic_torque - flown.control_torque) / self.plant.inertia
+        friction = self.plant.generator.friction(flown.rotor_speed)
+        net = flown.hydrodynamic_torque - flown.control_torque - friction
+        acceleration = net / self.plant.inertia
         known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
         return {"torque_rate": self.controller.rate(*known)}
 
@@ -254,15 +256,17 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
         controller = FeedbackTorque(law, gains)
         speed, running = equilibria(plant, controller, flow)
         driving = plant.torque(speed, flow)
-        rest = np.array(law.at_rest(driving, flow)).reshape(len(states), flow.size)
+        torque = plant.generator_torque(speed, flow)
+        rest = np.array(law.at_rest(torque, flow)).reshape(len(states), flow.size)
         control = law.torque(speed, gains, *rest)
     else:
         speed, rest = nodes["rotor_speed"], np.empty((0, flow.size))
-        driving = control = plant.torque(speed, flow)
+        driving, control = plant.torque(speed, flow), plant.generator_torque(speed, flow)
         running = np.ones(flow.size, dtype=bool)
         controller = HeldSpeeds(2.0 * max(float(np.max(plant.torque_slope(speed, flow))), 0.0))
     electrical = plant.generator.electrical_power(control, speed)
-    powers = driving * speed, control * speed, electrical
+    lost = plant.generator.friction(speed) * speed
+    powers = driving * speed, control * speed, electrical, lost
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
     none = np.empty((flow.size, 0))
@@ -282,6 +286,7 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
         plant = plant_of(own, blade, inertia)
         options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
+            plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
             flown = _balanced(plant, scenario, own.law, result.point.gains, nodes, physics.states)
             flights.append(SteadyFlight.of(own, plant, *flown, **options))
             continue
@@ -311,6 +316,23 @@ def controller_of(physics: Physics, result: Optimized, plant: Plant, nodes: dict
     if physics.law.is_feedback:
         return FeedbackTorque(physics.law, result.point.gains)
     return RecordedTorque.of(plant, nodes, physics.law.torque_limit)
+
+
+def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
+    """Return how the standing rotor starts against its friction, as text, and whether it does.
+
+    That is in the fastest flow of some scenarios; the text is empty where there is no friction.
+    """
+    least = plant.starting_flow
+    if not least:
+        return "", True
+    fastest = max(float(np.max(each.inflow.speed_at(each.node_times))) for each in scenarios)
+    if least <= fastest:
+        return f"the standing rotor starts against its friction from {least:.3g} m/s", True
+    return (
+        "the standing rotor does not start by itself: against its friction it needs a flow of "
+        f"{least:.3g} m/s, and the fastest here has {fastest:.3g} m/s"
+    ), False
 
 
 def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:

@@ -27,6 +27,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.rotor.band import FACTORS
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -51,6 +52,7 @@ RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small differenc
 BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its distance from stall
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
+PROBES = 200  # tip speed ratios at which the slope of the mean induction is judged
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
@@ -162,6 +164,7 @@ def _of_design(physics, optimum, reference, result, flights):
     if physics.states:
         yield _closed_loop(flights)
     if physics.remembers:
+        yield from _of_tables(result)
         found = stability_of(physics, result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
@@ -192,6 +195,29 @@ def _of_design(physics, optimum, reference, result, flights):
         for limit in physics.limits_in(flight.scenario):
             yield from _of_limit(physics, limit, flight, suffix)
     yield from _resolved(physics, result, flights)
+
+
+def _of_tables(result):
+    """Yield how far a wake with memory leaves its tables, and whether these determine it.
+
+    The tip speed ratio of the wake follows from its mean induction, which has to rise with it.
+    """
+    nodes, outside, used = result.setup.nodes, 0.0, []
+    for known in result.trajectories:
+        wake = known["wake_ratio"]
+        factor = known["tip_speed_ratio"] / wake
+        for values, ends in ((factor, FACTORS), (wake, nodes)):
+            beyond = np.maximum(ends[0] - values, values - ends[-1])
+            outside = max(outside, float(np.max(beyond)) / np.ptp(ends))
+        used += [np.min(wake), np.max(wake)]
+    word = "how far the wake's tip speed ratio, or the rotor's over it, is beyond the tables"
+    yield "wake_in_tables", outside, 0.0, word
+    table = result.problem.get_val("wake_induction_table")
+    ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
+    _, slopes = TorqueSpline(nodes).values(table, ratios)
+    worst = int(np.argmin(slopes))
+    word = f"fall of the mean induction with the tip speed ratio, at {ratios[worst]:.3g}"
+    yield "wake_induction_falls", max(-float(slopes[worst]), 0.0), 0.0, word
 
 
 def _bounds(physics, optimum, flights):
@@ -295,8 +321,8 @@ def _net_torques(physics, result, flight):
     flown, law = flight.simulation, physics.of(flight.scenario).law
 
     def net(speed):
-        driving = flight.plant.torque(speed, flown.inflow_speed)
-        return driving - law.torque(speed, result.point.gains, *flown.states)
+        held = flight.plant.generator_torque(speed, flown.inflow_speed)
+        return held - law.torque(speed, result.point.gains, *flown.states)
 
     return net(flown.rotor_speed), net((1.0 - SLOWED) * flown.rotor_speed)
 
@@ -437,6 +463,8 @@ TRY = {
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",
     "closed_loop_with_memory": "try a larger rotor.hub_inertia, or another control.law",
+    "wake_in_tables": "try a larger rotor.hub_inertia, or a flow that changes more slowly",
+    "wake_induction_falls": "try start.method=quasi_steady, or inflow_dynamics: quasi_steady",
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy includes energy stored in the rotor: try objective=generator, or "

@@ -6,12 +6,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hkt_mdo.dynamics.simulation import RecordedTorque
+from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.dynamics.stability import Loop
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.run.flight import Flown, HeldSpeeds, Optimized, controller_of, plant_of
 
+HOPELESS = 0.5
+"""Share of the least stable inertia below which a case with memory is not optimized."""
+SAFE = 2.0
+"""The same of the inertia that is recommended: an optimum is nearer to instability than a start."""
 INSTANTS = 50
 """Instants of all integrations at which the loop is linearized."""
 LEAST_RATIO = 2.0
@@ -46,12 +52,50 @@ def stability(flights: Sequence[Flown], tau1: float | None = None) -> MemoryEntr
 
 def stability_of(physics: Physics, result: Optimized) -> MemoryEntry | None:
     """Return the same along the trajectories of an optimization whose case asks for memory."""
-    plant, along = plant_of(physics, result.point.blade, result.inertia), []
-    for nodes in result.trajectories:
-        names = "time", "rotor_speed", "inflow_speed", *physics.states
-        controller = controller_of(physics, result, plant, nodes)
+    along = []
+    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+        own, names = physics.of(scenario), ("time", "rotor_speed", "inflow_speed", *physics.states)
+        if scenario.steady and not own.law.is_feedback:
+            continue
+        inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
+        plant = plant_of(own, result.point.blade, inertia)
+        controller = controller_of(own, result, plant, nodes)
         along.append((plant, controller, [nodes[name] for name in names]))
     return _verdict(along)
+
+
+def refuse_unstable(physics: Physics, start: StartingPoint) -> None:
+    """Refuse a case with memory whose loop is far from stable at the start of the optimization.
+
+    That is one whose rotor has less than `HOPELESS` of the inertia from which the loop would be
+    stable, linearized along the quasi-steady operation. Nearer to that, another blade may help.
+
+    Raises
+    ------
+    InputError
+        With the least inertia.
+    """
+    if not (physics.remembers and physics.law.is_feedback and start.operation.running):
+        return
+    inertia, along = physics.mass_and_inertia(start.blade)[1], []
+    for scenario, known in zip(physics.scenarios, physics.on_start(start), strict=True):
+        own, names = physics.of(scenario), ("time", "rotor_speed", "inflow_speed", *physics.states)
+        plant = plant_of(own, start.blade, own.mass_and_inertia(start.blade)[1])
+        controller = FeedbackTorque(own.law, start.gains)
+        along.append((plant, controller, [known[name] for name in names]))
+    found = _verdict(along)
+    if found is None or found.stable:
+        return
+    least = found.least_inertia_kg_m2
+    if least is not None and inertia >= HOPELESS * least:
+        return
+    remedy = "give another control.law, or inflow_dynamics: quasi_steady"
+    if least is not None:
+        more = physics.case.rotor.hub_inertia + SAFE * least - inertia
+        remedy = f"give rotor.hub_inertia of about {more:.3g} kg*m**2 or more, {remedy[5:]}"
+    problem = f"has a start whose loop with memory is {found.text}"
+    value = physics.case.inflow_dynamics.model
+    raise InputError(problem, remedy, key="inflow_dynamics", value=value)
 
 
 def _verdict(along):

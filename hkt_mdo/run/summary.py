@@ -36,6 +36,7 @@ from hkt_mdo.run.flight import (
     SteadyFlight,
     design_and_result,
     simulated_objective,
+    start_against_friction,
     total,
 )
 from hkt_mdo.run.groups import by_scenario
@@ -166,10 +167,11 @@ def _energies(finished):
     physics, flights = finished.physics, finished.flights
     sums = {
         name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
-        for name in (*SIMULATED, "kinetic_energy_change")
+        for name in (*SIMULATED, "friction_energy", "kinetic_energy_change")
     }
-    energy, generated, stored = (
-        sums[name] for name in ("energy", "generator_energy", "kinetic_energy_change")
+    energy, *parts = (
+        sums[name]
+        for name in ("energy", "generator_energy", "friction_energy", "kinetic_energy_change")
     )
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
     meshes = [each.mesh for each in physics.scenarios]
@@ -191,7 +193,7 @@ def _energies(finished):
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
         "starting_energy_J": finished.start.operation.energy,
-        "energy_balance_error": abs(energy - generated - stored) / max(energy, 1e-9),
+        "energy_balance_error": abs(energy - sum(parts)) / max(energy, 1e-9),
     }
 
 
@@ -217,6 +219,7 @@ def _blade(finished):
         "tip_radius_m": blade.tip_radius,
         "set_angle_deg": _set_angle(physics, blade),
         "inertia_kg_m2": finished.result.inertia,
+        "water_inertia_kg_m2": physics.water_inertias(blade),
         "mass_kg": finished.result.mass,
         "r_m": blade.r,
         "chord_m": blade.chord,
@@ -275,6 +278,7 @@ def _extremes(finished, scenarios):
         "limits": limits,
         "loads": found,
         "tip_deflection_m": None if None in bent else max(bent),
+        "weight_moment_Nm": physics.loads.structure and physics.loads.weight_moment(blade),
     }
 
 
@@ -401,6 +405,7 @@ def _notes(finished):
         *_unresolved(physics, blade, finished.flights),
         *_outside_table(physics.generator, finished.flights),
         *_unstable(finished.flights),
+        *filter(None, [start_against_friction(finished.flights[0].plant, physics.scenarios)[0]]),
         *(PULSES,) * physics.may_pulse,
     ]
 

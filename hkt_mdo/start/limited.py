@@ -14,7 +14,6 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.limits import TYPICAL
 from hkt_mdo.problem.physics import START_EXCESS
 from hkt_mdo.problem.point import KEPT_EXCESS, PRICE, StartingPoint
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.improve import WIDE, Round, Search, Settings, Values
 from hkt_mdo.start.quasi_steady import SAFE
@@ -142,7 +141,7 @@ class LimitedSearch(Search):
 
         def net(quantities):
             torque = law.torque(quantities["rotor_speed"], gains)
-            return (quantities["hydrodynamic_torque"] - torque) / unit(quantities)
+            return (quantities["control_torque"] - torque) / unit(quantities)
 
         ((value, by),) = self._chained([net], *coefficients)
         quantities = steady.quantities(coefficients[0])
@@ -171,25 +170,31 @@ class LimitedSearch(Search):
         And their slopes by all unknowns; `ratio_by` has those of the ratios.
         """
         physics, blade = self.physics, self.blade(x)
-        none, density = np.zeros((1, blade.r.size)), physics.case.rotor.blade_material.density
+        none = np.zeros((1, blade.r.size))
 
         def by_all(by, by_ratio=0.0):  # by chord, twist, thickness and radius
             by = self.slopes(*by)
             rest = np.zeros((len(by), ratio_by.shape[1] - by.shape[1]))
             return np.hstack((by, rest)) + np.reshape(by_ratio, (-1, 1)) * ratio_by
 
-        mass = mass_and_inertia(blade, physics.section_area, density)
+        mass = replace(physics.rotor, hub_inertia=0.0).mass_and_inertia(blade)
         values = {
             "ratio": ratio,
             "rotor_radius": blade.rotor_radius,
             "inertia": physics.mass_and_inertia(blade)[1],
+            "weight_stress": 0.0,
         }
-        by = mass.inertia_by_chord[None], none, mass.inertia_by_thickness[None]
+        by = mass.inertia_by_chord, mass.inertia_by_twist, mass.inertia_by_thickness
+        by = tuple(each[None] for each in by)
         slopes = {
             "ratio": ratio_by,
             "rotor_radius": by_all((*3 * [none], np.ones(1)))[:1],
             "inertia": by_all((*by, np.array([3.0 * mass.inertia / blade.rotor_radius])))[:1],
         }
+        if names and physics.asks_for("weight_stress"):
+            weight = physics.loads.weight_stress(blade)
+            by = weight.by_chord, weight.by_twist, weight.by_thickness, weight.by_rotor_radius
+            values["weight_stress"], slopes["weight_stress"] = weight.values[0], by_all(by)[:1]
         rotor = physics.rotor.coefficients(blade, ratio, derivatives=True)
         values["torque"] = rotor.torque
         by = rotor.torque_by_chord, rotor.torque_by_twist, rotor.torque_by_thickness

@@ -1,8 +1,9 @@
-"""Quasi-steady operation: hydrodynamic and generator torque balance at every instant.
+"""Quasi-steady operation: the torques on the rotor balance at every instant.
 
 The rotor's time constant is a few hundredths of a second and the flow changes over many seconds, so
-the rotor follows Q = u on the unstalled side. No differential equation is solved, so there are no
-false solutions; the energy is within about 1e-5 of the dynamic one.
+the rotor follows Q = u + F on the unstalled side, F the friction of the shaft. No differential
+equation is solved, so there are no false solutions; the energy is within about 1e-5 of the dynamic
+one.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hkt_mdo.dynamics.formulas import STEP
-from hkt_mdo.dynamics.generator import Generator
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import Law, OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED, TYPICAL
 from hkt_mdo.problem.point import Operation
@@ -58,6 +59,8 @@ class QuasiSteady:
         Share of its speed that a rotor under feedback must be able to lose.
     generator : Generator or None
         With a generator, open loop delivers most electrical power at each instant.
+    shaft : Generator
+        Whose shaft has the friction.
     """
 
     inflow_speed: np.ndarray
@@ -68,6 +71,7 @@ class QuasiSteady:
     law: Law = field(default_factory=OpenLoop)
     slowed: float = SLOWED
     generator: Generator | None = None
+    shaft: Generator = LOSSLESS
 
     @classmethod
     def of(cls, physics: Physics, optimum: SteadyOptimum, slowed: float = SLOWED) -> QuasiSteady:
@@ -83,6 +87,7 @@ class QuasiSteady:
             physics.law,
             slowed,
             physics.starting_generator,
+            physics.generator,
         )
 
     def condensed(self) -> QuasiSteady:
@@ -145,8 +150,9 @@ class QuasiSteady:
             slope, by_gains = law.torque_by_speed(w, gains), law.torque_by_gain(w, gains)
         else:
             slope, by_gains = np.zeros(v.size), np.zeros((0, v.size))
-        # Where the controller holds the speed, Q(w) = u(w) moves w. Elsewhere w is where the power
-        # is largest, and a small change of w does not matter.
+        slope = slope + self.shaft.shaft_friction_slope
+        # Where the controller holds the speed, Q = u + F moves w. Elsewhere w is where the power is
+        # largest, and a small change of w does not matter.
         stiffness = np.where(held, slope - by_speed, np.inf)
         _, power_by_torque, power_by_speed = self._power(torque, w)
         moved = (power_by_speed + power_by_torque * by_speed) / stiffness  # dP/dw dw/dQ
@@ -166,12 +172,16 @@ class QuasiSteady:
         return Operation(energy, speed, torque, running, delivered=delivered)
 
     def _power(self, torque, w):
-        """Return the maximized power at Q = u, and its derivatives by torque and speed."""
+        """Return the maximized power in equilibrium, and its derivatives by torque and speed."""
         if self.generator is None:
             return torque * w, w, torque
-        power = self.generator.electrical_power
+        power = self._electrical
         by_torque, by_speed = power(torque + 1j * STEP, w), power(torque, w + 1j * STEP)
         return by_torque.real, by_torque.imag / STEP, by_speed.imag / STEP
+
+    def _electrical(self, torque, w):
+        """Return the electrical power in equilibrium with a torque of the flow."""
+        return self.generator.electrical_power(torque - self.shaft.friction(w), w)
 
     def _driving(self, table, v, w):
         """Return the hydrodynamic torque, N m."""
@@ -198,7 +208,8 @@ class QuasiSteady:
         if not self.law.is_feedback:
             return np.empty(0)
         v, slowed = self.inflow_speed[self._probes], (1.0 - self.slowed) * speed[self._probes]
-        margin = self._driving(table, v, slowed) - self.law.torque(slowed, gains)
+        braking = self.law.torque(slowed, gains) + self.shaft.friction(slowed)
+        margin = self._driving(table, v, slowed) - braking
         return margin / (TYPICAL * torque_scale(self.density, self.rotor_radius, v))
 
     def _margin_gradients(self, table, gains, speed, stiffness):
@@ -207,11 +218,11 @@ class QuasiSteady:
         slowed = (1.0 - self.slowed) * w
         _, _, by_radius_here, by_table_here = self._slopes(table, v, w)
         driving, by_speed, by_radius, by_table = self._slopes(table, v, slowed)
-        margin = driving - law.torque(slowed, gains)
+        margin = driving - law.torque(slowed, gains) - self.shaft.friction(slowed)
         # The equilibrium moves too: dw = d(Q - u) / stiffness.
         moved = (
             (1.0 - self.slowed)
-            * (by_speed - law.torque_by_speed(slowed, gains))
+            * (by_speed - law.torque_by_speed(slowed, gains) - self.shaft.shaft_friction_slope)
             / stiffness[self._probes]
         )
         by_gain = -(law.torque_by_gain(slowed, gains) + moved * law.torque_by_gain(w, gains)).T
@@ -228,7 +239,8 @@ class QuasiSteady:
         ratio = np.broadcast_to(best(curve), self.inflow_speed.shape).copy()
         limit = np.inf if self.law.torque_limit is None else self.law.torque_limit
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
-        held, running = scale * curve(ratio) > limit, True
+        speed = ratio * self.inflow_speed / self.rotor_radius
+        held, running = scale * curve(ratio) - self.shaft.friction(speed) > limit, True
         if held.any():
             limited = replace(self, inflow_speed=self.inflow_speed[held])
             constant = (lambda w: np.full(w.shape, limit)), np.zeros_like
@@ -250,9 +262,7 @@ class QuasiSteady:
         ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         unit = self.inflow_speed / self.rotor_radius
-        power = self.generator.electrical_power(
-            scale[:, None] * curve(ratios), ratios * unit[:, None]
-        )
+        power = self._electrical(scale[:, None] * curve(ratios), ratios * unit[:, None])
         peak = np.argmax(power, axis=1)
 
         def rise(ratio):
@@ -264,20 +274,22 @@ class QuasiSteady:
         return _root(rise, *(ratios[end] for end in ends))
 
     def _balance(self, table, controller, controller_slope):
-        """Find the largest tip speed ratio with Q = u at each instant: the unstalled root."""
+        """Find the largest tip speed ratio in balance at each instant: the unstalled root."""
+        friction, rubbing = self.shaft.friction, self.shaft.shaft_friction_slope
         curve = self.spline.curve(table)
         ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
         scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         unit = self.inflow_speed / self.rotor_radius
-        driving = scale[:, None] * curve(ratios) >= controller(ratios * unit[:, None])
+        speeds = ratios * unit[:, None]
+        driving = scale[:, None] * curve(ratios) >= controller(speeds) + friction(speeds)
         last = ratios.size - 1 - np.argmax(driving[:, ::-1], axis=1)
         has_root = driving.any(axis=1) & (last < ratios.size - 1)
         last = np.minimum(last, ratios.size - 2)
 
         def net(ratio):
             return (
-                scale * curve(ratio) - controller(ratio * unit),
-                scale * curve(ratio, 1) - controller_slope(ratio * unit) * unit,
+                scale * curve(ratio) - controller(ratio * unit) - friction(ratio * unit),
+                scale * curve(ratio, 1) - (controller_slope(ratio * unit) + rubbing) * unit,
             )
 
         return _root(net, ratios[last], ratios[last + 1]), bool(np.all(has_root))

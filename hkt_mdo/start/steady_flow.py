@@ -37,11 +37,14 @@ class Curves:
         Of the rotor, kg m².
     values : dict of str to np.ndarray
         Those of "torque" and of loads by name, at the nodes of a spline, shape (n_nodes,).
+    weight_stress : float
+        Largest stress by the blade's weight, Pa.
     """
 
     blade: Blade
     inertia: float
     values: dict[str, np.ndarray]
+    weight_stress: float
 
     @cached_property
     def table(self) -> np.ndarray:
@@ -97,7 +100,8 @@ class SteadyFlow:
             loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
                 values[name] = load.envelope(physics.loads.exponent).values
-            self._curves[blade] = Curves(blade, physics.mass_and_inertia(blade)[1], values)
+            inertia, weight = physics.mass_and_inertia(blade)[1], physics.weight_stress(blade)
+            self._curves[blade] = Curves(blade, inertia, values, weight)
         return self._curves[blade]
 
     def quantities(self, coefficients: dict, flow: np.ndarray | None = None) -> dict:
@@ -106,8 +110,8 @@ class SteadyFlow:
         Parameters
         ----------
         coefficients : dict
-            Tip speed ratio, coefficients of torque and loads there, shape (n,); rotor_radius (m)
-            and inertia (kg m²). All may be complex.
+            Tip speed ratio, coefficients of torque and loads there, shape (n,); rotor_radius (m),
+            inertia (kg m²) and weight_stress (Pa). All may be complex.
         flow : np.ndarray, optional
             Speeds of the flow, m/s, shape (n,); by default `speeds`.
 
@@ -120,19 +124,20 @@ class SteadyFlow:
         ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
         torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
         speed = ratio * flow / radius
-        both = torque, torque  # of the flow and of the generator
+        both = torque, torque - physics.generator.friction(speed)  # of the flow, of the generator
         series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
         for name in physics.load_names:
             if name in coefficients:
                 series[name] = 0.5 * physics.density * flow**2 * coefficients[name]
-        scalars = {"density": physics.density, "inertia": coefficients["inertia"]}
-        return series | {"rotor_radius": radius} | scalars
+        own = {name: coefficients[name] for name in ("inertia", "rotor_radius", "weight_stress")}
+        return series | own | {"density": physics.density}
 
     def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
         """Return the `quantities` of curves at tip speed ratios, (n,)."""
         values, _ = self.spline.values(curves.table, ratio)
         coefficients = dict(zip(curves.values, values.T, strict=True))
         scalars = {"rotor_radius": curves.blade.rotor_radius, "inertia": curves.inertia}
+        scalars["weight_stress"] = curves.weight_stress
         return self.quantities({"ratio": ratio} | scalars | coefficients, flow)
 
     def excess(self, series: dict) -> np.ndarray:

@@ -173,7 +173,8 @@ def with_gains(physics: Physics, problem: QuasiSteady, candidate: Candidate) -> 
         flow = {"inflow_speed": problem.inflow_speed, "weights": problem.weights}
         few = replace(problem, **{name: values[:: FIT.every] for name, values in flow.items()})
         ideal = replace(few, law=OpenLoop(torque_limit=law.torque_limit)).operate(table)
-        fitted = law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque)
+        friction = physics.generator.friction(ideal.rotor_speed)
+        fitted = law.fit(ideal.rotor_speed, ideal.hydrodynamic_torque - friction)
         tried = [np.clip(law.eased(fitted, share), *gain_bounds(physics)) for share in FIT.shares]
         points = (operating_point(blade, gains, few.operate(table, gains)) for gains in tried)
         gains = max(points, key=EnergySearch.rank).gains
@@ -204,7 +205,7 @@ def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
     law, steady, blade = task.physics.law, task.steady, guide.blade
     curves, point = steady.curves(blade), replace(guide, strategy=strategy)
     series = steady.along(curves, guide.ratio)
-    speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
+    speed, torque = series["rotor_speed"], series["control_torque"]
     if not task.physics.states:
         point = replace(point, gains=np.clip(law.fit(speed, torque), *gain_bounds(task.physics)))
         held = LimitedSearch(steady, task.problem.slowed).measured(point)

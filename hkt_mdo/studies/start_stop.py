@@ -25,13 +25,15 @@ class StartStop:
     `run_up`: without torque, from t = 0 until `started_at` (s), when the rotor reaches the tip
     speed ratio at which its design begins; `started_at` is None if it never does. `operation`:
     under the law, from then on. `shut_down`: with the torque at its limit, after the operation.
-    Parts that do not take place are None.
+    Parts that do not take place are None. `diameter` (m) is that of the disc: a run-up in which the
+    water moves less has no wake, and its computed time means nothing.
     """
 
     run_up: Simulation
     started_at: float | None
     operation: Simulation | None
     shut_down: Simulation | None
+    diameter: float
 
     def lines(self) -> Iterator[str]:
         """Describe each part in a line.
@@ -39,7 +41,7 @@ class StartStop:
         Yields
         ------
         str
-            Such as ``run-up: without torque to 4.2 rad/s in 3.10 s``.
+            Such as ``run-up: without torque to 4.2 rad/s in 8.10 s``.
         """
         up, down, speed = self.run_up, self.shut_down, self.run_up.rotor_speed
         if self.started_at is None:
@@ -47,7 +49,7 @@ class StartStop:
             yield f"{what} {measured(speed[-1], 'rad/s', 4)} in {up.time[-1]:.1f} s"
             return
         reached = measured(up.speed_at(self.started_at), "rad/s", 4)
-        yield f"run-up: without torque to {reached} in {self.started_at:.2f} s"
+        yield f"run-up: without torque to {reached} {self._lasting(up, self.started_at)}"
         if self.operation is None:
             yield "operation: none, the shut-down begins before the run-up ends"
             return
@@ -61,10 +63,17 @@ class StartStop:
             return
         limit = f"{down.control_torque[0]:.4g} N m"
         if down.stopped_at is not None:
-            yield f"shut-down: {limit} stop the rotor within {down.stopped_at - end:.2f} s"
+            yield f"shut-down: {limit} stop the rotor {self._lasting(down, down.stopped_at - end)}"
         else:
             word = "do not stop the rotor, which needs a brake: it comes to"
             yield f"shut-down: {limit} {word} {measured(down.rotor_speed[-1], 'rad/s', 4)}"
+
+    def _lasting(self, run, seconds):
+        """Return how long a part lasts (s), as text: only if its wake has the time to change."""
+        moved = seconds * float(run.inflow_speed[0])
+        if moved >= self.diameter:
+            return f"in {seconds:.2f} s"
+        return f"while the water moves {moved:.2g} m, too little for a wake: the time is not known"
 
 
 def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) -> StartStop:
@@ -108,11 +117,11 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     run_up = fly(lambda _, speed: 0.0 * speed, Start(first), duration)
     fast = np.flatnonzero(missing(run_up.time) >= 0.0)
     if not fast.size:
-        return StartStop(run_up, None, None, None)
+        return StartStop(run_up, None, None, None, 2.0 * radius)
     start = brentq(missing, *run_up.time[fast[0] - 1 : fast[0] + 1])
     end = duration if stop is None else stop
     if start >= end:
-        return StartStop(run_up, start, None, None)
+        return StartStop(run_up, start, None, None, 2.0 * radius)
     speed = float(run_up.speed_at(start))
     operation = fly(design.controller, design.start(inflow, speed, start), end)
     shut_down = None
@@ -120,7 +129,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
         most = design.law.torque_limit
         last = Start(float(operation.rotor_speed[-1]), time=stop)
         shut_down = fly(lambda _, speed: most + 0.0 * speed, last, duration)
-    return StartStop(run_up, start, operation, shut_down)
+    return StartStop(run_up, start, operation, shut_down, 2.0 * radius)
 
 
 def _check(design, duration, stop):

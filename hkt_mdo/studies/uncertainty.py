@@ -319,7 +319,7 @@ class Design:
         if not self.law.is_feedback:
             return Start(speed, (), time)
         flow = inflow.speed_at(np.array([time]))
-        states = self.law.at_rest(self.plant.torque(np.array([speed]), flow), flow)
+        states = self.law.at_rest(self.plant.generator_torque(np.array([speed]), flow), flow)
         return Start(speed, [float(state[0]) for state in states], time)
 
 
@@ -389,7 +389,8 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
         scales = torque_scale(plant.density, torque.radius, flows[k]), torque.radius / flows[k]
         curve = torque.curve.x, torque.curve.c
-        speed, captured = _runge_kutta(speed, control, step, plant.inertia, *scales, *curve)
+        held = control + plant.generator.friction(speed)
+        speed, captured = _runge_kutta(speed, held, step, plant.inertia, *scales, *curve)
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"

@@ -271,6 +271,27 @@ Two workers do **{two / one:.2f} times** as much as one ({3600 * two:,.0f} again
 """
 
 
+def memory(found):
+    """Return the section on a wake with memory."""
+    rows = [
+        (
+            f"co-design, {within_brackets(name)}" if "[" in name else "simulation",
+            f"{of['ratio']:.1f}",
+            *(seconds(of["times"][model]) for model in ("quasi_steady", "oye")),
+        )
+        for name, of in found.items()
+        if "with_memory" in name and "ratio" in of
+    ]
+    return f"""
+## A wake with memory
+
+The paper's rotor in the sinusoidal flow, with `inflow_dynamics: oye` and without
+([memory.md](memory.md)); whole runs, judges included, and a simulation of the design of
+`sine_quadratic`.
+
+{table(("", "times longer", "without memory", "with"), rows)}"""
+
+
 def within_brackets(name):
     """Return the parameters of a test's name."""
     return name.partition("[")[2].rstrip("]")
@@ -324,7 +345,7 @@ One core, the fastest of several calls. [bem.md](bem.md) says what is computed a
 def write(found, machine, docs):
     """Write the document and the figure of what was found, by name of the benchmark."""
     packages = ("openmdao", "dymos", "numpy", "scipy", "numba", "casadi")
-    sections = (whole_case, parts, iteration, many, direct, year, sweeps, peers, bem_alone)
+    sections = (whole_case, parts, iteration, many, direct, year, memory, sweeps, peers, bem_alone)
     cpu = machine.get("cpu", {})
     end = (
         f"\nMeasured with Python {platform.python_version()}, "

@@ -16,6 +16,7 @@ def test_page_takes_what_the_benchmarks_found(request, measured, tmp_path):
         "Growth",
         "Many flows",
         "A year",
+        "A wake with memory",
         "Sweeps",
         "Peers",
         "BEM alone",

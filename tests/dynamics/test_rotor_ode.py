@@ -7,6 +7,7 @@ from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.dynamics.flows import SineInflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup, RotorODE
 from hkt_mdo.problem.turbine import build_turbine
@@ -14,6 +15,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 N, RADIUS = 5, 1.4
+RUBS = Generator(shaft_friction=20.0, shaft_friction_slope=3.0)
 NODES = np.linspace(3.0, 11.0, 33)
 TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
 
@@ -44,6 +46,19 @@ def closed_loop():
     problem.set_val("gain_0", 7.2)
     problem.run_model()
     return problem
+
+
+def test_friction_brakes_the_shaft_and_takes_its_power(closed_loop):
+    """I dw/dt = Q - u - F: the same in the inverse shaft, whose torque is what is left."""
+    problem = problem_of(hydrodynamics=spline_hydrodynamics, law=OpenLoop(), generator=RUBS)
+    problem.set_val("torque_coefficient_table", TABLE)
+    acceleration = closed_loop.get_val("rotor_acceleration")
+    problem.set_val("rotor_acceleration", acceleration)
+    problem.run_model()
+    speed, less = closed_loop.get_val("rotor_speed"), closed_loop.get_val("control_torque")
+    less = less - (20.0 + 3.0 * speed)
+    np.testing.assert_allclose(problem.get_val("control_torque"), less, rtol=1e-12)
+    np.testing.assert_allclose(problem.get_val("generator_power"), less * speed, rtol=1e-12)
 
 
 def test_forward_and_inverse_dynamics_are_inverses(closed_loop):
@@ -89,8 +104,10 @@ def test_a_steady_rotor_gives_all_its_power_to_the_generator():
         {"law": QuadraticFeedback()},
         {"law": OpenLoop(unknown="speed")},
         {"law": OpenLoop(unknown="torque")},
+        {"law": OpenLoop(unknown="speed"), "generator": RUBS},
+        {"law": QuadraticFeedback(), "generator": RUBS},
     ],
-    ids=["saturated", "unlimited", "speed", "torque"],
+    ids=["saturated", "unlimited", "speed", "torque", "friction", "friction and law"],
 )
 def test_partials_by_complex_step(options):
     problem = problem_of(hydrodynamics=spline_hydrodynamics, **options)

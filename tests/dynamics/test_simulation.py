@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.flows import ConstantInflow, GustInflow, Inflow, SineInflow, StepInflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.dynamics.simulation import (
@@ -53,6 +54,22 @@ def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
     angle = 6.0 * duration + 0.5 * rate * duration**2
     assert run.energy == pytest.approx(torque * angle, rel=1e-8)
     assert run.generator_energy == pytest.approx(control * angle, rel=1e-8)
+
+
+def test_friction_slows_the_rotor_as_in_closed_form(blade, polar):
+    """I w' = Q - u - F - c w with Q and u constant: w approaches (Q - u - F) / c like e^(-ct/I)."""
+    inertia, control, rubs = 40.0, 300.0, Generator(shaft_friction=50.0, shaft_friction_slope=8.0)
+    coefficients = constant_torque_coefficient(0.05)
+    plant = Plant(blade, polar, inertia, DENSITY, coefficients, rubs)
+    torque = 0.5 * DENSITY * 1.5**2 * np.pi * 1.4**3 * 0.05
+    run = simulate(plant, ConstantInflow(speed=1.5), lambda t, w: control, 6.0, 5.0)
+    end, decay = (torque - control - 50.0) / 8.0, np.exp(-8.0 * run.time / inertia)
+    np.testing.assert_allclose(run.rotor_speed, end + (6.0 - end) * decay, rtol=1e-8)
+    parts = run.generator_energy, run.friction_energy, run.kinetic_energy_change
+    assert run.energy == pytest.approx(sum(parts), rel=1e-9)
+    assert run.friction_energy > 50.0 * run.energy / torque
+    # a standing rotor has the torque of its flow alone
+    assert plant.starting_flow == pytest.approx(1.5 * np.sqrt(50.0 / torque))
 
 
 def test_an_integration_error_passes_between_processes():

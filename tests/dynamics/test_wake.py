@@ -90,6 +90,21 @@ def test_ramps_have_the_torque_and_thrust_of_aerodyn(run):
 
 
 @pytest.mark.slow
+def test_a_vortex_wake_answers_a_step_of_the_speed_with_the_same_signs():
+    """Another model of the wake: the torque rises at once, and falls within seconds."""
+    from tests.dynamics import olaf_step  # which takes its rotor from here
+
+    time, constant, varying, olaf = olaf_step.table(
+        np.loadtxt(olaf_step.KEPT, delimiter=",", skiprows=1)
+    ).T
+    for change in (constant, varying, olaf):
+        assert change[0] > 0.0 > change[-1]
+        assert np.all(np.diff(change) < 0.0)
+    assert np.all(olaf > varying)
+    assert np.interp(0.0, -olaf, time) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("run", RUNS, ids=lambda run: f"{run.blade}-{run.name}")
 def test_aerodyn_itself_has_them(run, tmp_path, capsys):
     """Where `aerodyn_driver` is on PATH; docs/exports.md says how to get it."""

@@ -21,13 +21,16 @@ SECTIONS = [
 ]
 
 
+STRESS = {"bound": "60 MPa", "weight": True}
+
+
 def case(rotor=None, control="open_loop", limits=None, **others):
     given = {
         "inflow": "sine",
         "control": {"law": control, "torque_limit": 700},
         "rotor": {"sections": SECTIONS, "station_count": 8} | (rotor or {}),
         "phase": {"segments": 10},
-        "limits": {"stress": "60 MPa", "cavitation": {"depth": 3}} if limits is None else limits,
+        "limits": {"stress": STRESS, "cavitation": {"depth": 3}} if limits is None else limits,
     }
     design = {"thickness_points": 4, "chord_points": 5, "twist_points": 5}
     given["design"] = design | others.pop("design", {})
@@ -52,6 +55,7 @@ def test_partials_of_the_problem(control):
     names = [
         f"rotor.{part}" for part in ("shape", "mass_and_inertia", "torque_table", "load_table")
     ]
+    names.append("weight")
     found = problem.check_partials(
         out_stream=None, form="central", step=1e-6, includes=names, compact_print=True
     )

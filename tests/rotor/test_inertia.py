@@ -7,7 +7,7 @@ from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import InertiaComp
-from hkt_mdo.rotor.inertia import mass_and_inertia
+from hkt_mdo.rotor.inertia import mass_and_inertia, water_inertia
 from hkt_mdo.rotor.model import RotorModel
 
 AREA, DENSITY, HUB, TIP, COUNT = 0.094, 2700.0, 0.2, 1.4, 3
@@ -82,14 +82,31 @@ def test_section_area_may_run_along_the_span():
     assert inertia == pytest.approx(integral(2), rel=1e-13)
 
 
+def test_water_of_a_plate_turning_like_a_paddle():
+    """A cylinder of water about each blade across the flow, and none about one along it."""
+    chord = np.full(5, 0.2)
+    for cone in (0.0, 0.3):
+        paddle = blade(chord, cone).with_shape(chord, np.full(5, 0.5 * np.pi))
+        cylinder = 1000.0 * np.pi * 0.1**2 * (TIP**3 - HUB**3) / 3.0 * np.cos(cone) ** 2
+        found = water_inertia(paddle, 1000.0)
+        assert found.inertia == pytest.approx(paddle.blade_count * cylinder, rel=1e-12)
+        flat = paddle.with_shape(chord, np.zeros(5))
+        assert water_inertia(flat, 1000.0).inertia == 0.0
+        thick = water_inertia(flat, 1000.0, 0.3).inertia
+        assert thick == pytest.approx(0.09 * found.inertia, rel=1e-12)
+
+
 # Partials
 
 
-def test_partials_are_exact():
+@pytest.mark.parametrize("water", ["none", "plate", "ellipse"])
+def test_partials_are_exact(water):
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
     problem = om.Problem()
-    rotor = RotorModel(None, section_area=AREA, material_density=DENSITY, hub_inertia=0.5)
-    component = InertiaComp(blade=blade(chord, 0.1), rotor=rotor)
+    about = {"hub_inertia": 0.5, "added_inertia": water, "thickness": 0.2}
+    rotor = RotorModel(None, section_area=AREA, material_density=DENSITY, **about)
+    twisted = blade(chord, 0.1).with_shape(chord, np.linspace(0.5, 0.1, 5))
+    component = InertiaComp(blade=twisted, rotor=rotor)
     problem.model.add_subsystem("inertia", component, promotes=["*"])
     problem.setup(force_alloc_complex=True)
     problem.set_val("rotor_radius", 1.1 * TIP)

@@ -118,6 +118,20 @@ def test_stress_of_a_uniformly_loaded_rectangle(loaded):
         assert stress.r[np.argmax(stress.exact, axis=1)] == pytest.approx(0.2, abs=1e-5)
 
 
+def test_weight_in_water_of_a_uniform_bar():
+    """M = g (rho_b - rho) A L² / 2 about the axis, and 6 M / (h b²) where that bends edgewise."""
+    blade, model = uniform_blade(401), LoadModel(None, WATER, Structure.of(rectangle(), METAL))
+    moment = 9.80665 * (METAL - WATER) * 0.1 * 0.02 * 1.2**2 / 2.0
+    assert model.weight_moment(blade) == pytest.approx(moment, rel=1e-9)
+    for twist, shape in ((0.0, 0.02 * 0.1**2), (0.5 * np.pi, 0.1 * 0.02**2)):
+        turned = blade.with_shape(blade.chord, np.full(401, twist))
+        stress = model.weight_stress(turned, derivatives=False).values
+        assert stress == pytest.approx(6.0 * moment / shape, rel=2e-4)
+    # a blade as light as water has none
+    light = replace(model, structure=Structure.of(rectangle(), WATER))
+    assert light.weight_stress(blade, derivatives=False).values == 0.0
+
+
 def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
     """rho w² (R² - r²) / 2 with a free end."""
     blade = Blade(np.array([0.3, 0.55, 0.9, 1.2]), np.full(4, 0.1), np.zeros(4), 0.2, 1.4, 3)
@@ -409,6 +423,23 @@ def test_derivatives_are_those_of_differences(blade, polar, cone):
         assert mine.by_tip_speed_ratio == pytest.approx(slope(name, ratio=1.0), rel=1e-5)
         assert mine.by_rotor_radius == pytest.approx(slope(name, radius=1.0), rel=1e-5)
         assert shape == pytest.approx(slope(name, shape=1.0), rel=1e-5)
+
+
+def test_derivatives_of_the_stress_by_the_weight(blade, polar):
+    model, h, n = model_of(polar), 1e-6, blade.r.size
+    found, rng = model.weight_stress(blade), np.random.default_rng(3)
+    chord, twist = 0.1 * rng.normal(size=n), rng.normal(size=n)
+
+    def slope(changed):
+        ends = (model.weight_stress(changed(sign * h)).values for sign in (1.0, -1.0))
+        return -np.subtract(*reversed(list(ends))) / (2.0 * h)
+
+    by = slope(lambda step: blade.with_shape(blade.chord + step * chord, blade.twist))
+    assert found.by_chord @ chord == pytest.approx(by, rel=1e-6)
+    by = slope(lambda step: blade.with_shape(blade.chord, blade.twist + step * twist))
+    assert found.by_twist @ twist == pytest.approx(by, rel=1e-6)
+    by = slope(lambda step: blade.with_rotor_radius(blade.rotor_radius + step))
+    assert found.by_rotor_radius == pytest.approx(by, rel=1e-6)
 
 
 def test_partials_of_the_table(blade, polar):

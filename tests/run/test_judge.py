@@ -185,6 +185,8 @@ def near_stall(solved):
         def torque(self, slowed, flow):
             return solved.physics.law.torque(slowed, gains) + 1e-3 * (slowed < 0.99 * speed)
 
+        generator_torque = torque
+
     return with_flight(solved, plant=Stalls())
 
 

@@ -1,12 +1,18 @@
 """What a run tells of a wake with memory, and a run whose case asks for it."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
-from hkt_mdo import load_case, run_case
+from hkt_mdo import build_problem, load_case, run_case
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.summary import MemoryEntry
+from hkt_mdo.run.judge import _of_tables
 
 CASE = {"inflow": "sine", "control": "quadratic"}
+MEMORY = ("inflow_dynamics=oye",)
 
 
 def test_the_line_of_an_unstable_loop_cannot_be_overlooked():
@@ -41,6 +47,59 @@ def test_bad_inflow_dynamics_are_refused(given, key):
 def test_what_the_optimization_with_memory_cannot_do_is_refused(other):
     with pytest.raises(InputError, match="inflow_dynamics: oye"):
         load_case(CASE | other | {"inflow_dynamics": "oye"})
+
+
+def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refused():
+    """The tables end at 0.7 and 1.3 times the wake's tip speed ratio; the induction has to rise."""
+    nodes = np.linspace(4.0, 10.0, 25)
+    known = {"tip_speed_ratio": np.array([7.0, 8.0]), "wake_ratio": np.array([7.0, 7.5])}
+
+    def checks(table, **changes):
+        problem = SimpleNamespace(get_val=lambda name: table)
+        setup = SimpleNamespace(nodes=nodes)
+        trajectories = [known | changes]
+        result = SimpleNamespace(setup=setup, trajectories=trajectories, problem=problem)
+        return {name: value for name, value, *_ in _of_tables(result)}
+
+    rising = 0.03 * nodes
+    assert checks(rising) == {"wake_in_tables": 0.0, "wake_induction_falls": 0.0}
+    fast = checks(rising, tip_speed_ratio=np.array([7.0, 10.5]))
+    assert fast["wake_in_tables"] == pytest.approx((10.5 / 7.5 - 1.3) / 0.6)
+    slow = checks(rising, wake_ratio=np.array([3.4, 7.5]), tip_speed_ratio=np.array([3.4, 7.5]))
+    assert slow["wake_in_tables"] == pytest.approx(0.1)
+    assert checks(0.3 - rising)["wake_induction_falls"] == pytest.approx(0.03)
+
+
+@pytest.mark.slow
+def test_a_case_that_cannot_be_stable_ends_at_its_start(tmp_path):
+    case = load_case(CASE | {"control": {"law": "quadratic", "torque_limit": 700}}, MEMORY)
+    with pytest.raises(InputError, match=r"stable from a shaft inertia .* give rotor.hub_inertia"):
+        run_case(case, tmp_path / "light", figures=False, records=False)
+
+
+@pytest.mark.slow
+def test_scenarios_with_memory_in_other_water_fouled_and_steady():
+    """Each has the tables of its own turbine; in a constant flow they give the loads of BEM."""
+    flow = {"profile": "constant", "speed": 1.2}
+    scenarios = [
+        {"name": "own"},
+        {"name": "fouled", "density": 1025, "condition": {"drag": 1.5, "inertia": 1.2}},
+        {"name": "steady", "steady": True},
+    ]
+    case = CASE | {"inflow": flow, "scenarios": scenarios, "limits": {"thrust": 6900}}
+    case |= {"phase": {"duration": 10, "segments": 10}, "rotor": {"station_count": 9}}
+    problem = build_problem(load_case(case, MEMORY), improve=False)
+    problem.run_model()
+    world = physics(load_case(case, MEMORY))
+    for scenario in world.scenarios:
+        own = world.of(scenario)
+        path, loads = scenario.path, f"loads_{scenario.name}.thrust"
+        ratio = problem.get_val(f"{path}.tip_speed_ratio")[:1, 0]
+        pressure = 0.5 * own.density * 1.2**2
+        load = own.loads.coefficients(world.blade, ratio, names=("thrust",))["thrust"].exact[0, 0]
+        assert problem.get_val(loads)[0, 0] == pytest.approx(pressure * load, rel=1e-3)
+        torque = pressure * np.pi * 1.4**3 * own.rotor.coefficients(world.blade, ratio).torque
+        assert problem.get_val(f"{path}.hydrodynamic_torque")[0] == pytest.approx(torque, rel=1e-3)
 
 
 @pytest.mark.slow

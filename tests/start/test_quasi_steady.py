@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -20,9 +21,12 @@ FLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
 SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
 
 
-def quasi_steady(law=None, limit=None):
+RUBS = Generator(shaft_friction=40.0, shaft_friction_slope=5.0)
+
+
+def quasi_steady(law=None, limit=None, shaft=LOSSLESS):
     law = law or OpenLoop(torque_limit=limit)
-    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law)
+    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law, shaft=shaft)
 
 
 @pytest.fixture(scope="module")
@@ -60,22 +64,31 @@ def test_torque_limit_is_met_on_the_fast_side(table):
     assert np.all(operation.rotor_speed >= free.rotor_speed * (1.0 - 1e-9))
 
 
+def test_the_torque_that_the_limit_leaves_with_friction(table):
+    """The generator holds its limit, and the shaft takes the rest."""
+    operation = quasi_steady(limit=700.0, shaft=RUBS).operate(table)
+    held = operation.hydrodynamic_torque - RUBS.friction(operation.rotor_speed)
+    assert np.max(held) == pytest.approx(700.0, rel=1e-9)
+
+
 def test_an_excessive_gain_is_not_running(table):
     assert not quasi_steady(QuadraticFeedback()).operate(table, [500.0]).running
 
 
 @pytest.mark.parametrize(
-    ("law", "limit", "gains"),
+    ("law", "limit", "gains", "shaft"),
     [
-        (None, None, []),
-        (None, 700.0, []),
-        (LinearFeedback(), None, [110.0]),
-        (LinearFeedback(torque_limit=700.0), None, [80.0]),
-        (QuadraticFeedback(torque_limit=700.0), None, [15.0]),
+        (None, None, [], LOSSLESS),
+        (None, 700.0, [], LOSSLESS),
+        (None, 700.0, [], RUBS),
+        (LinearFeedback(), None, [110.0], LOSSLESS),
+        (LinearFeedback(torque_limit=700.0), None, [80.0], LOSSLESS),
+        (QuadraticFeedback(torque_limit=700.0), None, [15.0], LOSSLESS),
+        (QuadraticFeedback(torque_limit=700.0), None, [15.0], RUBS),
     ],
 )
-def test_gradient_of_the_energy(table, law, limit, gains):
-    problem, gains = quasi_steady(law, limit), np.array(gains)
+def test_gradient_of_the_energy(table, law, limit, gains, shaft):
+    problem, gains = quasi_steady(law, limit, shaft), np.array(gains)
     operation = problem.operate(table, gains)
     direction = np.cos(np.arange(table.size))
     step = 1e-7
@@ -100,15 +113,16 @@ def test_gradient_of_the_energy(table, law, limit, gains):
 
 
 @pytest.mark.parametrize(
-    ("law", "gains"),
+    ("law", "gains", "shaft"),
     [
-        (LinearFeedback(), [110.0]),
-        (LinearFeedback(torque_limit=700.0), [80.0]),
-        (QuadraticFeedback(), [9.0]),
+        (LinearFeedback(), [110.0], LOSSLESS),
+        (LinearFeedback(torque_limit=700.0), [80.0], LOSSLESS),
+        (QuadraticFeedback(), [9.0], LOSSLESS),
+        (QuadraticFeedback(), [9.0], RUBS),
     ],
 )
-def test_gradients_of_the_distance_from_stall(table, law, gains):
-    problem, gains = quasi_steady(law), np.array(gains)
+def test_gradients_of_the_distance_from_stall(table, law, gains, shaft):
+    problem, gains = quasi_steady(law, shaft=shaft), np.array(gains)
     gradient = problem.operate(table, gains).gradient()[1:]
     by_table, by_gain, by_radius = np.split(gradient, [table.size, -1], axis=1)
 
@@ -123,7 +137,7 @@ def test_gradients_of_the_distance_from_stall(table, law, gains):
         scale = 0.5 * np.pi * radius**3 * DENSITY * speeds**2
         driving = scale * (SPLINE.basis(w * radius / speeds) @ table)
         assert found.margin * 0.05 * scale == pytest.approx(
-            driving - law.torque(w, gains), rel=1e-6, abs=1e-6
+            driving - law.torque(w, gains) - shaft.friction(w), rel=1e-6, abs=1e-6
         )
         return found.margin
 

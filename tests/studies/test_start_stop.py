@@ -7,6 +7,7 @@ import pytest
 
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.errors import InputError
 from hkt_mdo.studies.start_stop import FIRST, start_and_stop
 from hkt_mdo.studies.uncertainty import Design
@@ -42,6 +43,9 @@ def test_a_run_up_gains_what_the_flow_does(design):
     run = parts.run_up
     assert run.generator_energy == 0.0
     assert run.energy == pytest.approx(run.kinetic_energy_change, rel=1e-9)
+    # while the water moves less than the diameter there is no wake: the time is not told
+    assert "the time is not known" in next(parts.lines())
+    assert f" in {parts.started_at:.2f} s" in next(replace(parts, diameter=0.1).lines())
     reached = parts.operation.rotor_speed[0]
     assert reached == pytest.approx(design.initial_speed(ConstantInflow(speed=1.5)))
 
@@ -50,15 +54,17 @@ def test_the_limit_of_the_torque_stops_a_rotor_that_it_exceeds(design):
     parts = start_and_stop(design, design.physics.inflow, stop=50.0)
     assert parts.operation.time[-1] == pytest.approx(50.0)
     assert 50.0 < parts.shut_down.stopped_at < 51.0
-    assert any("700 N m stop the rotor within" in line for line in parts.lines())
+    assert any("700 N m stop the rotor while the water" in line for line in parts.lines())
     weak = replace(design, physics=replace(design.physics, law=design.law.with_torque_limit(100.0)))
     parts = start_and_stop(weak, design.physics.inflow, stop=50.0)
     assert parts.shut_down.stopped_at is None
     assert any("needs a brake" in line for line in parts.lines())
 
 
-def test_a_rotor_that_does_not_start_is_reported(design):
-    heavy = replace(design, plant=replace(design.plant, inertia=1e6))
+@pytest.mark.parametrize("changed", [{"inertia": 1e6}, {"generator": Generator(shaft_friction=90)}])
+def test_a_rotor_that_does_not_start_is_reported(design, changed):
+    """Too heavy, or with more friction than the flow's torque on the standing rotor."""
+    heavy = replace(design, plant=replace(design.plant, **changed))
     parts = start_and_stop(heavy, design.physics.inflow)
     assert parts.started_at is None
     assert parts.operation is None

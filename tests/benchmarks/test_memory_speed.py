@@ -1,0 +1,58 @@
+"""What a wake with memory costs: a simulation and a co-design, with it and without."""
+
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.run.run import run_case
+from hkt_mdo.studies.uncertainty import Design
+
+CASES = {
+    "quadratic": {"control": {"law": "quadratic"}},
+    "quadratic, 700 N m, 30 kg m^2 more": {
+        "control": {"law": "quadratic", "torque_limit": 700},
+        "rotor": {"hub_inertia": 30},
+    },
+    "open loop, 700 N m": {"control": {"law": "open_loop", "torque_limit": 700}},
+}
+SMALL = ["phase={duration: 10, segments: 20}"]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_design_with_memory(name, full, in_turns, benchmark, tmp_path):
+    """At most three times a co-design without memory, and five times a simulation."""
+    if not full and name != "quadratic":
+        pytest.skip("one case is enough in small")
+    given = {"inflow": "sine"} | CASES[name]
+
+    def design(model):
+        case = load_case(given, [f"inflow_dynamics={model}", *([] if full else SMALL)])
+        out = tmp_path / model
+        return run_case(case, out, force=True, figures=False, records=False)
+
+    models = "quasi_steady", "oye"
+    times = in_turns({each: lambda each=each: design(each) for each in models}, 3 if full else 1)
+    found = in_turns.results
+    benchmark.extra_info["times"] = times
+    benchmark.extra_info["ratio"] = times["oye"] / times["quasi_steady"]
+    assert all(each.success for each in found.values())
+    assert found["oye"].summary.energy_J > found["quasi_steady"].summary.energy_J
+    if full:
+        assert benchmark.extra_info["ratio"] < 3.0
+
+
+def test_a_simulation_with_memory(full, in_turns, benchmark, tmp_path):
+    """At most five times a simulation without, in a flow without high frequencies."""
+    case = load_case({"inflow": "sine", "control": "quadratic"}, [] if full else SMALL)
+    run_case(case, tmp_path / "run", figures=False, records=False)
+    plain = Design.of(Solution.load(tmp_path / "run"))
+    remembering = plain.with_memory()
+    flow = plain.physics.inflow
+    fly = {"quasi_steady": lambda: plain.fly(flow), "oye": lambda: remembering.fly(flow)}
+    times = in_turns(fly, 7 if full else 1)
+    benchmark.extra_info["times"] = times
+    benchmark.extra_info["ratio"] = times["oye"] / times["quasi_steady"]
+    found = in_turns.results
+    assert found["oye"].energy == pytest.approx(found["quasi_steady"].energy, rel=1e-2)
+    if full:
+        assert benchmark.extra_info["ratio"] < 5.0

@@ -1,0 +1,123 @@
+"""A step of the rotor's speed by 2 %: Oye's filters beside AeroDyn's free vortex wake, OLAF.
+
+OLAF (`Wake_Mod` 3 of the same driver) is physics of another kind: the comparison says how far the
+filters are a model of a wake. `python -m tests.dynamics.olaf_step` writes what
+`tests/data/openfast` keeps (about ten minutes), `... --kept` prints the table of docs/theory.md.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from hkt_mdo.dynamics.simulation import simulate
+from tests.dynamics import aerodyn_runs
+from tests.dynamics.aerodyn_runs import DATA, Ramps
+from tests.dynamics.test_wake import Driven, RampedInflow, plant_of
+
+HOLD, STEP, CORE = 10.0, 0.04, 0.05  # s, s, m: before and after the step, of OLAF, of its vortices
+RUN, HELD = (Ramps("paper", "speed", 8.06, 1.5, (x,), HOLD, 1.0, STEP) for x in (1.02, 1.0))
+NEAR, FAR = 100, 120  # panels of the wake
+TIMES = 0.12, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0, 9.0  # s after the begin of the ramp
+KEPT = DATA / "paper" / "wake" / "olaf_step.csv"
+COLUMNS = "time_s,torque_N_m,held_torque_N_m"
+OLAF = f"""------- Free vortex wake -------
+written by hkt_mdo's tests
+--- General ---
+5            IntMethod          - 5: forward Euler
+{STEP}       DTfvw              - (s)
+0.0          FreeWakeStart      - (s)
+0.0          FullCircStart      - (s)
+--- Circulation ---
+1            CircSolvMethod     - 1: by the polars
+default      CircSolvConvCrit   - (-)
+default      CircSolvRelaxation - (-)
+100          CircSolvMaxIter    - (-)
+"unused"     CirculationFile    - (-)
+======
+--- Wake ---
+--- Extent ---
+{NEAR}       nNWPanels          - (-)
+{NEAR}       nNWPanelsFree      - (-)
+{FAR}        nFWPanels          - (-)
+{FAR}        nFWPanelsFree      - (-)
+False        FWShedVorticity    - (flag)
+--- Regularization ---
+0            DiffusionMethod    - 0: none
+0            RegDeterMethod     - 0: as given
+3            RegFunction        - 3: Vatistas
+3            WakeRegMethod      - 3: by age
+{CORE}       WakeRegFactor      - (m)
+{CORE}       WingRegFactor      - (m)
+100          CoreSpreadEddyVisc - (-)
+--- Treatment ---
+False        TwrShadowOnWake    - (flag)
+0            ShearModel         - (switch)
+--- Speed ---
+1            VelocityMethod     - 1: every segment
+1.5          TreeBranchFactor   - (-)
+1            PartPerSegment     - (-)
+======
+--- Output ---
+0            WrVTk              - (flag)
+0            nVTKBlades         - (-)
+1            VTKCoord           - (-)
+1            VTK_fps            - (1/s)
+0            nGridOut           - (-)
+GridName GridType TStart TEnd DTGrid XStart XEnd nX YStart YEnd nY ZStart ZEnd nZ
+(-) (-) (s) (s) (s) (m) (m) (-) (m) (m) (-) (m) (m) (-)
+--- End ---
+"""
+
+
+def olaf(run, program, folder):
+    """Run OLAF; return time (s) and torque (N m)."""
+    place = aerodyn_runs.write_inputs(run, folder)
+    changes = {"Wake_Mod": 3, "OLAFInputFileName": '"olaf.dat"'}
+    aerodyn_runs._edit(place / "aerodyn.dat", **changes)
+    (place / "olaf.dat").write_text(OLAF)
+    command = [program, "aerodyn_driver.dvr"]
+    subprocess.run(command, cwd=place, capture_output=True, text=True, check=True)
+    (path,) = place.glob("aerodyn_driver*.out")
+    lines = path.read_text().splitlines()
+    head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["Time"])
+    of = dict(zip(lines[head].split(), np.loadtxt(lines[head + 2 :]).T, strict=True))
+    return of["Time"], of["RtFldMxh"]
+
+
+def oye(tau1, time):
+    """Return the torque (N m) of this program in the same step, by Oye's filters, at times (s)."""
+    plant, (times, _) = plant_of(RUN).with_memory(tau1), RUN.corners
+    speeds, flows = RUN.speeds(times, plant.blade.rotor_radius)
+    flow = RampedInflow(times=tuple(times), speeds=tuple(flows))
+    about = Driven(times, speeds), float(speeds[0]), RUN.duration, time
+    return simulate(plant, flow, *about, max_step=0.5).hydrodynamic_torque
+
+
+def table(kept):
+    """Return the rows: time after the step (s), and what the step changes by each model, N m.
+
+    OLAF's wake is still growing: its torque is compared with that of a run without the step.
+    """
+    every, at = np.arange(0.0, RUN.duration + 1e-9, STEP), HOLD + np.array(TIMES)
+    found = [oye(tau1, every) for tau1 in (1.0, None)]
+    found = [np.interp(at, every, each) - np.interp(HOLD, every, each) for each in found]
+    time, stepped, held = kept.T
+    return np.column_stack((TIMES, *found, np.interp(at, time, stepped - held)))
+
+
+if __name__ == "__main__":
+    if "--kept" not in sys.argv:
+        found = []
+        for run in (RUN, HELD):
+            with tempfile.TemporaryDirectory() as folder:
+                time, torque = olaf(run, shutil.which("aerodyn_driver"), Path(folder))
+            found.append(torque)
+        rows = np.column_stack((time, *found))[time >= HOLD - 1e-9]
+        lines = [",".join(f"{x:.8g}" for x in row) for row in rows]
+        KEPT.write_text("\n".join([COLUMNS, *lines, ""]))
+    for row in table(np.loadtxt(KEPT, delimiter=",", skiprows=1)):
+        print("| {:g} | {:+.1f} | {:+.1f} | {:+.1f} |".format(*row))
