@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import difflib
 import reprlib
-from collections.abc import Iterable, Iterator
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 LONGEST_VALUE = 60
 """Most characters of a value that a message repeats, so that it stays one line."""
@@ -64,6 +68,37 @@ def did_you_mean(name: str, names: Iterable[str]) -> str:
     """
     near = difflib.get_close_matches(name[:LONGEST_GUESS], names, n=1)
     return f"did you mean {near[0]}? " if near else ""
+
+
+def needed(module: str, remedy: str, what: str = "", **place: Any) -> Any:
+    """Return a module of a package that may not be installed.
+
+    Parameters
+    ----------
+    module : str
+        Its full name.
+    remedy : str
+        How to get it, or what to do without.
+    what : str
+        What needs it, and a space.
+    **place : Any
+        Where the need comes from, as `InputError` takes it.
+
+    Returns
+    -------
+    module
+        The module.
+
+    Raises
+    ------
+    InputError
+        If it cannot be imported.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        problem = f"{what}needs the package {module.partition('.')[0]}, which is not installed"
+        raise InputError(problem, remedy, **place) from None
 
 
 def install(extra: str) -> str:
@@ -165,3 +200,24 @@ def interrupts_of_compiled_code() -> Iterator[None]:
         if isinstance(cause, KeyboardInterrupt):
             raise KeyboardInterrupt from error
         raise
+
+
+@contextmanager
+def handling(number: int, handler: Callable) -> Iterator[None]:
+    """Give a signal another handler; in another thread than the main one nothing is changed.
+
+    Parameters
+    ----------
+    number : int
+        The signal, such as `signal.SIGTERM`.
+    handler : callable
+        Called with the signal and the frame.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        signal.signal(number, before or signal.SIG_DFL)

@@ -7,9 +7,13 @@ a limit or an objective of one's own may take.
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
+
+import yaml
+
+from hkt_mdo.errors import did_you_mean
 
 _SUFFIXES = {None: "", "N*m": "_Nm", "N*m/s": "_Nm_s", "m/s": "_m_s", "rad/s": "_rad_s"}
 
@@ -65,69 +69,11 @@ class Described:
         return {"units": self.unit, "desc": self.text}
 
 
-_ALL = (
-    Described("time", "s", "time since the start", "time", "trajectory"),
-    Described("inflow_speed", "m/s", "undisturbed flow speed at the rotor", "time", "trajectory"),
-    Described("rotor_speed", "rad/s", "angular speed of the rotor", "time", "trajectory"),
-    Described("tip_speed_ratio", None, "tip speed over inflow speed", "time", "trajectory"),
-    Described(
-        "hydrodynamic_torque", "N*m", "torque of the flow on the rotor", "time", "trajectory"
-    ),
-    Described("control_torque", "N*m", "generator torque on the rotor", "time", "trajectory"),
-    Described("hydrodynamic_power", "W", "power captured from the flow", "time", "trajectory"),
-    Described("generator_power", "W", "power taken by the generator", "time", "trajectory"),
-    Described(
-        "electrical_power",
-        "W",
-        "power delivered by the generator, less its losses",
-        "time",
-        "trajectory",
-    ),
-    Described(
-        "thrust", "N", "thrust of the flow on the rotor, along its axis", "time", "loads", "m**2"
-    ),
-    Described(
-        "root_moment",
-        "N*m",
-        "flapwise moment of one blade at the hub's radius",
-        "time",
-        "loads",
-        "m**3",
-    ),
-    Described("stress", "Pa", "largest stress in a blade", "time", "loads"),
-    Described(
-        "cavitation",
-        None,
-        "largest suction times the margin, over the difference of static and vapour pressure",
-        "time",
-        "loads",
-        "1/Pa",
-    ),
-    Described("torque_rate", "N*m/s", "rate of the generator torque", "time", "rates"),
-    Described("chord", "m", "chord at the stations", "span", "rotor"),
-    Described("twist", "rad", "twist at the stations, set angle included", "span", "rotor"),
-    Described("thickness", None, "thickness over chord at the stations", "span", "rotor"),
-    Described("rotor_radius", "m", "radius of the swept disc", "design", "rotor"),
-    Described("density", "kg/m**3", "density of the water", "design", "rotor"),
-    Described("inertia", "kg*m**2", "moment of inertia about the shaft", "design", "rotor"),
-    Described("mass", "kg", "mass of the blades", "design", "rotor"),
-    Described("blade_area", "m**2", "planform area of all blades", "design", "rotor"),
-    Described(
-        "weight_stress", "Pa", "largest stress in a blade by its weight in water", "design", "rotor"
-    ),
-    Described("energy", "J", "energy captured from the flow", "result", "integrals"),
-    Described("generator_energy", "J", "energy taken by the generator", "result", "integrals"),
-    Described(
-        "electrical_energy",
-        "J",
-        "energy delivered by the generator, less its losses",
-        "result",
-        "integrals",
-    ),
-)
-
-QUANTITIES: dict[str, Described] = {entry.name: entry for entry in _ALL}
-"""Every quantity by its name."""
+QUANTITIES: dict[str, Described] = {
+    name: Described(name, **keys)
+    for name, keys in yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text("utf-8")).items()
+}
+"""Every quantity by its name, as ``quantities.yaml`` beside this module describes them."""
 
 
 def names(over: str = "", source: str = "") -> tuple[str, ...]:
@@ -144,7 +90,9 @@ def names(over: str = "", source: str = "") -> tuple[str, ...]:
         The names, in the order of the registry.
     """
     return tuple(
-        entry.name for entry in _ALL if over in ("", entry.over) and source in ("", entry.source)
+        entry.name
+        for entry in QUANTITIES.values()
+        if over in ("", entry.over) and source in ("", entry.source)
     )
 
 
@@ -185,6 +133,4 @@ def nearest(name: str) -> str:
     str
         The nearest name, if one is near, and all of them.
     """
-    close = difflib.get_close_matches(name, QUANTITIES, n=1)
-    guess = f"did you mean {close[0]}? " if close else ""
-    return f"{guess}known: {', '.join(QUANTITIES)}"
+    return f"{did_you_mean(name, QUANTITIES)}known: {', '.join(QUANTITIES)}"

@@ -8,9 +8,9 @@ import operator
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 
@@ -197,6 +197,11 @@ def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     if not bounds[0] < bounds[1]:
         raise refusal("has its lower bound at or above its upper", "write [lower, upper]")
     return bounds
+
+
+_End = TypeVar("_End")
+Pair = Annotated[tuple[_End, _End], AfterValidator(ordered)]
+"""A lower and an upper bound of one kind, such as ``Pair[Annotated[float, Quantity("m")]]``."""
 
 
 def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool]:

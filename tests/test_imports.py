@@ -14,7 +14,7 @@ ALLOWED = {
     "compiled": set(),
     "errors": set(),
     "files": {"errors"},
-    "quantities": set(),
+    "quantities": {"errors"},
     "sections": {"errors"},
     "solve": {"compiled", "errors"},
     "rotor": {"compiled", "errors", "files"},

@@ -14,20 +14,17 @@ from pydantic import (
     model_validator,
 )
 
-from hkt_mdo.sections import Quantity, Section, find_file, ordered, refusal
+from hkt_mdo.sections import Pair, Quantity, Section, find_file, ordered, refusal
 
 _Length = Annotated[float, Quantity("m", gt=0, le=1000)]
 _Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
-_Lengths = Annotated[tuple[_Length, _Length], AfterValidator(ordered)]
-_Angles = Annotated[tuple[_Angle, _Angle], AfterValidator(ordered)]
+_Lengths = Pair[_Length]
+_Angles = Pair[_Angle]
 _Gains = Annotated[
     tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]],
     AfterValidator(ordered),
 ]
-_Thicknesses = Annotated[
-    tuple[Annotated[float, Quantity(gt=0, le=1)], Annotated[float, Quantity(gt=0, le=1)]],
-    AfterValidator(ordered),
-]
+_Thicknesses = Pair[Annotated[float, Quantity(gt=0, le=1)]]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]
 
 

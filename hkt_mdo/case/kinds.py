@@ -25,30 +25,22 @@ from pydantic import Field, create_model
 
 from hkt_mdo import quantities
 from hkt_mdo.case.guard import guard, one_line
-from hkt_mdo.dynamics import flows, laws, long_record, resource, sampled, wide_laws
+from hkt_mdo.dynamics import (
+    flows,
+    laws,
+    limits,
+    long_record,
+    objectives,
+    resource,
+    sampled,
+    wide_laws,
+)
 from hkt_mdo.dynamics.aggregates import Aggregate, ConditionalValueAtRisk, Expected, Worst
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import Formula
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
-from hkt_mdo.dynamics.limits import (
-    CavitationLimit,
-    ElectricalPowerLimit,
-    Limit,
-    PowerLimit,
-    RootMomentLimit,
-    RotorSpeedLimit,
-    StressLimit,
-    Taper,
-    ThrustLimit,
-    TipSpeedLimit,
-    TorqueRateLimit,
-)
-from hkt_mdo.dynamics.objectives import (
-    CapturedEnergy,
-    ElectricalEnergy,
-    GeneratorEnergy,
-    Objective,
-)
+from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.sections import Quantity, Section
@@ -212,18 +204,18 @@ BUILT_IN = Kinds(
         flows.SumInflow,
     ),
     limits=(
-        PowerLimit,
-        ElectricalPowerLimit,
-        RotorSpeedLimit,
-        TipSpeedLimit,
-        ThrustLimit,
-        RootMomentLimit,
-        StressLimit,
-        CavitationLimit,
-        TorqueRateLimit,
-        Taper,
+        limits.PowerLimit,
+        limits.ElectricalPowerLimit,
+        limits.RotorSpeedLimit,
+        limits.TipSpeedLimit,
+        limits.ThrustLimit,
+        limits.RootMomentLimit,
+        limits.StressLimit,
+        limits.CavitationLimit,
+        limits.TorqueRateLimit,
+        limits.Taper,
     ),
-    objectives=(CapturedEnergy, GeneratorEnergy, ElectricalEnergy),
+    objectives=(objectives.CapturedEnergy, objectives.GeneratorEnergy, objectives.ElectricalEnergy),
     aggregates=(Expected, Worst, ConditionalValueAtRisk),
 )
 """The kinds of the package."""

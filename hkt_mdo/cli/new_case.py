@@ -6,7 +6,7 @@ from hkt_mdo.case import commented_case, read_case
 from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, shipped_rotor
-from hkt_mdo.files.table import read_text
+from hkt_mdo.files.table import make_folder, read_text
 from hkt_mdo.results.folder import write_files
 
 _USUAL = (
@@ -75,6 +75,6 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)
     texts = {path: text} | texts
     refuse_existing(texts, force)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    make_folder(path.parent)
     write_files({file: text.encode() for file, text in texts.items()})
     return list(texts)

@@ -16,7 +16,7 @@ from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES, PolarTable
-from hkt_mdo.files.table import parse_number
+from hkt_mdo.files.table import make_folder, parse_number
 from hkt_mdo.results import style
 from hkt_mdo.results.check_plots import draw_polars
 from hkt_mdo.results.folder import write_files
@@ -82,7 +82,7 @@ def report_polars(
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
     table = _csv(polars, f"# {conditions}, outline {show(Path(source).name)}")
     picture = style.png(draw_report(f"{name}: {conditions}", polars, others))
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     write_files({table_file: table, figure_file: picture})
     return [
         f"{name}: thickness {outline.thickness:.4f} c, area {outline.area:.4f} c²; second moments "

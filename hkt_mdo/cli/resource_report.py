@@ -18,9 +18,10 @@ from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import make_folder
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.results import style
-from hkt_mdo.results.folder import make_folder, write_csv, write_text
+from hkt_mdo.results.folder import write_csv, write_text
 
 HOURS = YEAR / 3600.0
 DAYS_201 = 35.0  # of a record for a harmonic analysis

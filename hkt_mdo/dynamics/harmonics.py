@@ -13,9 +13,8 @@ import numpy as np
 
 from hkt_mdo.dynamics.flows import TIDAL_HOURS
 from hkt_mdo.dynamics.long_record import FlowSamples
-from hkt_mdo.errors import InputError, install
+from hkt_mdo.errors import InputError, install, needed
 
-USUAL = "M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"
 HOUR, DAY = 3600.0, 86400.0
 TINY = 1e-4  # amplitude over the largest, below which a constituent is left out of a case
 
@@ -74,7 +73,7 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     samples : FlowSamples
         Speed with its sign.
     names : sequence of str
-        Requested constituents; by default those of `USUAL` that the record separates.
+        Requested constituents; by default those of `TIDAL_HOURS` that the record separates.
 
     Returns
     -------
@@ -87,17 +86,13 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
         the requested ones: by Rayleigh's criterion their frequencies must differ by one over its
         length.
     """
-    try:
-        import utide
-    except ImportError:
-        problem = "needs utide, which is not installed"
-        raise InputError(f"harmonic analysis {problem}", install("resource")) from None
+    utide = needed("utide", install("resource"), "harmonic analysis ")
     known = utide.constit_index_dict
     for name in names:
         if name not in known:
-            problem = f"is no constituent: known are {', '.join(USUAL)} and others of utide"
+            problem = f"is no constituent: known are {', '.join(TIDAL_HOURS)} and others of utide"
             raise InputError(problem, "give names such as M2,S2,K1", key="constituents", value=name)
-    frequency = {name: _frequency(utide, name) for name in names or USUAL}
+    frequency = {name: _frequency(utide, name) for name in names or TIDAL_HOURS}
     length = float(samples.time[-1])
     chosen = _separated(frequency, length, asked=bool(names))
     names = [name for name in frequency if name in chosen]

@@ -12,19 +12,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
-from hkt_mdo.dynamics.records import FASTEST
+from hkt_mdo.dynamics.records import FASTEST, read_columns
 from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
+from hkt_mdo.dynamics.sampled import Bins, SpeedUnit, TimeUnit
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record_json import read_json
-from hkt_mdo.files.record_table import RecordOptions, read_csv, read_pairs
-from hkt_mdo.files.record_xarray import read_binary
-from hkt_mdo.sections import Quantity, existing_file, ordered
+from hkt_mdo.files.record_table import RecordOptions, read_pairs
+from hkt_mdo.sections import Quantity, existing_file
 
-_READERS = dict.fromkeys((".csv", ".txt"), read_csv)
-_READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
-_READERS |= {".json": read_json}
 FEWEST = 16  # samples
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
 POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
@@ -127,21 +123,13 @@ class RecordResource(Resource):
     direction_column: str | None = None
     """Column of the direction that the flow runs to, degrees from north to east: the speed is then
     that along the principal axis of the flow, with its sign."""
-    time_unit: Literal["s", "ms", "min", "h", "days"] | None = None
+    time_unit: TimeUnit | None = None
     """Unit of times that are numbers, as of the profile `record`."""
-    speed_unit: (
-        Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"] | None
-    ) = None
+    speed_unit: SpeedUnit | None = None
     """Unit of the speed or the discharge, as of the profile `record`."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
     """Area of the channel's cross section, for a record of the discharge without a rating curve."""
-    bins: (
-        Annotated[
-            tuple[Annotated[float, Quantity("m")], Annotated[float, Quantity("m")]],
-            AfterValidator(ordered),
-        ]
-        | None
-    ) = None
+    bins: Bins | None = None
     """Range of the depth bins of a profiler that are averaged, as of the profile `record`."""
     component: str | None = None
     """Label of the component of a velocity that is taken, with its sign; of two with a comma
@@ -181,11 +169,6 @@ class RecordResource(Resource):
 
     def _columns(self, column: str | None = None, component: str | None = None, **others):
         """Return the columns of time and of one quantity, of an angle by its column."""
-        path = Path(self.file)
-        reader = _READERS.get(path.suffix.lower())
-        if reader is None:
-            problem = f"has the ending {path.suffix}" if path.suffix else "has no ending"
-            raise InputError(problem, f"name it {', '.join(_READERS)}", file=path)
         options = {name: getattr(self, name) for name in _SAMPLES} | others
         options["component"] = component or self.component
         if column is not None:
@@ -195,7 +178,7 @@ class RecordResource(Resource):
                 "component": None,
                 "area": None,
             }
-        return reader(path, RecordOptions(**options))
+        return read_columns(Path(self.file), RecordOptions(**options))
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""

@@ -66,13 +66,35 @@ def read_record(path: str | Path, **options: Any) -> Record:
     the file is not as they say, it has more than 256 MiB or 10 million rows, or packages for NetCDF
     or Parquet are missing.
     """
-    chosen, path = RecordOptions(**options), Path(path)
-    reader = _READERS.get(path.suffix.lower())
+    chosen = RecordOptions(**options)
+    return _Record(read_columns(Path(path), chosen), chosen).made()
+
+
+def read_columns(path: Path, options: RecordOptions) -> Columns:
+    """Return the columns of a record as they stand in its file, in SI units.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file; its ending says which of `_READERS` reads it.
+    options : RecordOptions
+        Names and units of the columns.
+
+    Returns
+    -------
+    Columns
+        Times and speeds, neither checked nor repaired.
+
+    Raises
+    ------
+    InputError
+        If the ending is unknown, or the file is not as the options say.
+    """
+    reader, ending = _READERS.get(path.suffix.lower()), path.suffix
     if reader is None:
-        ending = path.suffix
         problem = f"has the file extension {ending}" if ending else "has no file extension"
         raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
-    return _Record(reader(path, chosen), chosen).made()
+    return reader(path, options)
 
 
 def record_from(data: Any, **options: Any) -> Record:

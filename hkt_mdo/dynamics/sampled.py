@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, Strict, ValidationInfo, field_validator, model_validator
+from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Quantity, existing_file, ordered, refusal
+from hkt_mdo.sections import Pair, Quantity, existing_file, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -43,7 +43,9 @@ class SampledInflow(Inflow):
         return spline(held) + spline(held, 1) * (held == time.real) * (time - time.real)
 
 
-_Bins = tuple[Annotated[float, Quantity("m")], Annotated[float, Quantity("m")]]
+TimeUnit = Literal["s", "ms", "min", "h", "days"]
+SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
+Bins = Pair[Annotated[float, Quantity("m")]]
 
 
 class RecordInflow(SampledInflow):
@@ -63,18 +65,16 @@ class RecordInflow(SampledInflow):
     file, the only time in a NetCDF file, or that over which its speed is."""
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
-    time_unit: Literal["s", "ms", "min", "h", "days"] | None = None
+    time_unit: TimeUnit | None = None
     """Unit of times that are numbers; null: as in the column's name, such as `time_s` or `time
     [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
-    speed_unit: (
-        Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"] | None
-    ) = None
+    speed_unit: SpeedUnit | None = None
     """Unit of the speed, or of a discharge; null: as in the column's name, such as `speed_m_s` or
     `Stream velocity, feet per second`."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
     """Area of the channel's cross section, for a record of the discharge: speed = discharge / area,
     the mean over the section."""
-    bins: Annotated[_Bins, AfterValidator(ordered)] | None = None
+    bins: Bins | None = None
     """Range of the depth bins of a profiler that are averaged, [lower, upper], such as those that
     the rotor spans; null: the record has no bins."""
     component: str | None = None

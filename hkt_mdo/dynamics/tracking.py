@@ -4,10 +4,10 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, Strict, model_validator
+from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.sections import Quantity, ordered, refusal
+from hkt_mdo.sections import Pair, Quantity, refusal
 
 RESET = 0.2  # s, kp / ki of a controller that the start chooses
 STIFFER = 2.0  # kp of it, over the largest of Q/w and dQ/dw along the schedule
@@ -16,7 +16,6 @@ NARROWEST = 0.02  # width of a flow's range over its middle, at least, over whic
 _FlowSpeed = Annotated[float, Quantity("m/s", gt=0)]
 _Proportional = Annotated[float, Quantity("N*m*s/rad", gt=0)]
 _Integral = Annotated[float, Quantity("N*m/rad", gt=0)]
-_Ordered = AfterValidator(ordered)
 
 
 class Tracking(FeedbackLaw):
@@ -42,7 +41,7 @@ class Tracking(FeedbackLaw):
     knots: Annotated[int, Strict(), Field(ge=2, le=40)] = 8
     """Number of flow speeds, equally spaced, at which the rotor speed of the schedule is designed.
     """
-    flow_range: Annotated[tuple[_FlowSpeed, _FlowSpeed], _Ordered] | None = None
+    flow_range: Pair[_FlowSpeed] | None = None
     """Flow speeds of the first and the last knot; null: the slowest and the fastest of `inflow`."""
     schedule: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
     """Rotor speeds at the knots at the start of the optimization; null: those of the open loop
@@ -50,12 +49,12 @@ class Tracking(FeedbackLaw):
     proportional_gain: _Proportional | None = None
     """Gain kp; null: twice the larger of the maxima of Q/w and dQ/dw along the schedule of the
     start."""
-    proportional_bounds: Annotated[tuple[_Proportional, _Proportional], _Ordered] | None = None
+    proportional_bounds: Pair[_Proportional] | None = None
     """Bounds between which kp is designed; null: it is fixed. There is no noise in an optimization,
     so it often ends at the upper bound."""
     integral_gain: _Integral | None = None
     """Gain ki; null: kp / 0.2 s."""
-    integral_bounds: Annotated[tuple[_Integral, _Integral], _Ordered] | None = None
+    integral_bounds: Pair[_Integral] | None = None
     """Bounds between which ki is designed; null: it is fixed."""
     flow: Literal["sensed", "estimated"] = "sensed"
     """Source of the flow speed: a sensor, or an estimate from the rotor's speed and torque."""

@@ -21,13 +21,15 @@ from hkt_mdo.case.messages import translate
 from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean, install, program_version
 from hkt_mdo.exports import FORMATS
-from hkt_mdo.files.table import write_files
+from hkt_mdo.files.table import make_folder, write_files
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import printable
 from hkt_mdo.sections import Section
 
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
+
+TEMPLATES = Path(__file__).with_name("templates")
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,11 +208,25 @@ def export(
         if not force:
             remedy = "choose another folder, or give --force to replace it"
             raise InputError("is there already", remedy, file=path)
-    try:
-        for folder in {path.parent for path in contents}:
-            folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = f"cannot be made a folder ({error.strerror})"
-        raise InputError(problem, "choose another one", file=out) from error
+    for folder in {path.parent for path in contents}:
+        make_folder(folder)
     write_files(contents)
     return list(contents)
+
+
+def filled(template: str, words: dict[str, Any]) -> str:
+    """Return the text of a template with its fields filled in.
+
+    Parameters
+    ----------
+    template : str
+        Name of a file in the folder of templates.
+    words : dict
+        The text for each ``{field}``.
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    return (TEMPLATES / template).read_text(encoding="utf-8").format_map(words)

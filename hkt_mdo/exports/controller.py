@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from inspect import cleandoc
-from pathlib import Path
 from string import Template
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -20,11 +19,10 @@ from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.base import TEMPLATES, Format, Source
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
-TEMPLATES = Path(__file__).parent / "templates"
 # sample time: share of the loop's time constant, and its largest value, s
 QUICK, LONGEST = 0.2, 0.01
 # sample time over that constant above which a torque held between samples is unstable

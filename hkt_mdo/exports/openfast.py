@@ -7,14 +7,13 @@ marked FILL IN. `openfast_io` reads the files.
 from __future__ import annotations
 
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.rotor.airfoil import Polar
@@ -29,7 +28,6 @@ BED = 1.5  # rotor radii from the hub to the bed, where nothing gives it
 STIFF = 1e10  # Pa, modulus of a blade that has none; its modes are switched off
 PARTS = 4  # rows of ElastoDyn's blade between two places of the structure
 TOWER_DIAMETER = 0.1  # rotor radii
-TEMPLATES = Path(__file__).with_name("templates")
 
 
 class TipSpeedRatios(Section):
@@ -248,47 +246,24 @@ class _Rotor:
                 "alpha_min": f"{np.rad2deg(max(polar.alpha_min for polar in tables)):.6g}",
                 "alpha_max": f"{np.rad2deg(min(polar.alpha_max for polar in tables)):.6g}",
             }
-            parts = [filled("airfoil.dat", words | own).rstrip("\n")]
+            parts = [filled("airfoil.dat", words | own)]
             for reynolds, polar in zip(self.reynolds, tables, strict=True):
-                parts += _table(polar, reynolds, self.has_suction)
-            texts[f"section_{number:02d}.dat"] = "\n".join(parts) + "\n"
+                parts.append(_table(polar, reynolds, self.has_suction))
+            texts[f"section_{number:02d}.dat"] = "".join(parts)
         return texts | {"no_load.dat": filled("no_load.dat", words)}
 
 
-def filled(template: str, words: dict[str, Any]) -> str:
-    """Return the text of a template with its fields filled in.
-
-    Parameters
-    ----------
-    template : str
-        Name of a file beside this module.
-    words : dict
-        The text for each ``{field}``.
-
-    Returns
-    -------
-    str
-        The text.
-    """
-    return (TEMPLATES / template).read_text(encoding="utf-8").format_map(words)
-
-
-def _table(polar: Polar, reynolds: float, with_suction: bool) -> list[str]:
+def _table(polar: Polar, reynolds: float, with_suction: bool) -> str:
     """Return the lines of a polar at the knots of its spline, from -180 to 180 degrees."""
     alpha = np.linspace(-180.0, 180.0, polar.coefficients.shape[0] + 1)
     columns = [polar.coefficients[:, 0], polar.coefficients[:, 4]]
     if with_suction and polar.suction is not None:
         columns.append(-np.maximum(polar.suction[:, 0], polar.suction[:, 4]))
     rows = np.column_stack((alpha, *(np.append(each, each[0]) for each in columns)))
-    return [
-        f"{reynolds:.9g}            Re                 ! Reynolds number by the chord, in millions",
-        "0            UserProp           ! Unused",
-        "False        InclUAdata         ! No coefficients of unsteady models: AeroDyn makes them",
-        f"{len(rows)}         NumAlf             ! Number of rows",
-        "! Alpha    Cl    Cd" + "    Cpmin" * (len(columns) > 2),
-        "! (deg)    (-)   (-)" + "   (-)" * (len(columns) > 2),
-        *map(_row, rows),
-    ]
+    suction = ("    Cpmin", "   (-)") if len(columns) > 2 else ("", "")
+    words = {"reynolds": f"{reynolds:.9g}", "count": len(rows)}
+    words |= {"suction": suction[0], "unit": suction[1], "rows": "\n".join(map(_row, rows))}
+    return filled("polar.dat", words)
 
 
 def _row(values) -> str:

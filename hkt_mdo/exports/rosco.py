@@ -16,8 +16,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, QuadraticFeedback
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source
-from hkt_mdo.exports.openfast import filled
+from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.exports.tables import balanced
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -206,22 +205,10 @@ def _table(design, rotor, ratios, mean, provenance) -> str:
         for pitch in np.deg2rad(PITCH):
             pitched = blade.with_shape(blade.chord, blade.twist + pitch)
             columns.append(rotor.coefficients(pitched, ratios)[:3])
-    torque, power, thrust = np.array(columns).transpose(1, 2, 0)
-    lines = [
-        f"# {provenance}",
-        "# coefficients of the disc; pitch on top of the designed twist",
-        "",
-        "# Pitch angle vector - x axis (matrix columns) (deg)",
-        _numbers(PITCH),
-        "# TSR vector - y axis (matrix rows) (-)",
-        _numbers(ratios),
-        "# Flow speed vector - z axis (m/s)",
-        _numbers([mean]),
-        "",
-    ]
-    for name, values in (("Power", power), ("Thrust", thrust), ("Torque", torque)):
-        lines += [f"# {name} coefficient", "", *map(_numbers, values), "", ""]
-    return "\n".join(lines)
+    known = zip(("torque", "power", "thrust"), np.array(columns).transpose(1, 2, 0), strict=True)
+    words = {name: "\n".join(map(_numbers, values)) for name, values in known}
+    vectors = {"pitch": _numbers(PITCH), "ratios": _numbers(ratios), "flow": _numbers([mean])}
+    return filled("Cp_Ct_Cq.txt", words | vectors | {"provenance": provenance})
 
 
 def _numbers(values) -> str:

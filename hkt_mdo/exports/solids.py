@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
@@ -26,12 +26,6 @@ if TYPE_CHECKING:
 
 TRAILING_EDGE = 0.005
 """Thickness of the trailing edge over the local chord, where none is given."""
-
-_AXES = (
-    "unit: metre",
-    "x: along the shaft, downstream; z: along the first blade, before the cone; y = z cross x",
-    "origin: where the axes of the blades meet the shaft",
-)
 
 
 class Stations(NamedTuple):
@@ -158,20 +152,17 @@ class Outer(Format, ABC):
             thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
             thin = thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm"
             edge = f"aft of the thickest place no section is thinner than {thin}"
-        return [
-            *source.provenance,
-            *_AXES,
-            f"rotation: {self.rotation}, seen from upstream: about "
-            f"{'+' if self.rotation == 'clockwise' else '-'}x by the right-hand rule",
-            f"blades: {blade.blade_count}; hub radius {blade.hub_radius:.6g} m, tip radius "
-            f"{blade.tip_radius:.6g} m along the blade; cone {np.rad2deg(blade.cone):.6g} deg, "
-            "positive: tips upstream",
-            "twist: from the rotor plane to the chord, set angle included; positive: the leading "
-            "edge is turned upstream",
-            f"blade's axis: at {self.stacking:g} of the chord from the leading edge",
-            f"trailing edge: {edge}",
-            f"outlines: {outlines}",
-        ]
+        words = {
+            "provenance": "\n".join(source.provenance),
+            "rotation": self.rotation,
+            "sign": "+" if self.rotation == "clockwise" else "-",
+            "blade": blade,
+            "cone": np.rad2deg(blade.cone),
+            "stacking": self.stacking,
+            "edge": edge,
+            "outlines": outlines,
+        }
+        return filled("solids.txt", words).rstrip("\n").split("\n")
 
 
 class Sections(Outer):

@@ -9,17 +9,17 @@ from functools import lru_cache
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator
 
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import TABLES, Solution
 from hkt_mdo.rotor.scales import power_scale
-from hkt_mdo.sections import Quantity, ordered
+from hkt_mdo.sections import Pair, Quantity
 
 RATIO_STEP = 0.1  # of the tip speed ratios of the coefficients
 SLOWEST = 0.5  # tip speed ratio at which coefficients and the search for a balance begin
@@ -69,13 +69,7 @@ class Table(NamedTuple):
 class _Tables(Format):
     """What the formats of tables share."""
 
-    flow_range: (
-        Annotated[
-            tuple[Annotated[float, Quantity("m/s", gt=0)], Annotated[float, Quantity("m/s", gt=0)]],
-            AfterValidator(ordered),
-        ]
-        | None
-    ) = None
+    flow_range: Pair[Annotated[float, Quantity("m/s", gt=0)]] | None = None
     """Slowest and fastest flow of the table of steady operation; null: those of the case, a fifth
     wider, up to the cut-out speed."""
 
@@ -225,24 +219,10 @@ def _design(source: Source) -> Table:
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
-def _columns(texts: dict[str, tuple[str | None, str]], values: Iterable[Any]) -> dict[str, Column]:
-    """Return columns of their units and meanings, and of their values in the same order."""
-    return {n: Column(x, *about) for (n, about), x in zip(texts.items(), values, strict=True)}
-
-
-_BLADE: dict[str, tuple[str | None, str]] = {
-    "r_m": ("m", "distance from the rotor's axis, along the blade"),
-    "r_over_tip_radius": (None, "the same over the tip radius"),
-    "chord_m": ("m", "chord"),
-    "twist_rad": (
-        "rad",
-        "angle of the chord to the rotor plane, set angle included; a positive one turns the "
-        "leading edge upstream",
-    ),
-    "twist_in_degrees": ("deg", "the same in degrees"),
-    "thickness_over_chord": (None, "largest thickness over chord"),
-    "thickness_m": ("m", "largest thickness"),
-}
+def _columns(table: str, values: Iterable[Any]) -> dict[str, Column]:
+    """Return the columns of a table, from their values in the order of `COLUMNS`."""
+    texts = COLUMNS["exports"][table].items()
+    return {name: Column(x, *about) for (name, about), x in zip(texts, values, strict=True)}
 
 
 def _blade(design: Design) -> Table:
@@ -250,7 +230,7 @@ def _blade(design: Design) -> Table:
     thickness = design.thickness
     shape = blade.r, blade.r / blade.tip_radius, blade.chord, blade.twist
     values = *shape, np.rad2deg(blade.twist), thickness, thickness * blade.chord
-    columns, names = _columns(_BLADE, values), section_names(design)
+    columns, names = _columns("blade", values), section_names(design)
     if names:
         text = "section; of a station between two, both and the share of the second"
         columns["section_name"] = Column(names, None, text)
@@ -275,14 +255,6 @@ def section_names(design: Design) -> list[str]:
     return names * design.blade.r.size if len(names) == 1 else names
 
 
-_COEFFICIENTS: dict[str, tuple[str | None, str]] = {
-    "tip_speed_ratio": (None, "speed of the tips over that of the flow"),
-    "power_coefficient": (None, "P / (0.5 rho v^3 pi R^2)"),
-    "torque_coefficient": (None, "Q / (0.5 rho v^2 pi R^3)"),
-    "thrust_coefficient": (None, "T / (0.5 rho v^2 pi R^2)"),
-}
-
-
 def _coefficients(solution: Solution, design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
     known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
@@ -294,7 +266,7 @@ def _coefficients(solution: Solution, design: Design) -> Table:
     if rotor.follows_reynolds:
         title += f", Reynolds numbers at a flow of {polars.flow_speed:.6g} m/s"
     values = ratio, found.power, found.torque, found.thrust
-    return Table("coefficients", title, _columns(_COEFFICIENTS, values))
+    return Table("coefficients", title, _columns("coefficients", values))
 
 
 def steady_operation(
@@ -413,35 +385,13 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     return Table("operation", title, columns)
 
 
-_CASES: dict[str, tuple[str | None, str]] = {
-    "load_case": (None, "number of the load case"),
-    "name": (None, "what the load case is"),
-    "scenario": (None, "scenario; empty for steady operation"),
-    "time_s": ("s", "instant in the simulation; NaN: steady"),
-}
-_STATIONS: dict[str, tuple[str | None, str]] = {
-    "load_case": (None, "number of the load case in load_cases"),
-    "r_m": ("m", "distance from the rotor's axis, along the blade"),
-    "chord_m": ("m", "chord"),
-    "normal_load_N_m": (
-        "N/m",
-        "load of one blade downstream, normal to it in the plane of blade and rotor axis",
-    ),
-    "tangential_load_N_m": ("N/m", "load of one blade in the direction of rotation"),
-    "angle_of_attack_rad": ("rad", "angle of attack"),
-    "angle_of_attack_in_degrees": ("deg", "the same in degrees"),
-    "relative_speed_m_s": ("m/s", "speed of the water relative to the section"),
-    "reynolds_number": (None, "Reynolds number by the chord and that speed"),
-}
-
-
 def _station_loads(solution: Solution, design: Design, steady: dict | None) -> list[Table]:
     """Return the load cases, and the loads of the stations in each."""
     names, scenarios, points = zip(*_load_cases(solution, steady), strict=True)
     table = {name: np.array([each[name] for each in points]) for name in points[0]}
     blade, flow, ratio = design.blade, table["inflow_speed"], table["tip_speed_ratio"]
     number = np.arange(1, len(names) + 1)
-    columns = _columns(_CASES, (number, names, scenarios, table.pop("time")))
+    columns = _columns("load_cases", (number, names, scenarios, table.pop("time")))
     for name, values in table.items():
         about = QUANTITIES[name]
         columns[about.column] = Column(values, about.unit, about.text)
@@ -462,7 +412,7 @@ def _station_loads(solution: Solution, design: Design, steady: dict | None) -> l
     text = "loads per length at the stations by direct BEM; linear in between, zero at hub and tip"
     return [
         Table("load_cases", "operating points of the table station_loads", columns),
-        Table("station_loads", text, _columns(_STATIONS, map(np.ravel, by_station))),
+        Table("station_loads", text, _columns("station_loads", map(np.ravel, by_station))),
     ]
 
 

@@ -13,7 +13,7 @@ import yaml
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
@@ -46,7 +46,7 @@ class Windio(Format):
         root: dict[str, Any] = {
             "name": source.solution.name,
             "windIO_version": VERSION,
-            "comments": "\n".join((*source.provenance, *_comments(source))),
+            "comments": _comments(source),
             "assembly": _assembly(source),
             "components": {
                 "blade": _blade(design, self.stacking, positions),
@@ -74,28 +74,24 @@ class Windio(Format):
         return {"turbine.yaml": text.encode()}
 
 
-def _comments(source: Source) -> list[str]:
+def _comments(source: Source) -> str:
     """Return comments on values for which the schema has no key."""
     design = source.design
-    fluid, site = design.physics.case.fluid, design.physics.case.site
+    case = design.physics.case
     try:
         outlines = f"Coordinates are those of {outline_names(source.solution)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
-    cone = " TIPS ARE TURNED DOWNSTREAM by cone_angle." if design.blade.cone < 0.0 else ""
-    depth = "not given" if site.hub_depth is None else f"{site.hub_depth!r} m"
-    return [
-        f"WATER, for which windIO has no key: density {fluid.density!r} kg/m^3, "
-        f"kinematic viscosity {fluid.kinematic_viscosity!r} m^2/s, depth of the hub {depth}.",
-        f"Inertia about the shaft: {design.inertia!r} kg m^2. Pitch is fixed, twist has the set "
-        "angle. rated_power is the largest electrical power in the operation of the result, "
-        "max_rotor_speed the limit of the case or the largest speed in that operation; re is that "
-        f"of the polars' files or, where they say none, one of the operation.{cone}",
-        outlines,
-        "PLACEHOLDERS: the pitching moments cm and the hub's drag cd are zero. The structure is "
-        "one shell as thick as rotor.wall or, of solid blades, as half their thickness, its "
-        f"material's nu {POISSON}. Tower, nacelle and hub_height are left out.",
-    ]
+    words = {
+        "provenance": "\n".join(source.provenance),
+        "fluid": case.fluid,
+        "depth": "not given" if case.site.hub_depth is None else f"{case.site.hub_depth!r} m",
+        "inertia": design.inertia,
+        "cone": " TIPS ARE TURNED DOWNSTREAM by cone_angle." if design.blade.cone < 0.0 else "",
+        "outlines": outlines,
+        "poisson": POISSON,
+    }
+    return filled("windio.txt", words).rstrip("\n")
 
 
 def _assembly(source: Source) -> dict[str, Any]:

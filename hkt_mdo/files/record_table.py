@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.files.shipped import SPELLINGS
 from hkt_mdo.files.table import LONGEST_NAME, Csv, line_error, parse_number, read_text
 
 MAX_BYTES = 256 * 1024**2
@@ -46,39 +47,15 @@ SPEED_UNITS |= {"knot": 1852 / 3600, "mph": 0.44704}
 DISCHARGE_UNITS = {"m3/s": 1.0, "L/s": 0.001, "ft3/s": 0.3048**3}
 """m³/s in each unit of discharge."""
 
-_TIME_WORDS = {
-    "s": "s sec secs second seconds",
-    "ms": "ms msec millisecond milliseconds",
-    "min": "min mins minute minutes",
-    "h": "h hr hrs hour hours",
-    "days": "d day days",
-}
-_PER_SECOND = {
-    "m/s": "m meter meters metre metres",
-    "cm/s": "cm centimeter centimeters centimetre centimetres",
-    "mm/s": "mm millimeter millimeters millimetre millimetres",
-    "ft/s": "ft foot feet",
-    "m3/s": "m3 cubic_meter cubic_meters cubic_metre cubic_metres",
-    "L/s": "l liter liters litre litres",
-    "ft3/s": "ft3 cubic_foot cubic_feet",
-}
-_OTHER_WORDS = {
-    "m/s": "mps",
-    "ft/s": "fps",
-    "ft3/s": "cfs",
-    "km/h": "km/h kmh kph km_h km_h-1 kilometers_per_hour kilometres_per_hour",
-    "knot": "knot knots kn kt kts",
-    "mph": "mph mi/h miles_per_hour",
-}
 _FORMS = ("{}/s", "{}/sec", "{}_s-1", "{}_s", "{}_per_s", "{}_per_second")
 
-TIMES = {word: unit for unit, words in _TIME_WORDS.items() for word in words.split()}
+TIMES = {word: unit for unit, words in SPELLINGS["time"].items() for word in words}
 """The unit of time behind each spelling."""
 
-SPEEDS = {word: unit for unit, words in _OTHER_WORDS.items() for word in words.split()} | {
+SPEEDS = {word: unit for unit, words in SPELLINGS["whole"].items() for word in words} | {
     form.format(word): unit
-    for unit, words in _PER_SECOND.items()
-    for word in words.split()
+    for unit, words in SPELLINGS["per_second"].items()
+    for word in words
     for form in _FORMS
 }
 """The unit of speed or discharge behind each spelling, words joined by underscores."""

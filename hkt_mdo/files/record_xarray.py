@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hkt_mdo.errors import InputError, install
+from hkt_mdo.errors import InputError, install, needed
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
     SPEEDS,
@@ -100,12 +99,7 @@ def read_binary(path: Path, options: RecordOptions) -> Columns:
 
 def _need(name: str, file: object) -> Any:
     """Return a module of the extra `records`."""
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        problem = f"needs the package {name.partition('.')[0]}, which is not installed"
-        remedy = f"{install('records')}, or save the record as CSV"
-        raise InputError(problem, remedy, file=file) from None
+    return needed(name, f"{install('records')}, or save the record as CSV", file=file)
 
 
 def _read_parquet(path: Path, options: RecordOptions) -> Columns:
@@ -126,7 +120,7 @@ def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
         engine = {"engine": "scipy", "mmap": False}
     elif not head.startswith(b"\x89HDF\r\n\x1a\n"):
         raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
-    elif importlib.util.find_spec("h5netcdf") is None:
+    elif find_spec("h5netcdf") is None:
         _need("netCDF4", path)
     with xarray.open_dataset(path, decode_timedelta=False, **engine) as dataset:
         return columns_from(dataset, options, str(path))

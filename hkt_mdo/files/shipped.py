@@ -13,8 +13,14 @@ from hkt_mdo.files.table import Csv, read_text
 from hkt_mdo.files.yaml_text import compose, plain
 
 _FOLDER = Path(__file__).parent / "data"
-_TABLE = _FOLDER / "shipped.yaml"
-_SHIPPED: dict[str, dict[str, Any]] = plain(compose(read_text(_TABLE, "table"), _TABLE))
+_SHIPPED, COLUMNS, SPELLINGS = (
+    plain(compose(read_text(file, "table"), file))
+    for file in (_FOLDER / "shipped.yaml", _FOLDER / "columns.yaml", _FOLDER / "units.yaml")
+)
+"""COLUMNS: unit and meaning of the columns of tables, of a result and of its exports.
+
+SPELLINGS: those of the units of records.
+"""
 
 POLAR_FAMILIES: dict[str, dict[str, float]] = _SHIPPED["polars"]
 """Shipped polars of one section: name of the section, name of the polar, its Reynolds number."""

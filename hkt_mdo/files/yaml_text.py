@@ -434,17 +434,13 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
                 shown = {"value": plain(value)} if isinstance(value, yaml.ScalarNode) else {}
                 raise refuse(f"is given twice (again in {line})", "keep one", member, **shown)
             names.add(key.value)
-            # of a section at the top all keys may be commented out
-            if case and place.key and isinstance(value, yaml.ScalarNode) and _is_empty(value):
+            # neither null nor quotes; of a section at the top all keys may be commented out
+            empty = isinstance(value, yaml.ScalarNode) and not value.style and not value.value
+            if case and place.key and empty:
                 raise refuse(f"has no value ({line})", "give one, or null for the default", member)
             _check_keys(member, case, seen)
     elif re.search("[\ud800-\udfff]", node.value):
         raise refuse("has an incomplete Unicode character", "write the text without \\u escapes")
-
-
-def _is_empty(node: yaml.ScalarNode) -> bool:
-    """Tell whether nothing is written: no null, and no text in quotes."""
-    return not node.style and not node.value
 
 
 def word(node: yaml.ScalarNode) -> str:

@@ -12,133 +12,70 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import area_weights
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
-
-class AboveComp(om.ExplicitComponent):
-    """How far the tip speed ratio at the nodes of a phase is above a lowest one.
-
-    Inputs tip_speed_ratio[num_nodes, 1], lowest_ratio; output room[num_nodes].
-    """
-
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-
-    def setup(self):
-        n = self.options["num_nodes"]
-        self.add_input("tip_speed_ratio", shape=(n, 1), desc="w R / v")
-        self.add_input("lowest_ratio", desc="below every w R / v of the trajectories")
-        self.add_output("room", shape=(n,), desc="tip speed ratio above the lowest one")
-        rows = np.arange(n)
-        self.declare_partials("room", "tip_speed_ratio", rows=rows, cols=rows, val=1.0)
-        self.declare_partials("room", "lowest_ratio", rows=rows, cols=0 * rows, val=-1.0)
-
-    def compute(self, inputs, outputs):
-        outputs["room"] = inputs["tip_speed_ratio"].ravel() - inputs["lowest_ratio"]
+_SPEEDS = "rotor_speed", "inflow_speed"
 
 
 class LoadComp(om.ExplicitComponent):
     """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `LoadTable`.
 
-    Inputs rotor_speed, inflow_speed[num_nodes, 1], density, rotor_radius and, for each of the
-    names, <name>_table[n_nodes] over the spline's nodes; outputs by the names[num_nodes, 1].
+    Where the wake has memory, `model` is a `Band`, whose tables are over the tip speed ratio of the
+    wake, too. Inputs rotor_speed, inflow_speed and, with a band, wake_ratio[num_nodes, 1], density,
+    rotor_radius and, for each of the names, <name>_table[n_nodes] over the spline's nodes, or
+    <name>_band; outputs by the names[num_nodes, 1].
     """
 
     def initialize(self):
         self.options.declare("num_nodes", types=int)
         self.options.declare("names", types=tuple, desc="names of the loads")
-        self.options.declare("spline", types=TorqueSpline, recordable=False)
+        self.options.declare("model", types=(TorqueSpline, Band), recordable=False)
 
     def setup(self):
-        n, nodes = self.options["num_nodes"], self.options["spline"].nodes
-        for name in ("rotor_speed", "inflow_speed"):
-            self.add_input(name, shape=(n, 1), **QUANTITIES[name].meta)
+        n, names, model = (self.options[name] for name in ("num_nodes", "names", "model"))
+        series, rows = {name: QUANTITIES[name].meta for name in _SPEEDS}, np.arange(n)
+        if isinstance(model, Band):
+            series["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
+            found = model.outputs(names)
+            self._tables = {name: f"{name}_band" for name in names}
+        else:
+            found = {
+                f"{name}_table": (model.nodes.shape, {"units": QUANTITIES[name].per_pressure})
+                for name in names
+            }
+            self._tables = {name: f"{name}_table" for name in names}
+        for name, about in series.items():
+            self.add_input(name, shape=(n, 1), **about)
         for name in ("rotor_radius", "density"):
             self.add_input(name, **QUANTITIES[name].meta)
-        rows = np.arange(n)
-        for name in self.options["names"]:
-            load, table = QUANTITIES[name], f"{name}_table"
-            about = {"units": load.per_pressure, "desc": f"{name} over 0.5 rho v^2"}
-            self.add_input(table, shape=nodes.shape, **about)
-            self.add_output(name, shape=(n, 1), **load.meta)
-            for scalar in ("rotor_radius", "density", table):
-                self.declare_partials(name, scalar)
-            for each in ("rotor_speed", "inflow_speed"):
-                self.declare_partials(name, each, rows=rows, cols=rows)
-
-    def _ratio(self, inputs):
-        speed, flow = (inputs[name][:, 0] for name in ("rotor_speed", "inflow_speed"))
-        return speed * inputs["rotor_radius"] / flow, flow, 0.5 * inputs["density"] * flow**2
-
-    def compute(self, inputs, outputs):
-        ratio, _, pressure = self._ratio(inputs)
-        for name in self.options["names"]:
-            values, _ = self.options["spline"].values(inputs[f"{name}_table"], ratio)
-            outputs[name][:, 0] = pressure * values
-
-    def compute_partials(self, inputs, partials):
-        ratio, flow, pressure = self._ratio(inputs)
-        spline = self.options["spline"]
-        basis = pressure[:, None] * spline.basis(ratio)
-        for name in self.options["names"]:
-            table = inputs[f"{name}_table"]
-            values, slope = spline.values(table, ratio)
-            by_ratio = pressure * slope
-            partials[name, f"{name}_table"] = basis
-            partials[name, "rotor_speed"] = by_ratio * inputs["rotor_radius"] / flow
-            by_flow = 2.0 * pressure * values - by_ratio * ratio
-            partials[name, "inflow_speed"] = by_flow / flow
-            partials[name, "rotor_radius"] = (by_ratio * ratio / inputs["rotor_radius"])[:, None]
-            partials[name, "density"] = (pressure * values / inputs["density"])[:, None]
-
-
-class RememberingLoadComp(om.ExplicitComponent):
-    """The same where the wake has memory, 0.5 rho v² c(w R / v, tsr_w), from the tables of `Band`.
-
-    Inputs are those of `LoadComp`, wake_ratio[num_nodes, 1], and <name>_band in place of tables.
-    """
-
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("names", types=tuple, desc="names of the loads")
-        self.options.declare("band", types=Band, recordable=False)
-
-    def setup(self):
-        n, tables = self.options["num_nodes"], self.options["band"].outputs(self.options["names"])
-        rows = np.arange(n)
-        for name in ("rotor_speed", "inflow_speed"):
-            self.add_input(name, shape=(n, 1), **QUANTITIES[name].meta)
-        self.add_input("wake_ratio", shape=(n, 1), desc="tip speed ratio of the wake")
-        for name in ("rotor_radius", "density"):
-            self.add_input(name, **QUANTITIES[name].meta)
-        for name in self.options["names"]:
-            shape, about = tables[f"{name}_band"]
-            self.add_input(f"{name}_band", shape=shape, **about)
+        for name, table in self._tables.items():
+            shape, about = found[table]
+            self.add_input(table, shape=shape, **about)
             self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
-            self.declare_partials(name, ("rotor_radius", "density", f"{name}_band"))
-            for each in ("rotor_speed", "inflow_speed", "wake_ratio"):
-                self.declare_partials(name, each, rows=rows, cols=rows)
+            self.declare_partials(name, ("rotor_radius", "density", table))
+            self.declare_partials(name, tuple(series), rows=rows, cols=rows)
 
     def _at(self, inputs):
-        names = "rotor_speed", "inflow_speed", "wake_ratio"
-        speed, flow, wake_ratio = (inputs[name][:, 0] for name in names)
-        pressure = 0.5 * inputs["density"] * flow**2
-        return speed * inputs["rotor_radius"] / flow, wake_ratio, flow, pressure
+        """Return where the model is evaluated, the flow speed and the pressure, each (n,)."""
+        speed, flow = (inputs[name][:, 0] for name in _SPEEDS)
+        wake = [inputs["wake_ratio"][:, 0]] if "wake_ratio" in inputs else []
+        ratios = [speed * inputs["rotor_radius"] / flow, *wake]
+        return ratios, flow, 0.5 * inputs["density"] * flow**2
 
     def compute(self, inputs, outputs):
-        ratio, wake_ratio, _, pressure = self._at(inputs)
-        for name in self.options["names"]:
-            values, *_ = self.options["band"].values(inputs[f"{name}_band"], ratio, wake_ratio)
+        ratios, _, pressure = self._at(inputs)
+        for name, table in self._tables.items():
+            values, *_ = self.options["model"].values(inputs[table], *ratios)
             outputs[name][:, 0] = pressure * values
 
     def compute_partials(self, inputs, partials):
-        ratio, wake_ratio, flow, pressure = self._at(inputs)
-        band, radius = self.options["band"], inputs["rotor_radius"]
-        basis = pressure[:, None] * band.basis(ratio, wake_ratio)
-        for name in self.options["names"]:
-            table = inputs[f"{name}_band"]
-            values, by_ratio, by_wake = band.values(table, ratio, wake_ratio)
+        ratios, flow, pressure = self._at(inputs)
+        model, radius, ratio = self.options["model"], inputs["rotor_radius"], ratios[0]
+        basis = pressure[:, None] * model.basis(*ratios)
+        for name, table in self._tables.items():
+            values, by_ratio, *by_wake = model.values(inputs[table], *ratios)
             by_ratio = pressure * by_ratio
-            partials[name, f"{name}_band"] = basis
-            partials[name, "wake_ratio"] = pressure * by_wake
+            partials[name, table] = basis
+            if by_wake:
+                partials[name, "wake_ratio"] = pressure * by_wake[0]
             partials[name, "rotor_speed"] = by_ratio * radius / flow
             partials[name, "inflow_speed"] = (2.0 * pressure * values - by_ratio * ratio) / flow
             partials[name, "rotor_radius"] = (by_ratio * ratio / radius)[:, None]
@@ -344,14 +281,11 @@ class IntegralComp(om.ExplicitComponent):
                         partials[output, place] = weights * by
                         continue
                     by = slope(integrand.rate, values, name, diagonal=False)
-                    total = np.zeros((self._size(output), by.shape[1]))
+                    total = np.zeros((self._var_rel2meta[output]["size"], by.shape[1]))
                     total[rows.get(scenario, 0)] = weights @ (by * np.ones((weights.size, 1)))
                     dense[place] = dense.get(place, 0.0) + total
             for place, by in dense.items():
                 partials[output, place] = by
-
-    def _size(self, output):
-        return self._var_rel2meta[output]["size"]
 
     def _each(self, integrand, inputs):
         """Yield each scenario, its inputs' names, its weights and its quantities."""

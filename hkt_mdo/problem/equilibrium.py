@@ -71,11 +71,6 @@ class SteadyScenario(Scenario):
             raise InputError(problem, "give a larger one, or null for none", **place)
         return replace(self, edges=self.edges[: count + 1], place=self.place[:count])
 
-    @property
-    def standstill(self) -> float:
-        """Time in which the machine stands still, s."""
-        return float(self.mesh.duration - self.duration)
-
     def when(self, time, digits=".2f"):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
 

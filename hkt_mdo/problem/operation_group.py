@@ -10,12 +10,10 @@ import openmdao.api as om
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
 from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup, RememberingComp
 from hkt_mdo.problem.components import (
-    AboveComp,
     AggregateComp,
     FormulaComp,
     IntegralComp,
     LoadComp,
-    RememberingLoadComp,
     TorqueRateComp,
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
@@ -81,8 +79,15 @@ class OperationGroup(om.Group):
             if scenario.closed:
                 self._close_cycle(scenario)
             if self.options["above_lowest"]:
-                name, n = f"above_lowest_ratio_{scenario.name}", scenario.node_times.size
-                self.add_subsystem(name, AboveComp(num_nodes=n), promotes_inputs=["lowest_ratio"])
+                name = f"above_lowest_ratio_{scenario.name}"
+                series = {"shape": (scenario.node_times.size, 1)}
+                room = om.ExecComp(
+                    "room = tip_speed_ratio - lowest_ratio",
+                    has_diag_partials=True,
+                    room=series,
+                    tip_speed_ratio=series,
+                )
+                self.add_subsystem(name, room, promotes_inputs=["lowest_ratio"])
                 self.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.tip_speed_ratio")
         self._add_objective()
 
@@ -168,10 +173,8 @@ class OperationGroup(om.Group):
         fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
-            if physics.remembers:
-                component = RememberingLoadComp(num_nodes=n, names=names, band=self._band)
-            else:
-                component = LoadComp(num_nodes=n, names=names, spline=TorqueSpline(nodes))
+            model = self._band if physics.remembers else TorqueSpline(nodes)
+            component = LoadComp(num_nodes=n, names=names, model=model)
             variant = physics.variants[scenario.turbine]
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)

@@ -16,7 +16,7 @@ from pydantic import BaseModel
 from hkt_mdo.case import Case
 from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError, install
-from hkt_mdo.files.table import read_text, write_files
+from hkt_mdo.files.table import make_folder, read_text, write_files
 from hkt_mdo.report import rendered
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.plots import labels
@@ -72,11 +72,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
     path = Path(out)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = f"cannot be made a folder ({error.strerror})"
-        raise InputError(problem, "choose another one", file=path.parent) from error
+    make_folder(path.parent)
     write_files({path: _page(chosen, shared).encode()})
     return path
 

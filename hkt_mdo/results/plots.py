@@ -489,15 +489,24 @@ class Panel(NamedTuple):
     known: Callable[[Solution], Any]
 
 
-def _panels(*plots: Callable[..., Axes], tables: Sequence[str], column: str = "") -> list[Panel]:
-    """Return panels that are drawn of one of some tables, or of a column of it."""
+def _panels(
+    tables: Sequence[str],
+    *plots: Callable[..., Axes],
+    steady: bool = True,
+    **of_column: Callable[..., Axes],
+) -> list[Panel]:
+    """Return panels that are drawn of one of some tables, and last those of a column of it.
 
-    def known(solution: Solution) -> bool:
-        moving = (one for one in solution.by_scenario if tables != _TIMES or not one.steady)
-        found = (getattr(one, name) for one in moving for name in tables)
+    Without `steady`, they need a scenario with a time.
+    """
+
+    def known(column: str, solution: Solution) -> bool:
+        shown = (one for one in solution.by_scenario if steady or not one.steady)
+        found = (getattr(one, name) for one in shown for name in tables)
         return any(column in table if column else table for table in found)
 
-    return [Panel(plot, known) for plot in plots]
+    needed = [("", plot) for plot in plots] + [*of_column.items()]
+    return [Panel(plot, partial(known, column)) for column, plot in needed]
 
 
 def _limited(solution: Solution) -> bool:
@@ -516,40 +525,26 @@ _SCHEDULE = plot_power_schedule, plot_speed_schedule, plot_torque_schedule
 FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "blade": (
         [
-            *_panels(plot_planform, plot_chord, plot_twist, tables=["blade"]),
-            *_panels(plot_thickness, tables=["blade"], column="thickness_over_chord"),
+            *_panels(["blade"], plot_planform, plot_chord, plot_twist),
+            *_panels(["blade"], thickness_over_chord=plot_thickness),
             Panel(plot_sections, lambda solution: _sections(solution).size),
         ],
         *(6.6, 10.2),
     ),
     "power_curve": (
-        _panels(plot_power_curve, tables=["power_curve"])
-        + _panels(plot_thrust_curve, tables=["power_curve"], column="thrust_coefficient"),
+        _panels(["power_curve"], plot_power_curve, thrust_coefficient=plot_thrust_curve),
         *(5.6, 5.6),
     ),
-    "operation": (
-        _panels(*_OPERATION, tables=_TIMES)
-        + _panels(plot_thrust, tables=_TIMES, column=QUANTITIES["thrust"].column),
-        *(7.4, 10.4),
-    ),
-    "schedule": (
-        _panels(*_SCHEDULE, tables=[*_TIMES])
-        + _panels(plot_thrust_schedule, tables=[*_TIMES], column=QUANTITIES["thrust"].column),
-        *(7.0, 9.4),
-    ),
-    "year": (
-        _panels(plot_year_power, plot_year_hours, plot_year_energy, tables=["year"]),
-        6.4,
-        7.4,
-    ),
+    "operation": (_panels(_TIMES, *_OPERATION, steady=False, thrust_N=plot_thrust), 7.4, 10.4),
+    "schedule": (_panels(_TIMES, *_SCHEDULE, thrust_N=plot_thrust_schedule), 7.0, 9.4),
+    "year": (_panels(["year"], plot_year_power, plot_year_hours, plot_year_energy), 6.4, 7.4),
     "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
     "loads": (
-        _panels(plot_stress, tables=["loads"], column="stress_Pa")
-        + _panels(plot_flapwise_moment, tables=["loads"], column="flapwise_moment_Nm")
-        + _panels(plot_suction, tables=["loads"], column="cavitation"),
+        _panels(["loads"], stress_Pa=plot_stress, flapwise_moment_Nm=plot_flapwise_moment)
+        + _panels(["loads"], cavitation=plot_suction),
         *(5.6, 7.2),
     ),
-    "convergence": (_panels(plot_convergence, tables=["convergence"]), 6.2, 3.9),
+    "convergence": (_panels(["convergence"], plot_convergence), 6.2, 3.9),
 }
 """Panels from the top, width and, with all panels, height (inches)."""
 

@@ -6,10 +6,10 @@ A folder may come from any source: its files are limited in size and read as tex
 from __future__ import annotations
 
 import html
-import importlib
 import os.path
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,8 @@ import numpy as np
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, needed
+from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, RATES
 from hkt_mdo.results.summary import BLADE, ScenarioEntry, Summary
@@ -32,55 +33,14 @@ __all__ = ["TABLES", "ScenarioTables", "Solution"]
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
 
-_OVER_TIME = {x.column: (x.unit, x.text) for x in map(QUANTITIES.__getitem__, OVER_TIME)}
+_OVER_TIME: dict[str, Sequence[Any]] = {
+    x.column: (x.unit, x.text) for x in map(QUANTITIES.__getitem__, OVER_TIME)
+}
 
-TABLES: dict[str, dict[str, tuple[str | None, str]]] = {
+TABLES: dict[str, dict[str, Sequence[Any]]] = {
     "trajectory": _OVER_TIME,
     "simulation": _OVER_TIME,
-    "loads": {
-        "r_m": ("m", "distance from the axis, along the blade"),
-        "r_over_R": (None, "distance from the axis over the tip radius"),
-        "stress_Pa": (
-            "Pa",
-            "largest stress in the section, at the time of the largest in the blade",
-        ),
-        "flapwise_moment_Nm": ("N*m", "moment that bends the blade flapwise, at that time"),
-        "cavitation": (
-            None,
-            "suction times the margin, over the difference of static and vapour pressure, at the "
-            "time of the largest; linear between the stations",
-        ),
-    },
-    "year": {
-        "inflow_speed_m_s": ("m/s", "power-weighted mean speed of the flow in the bin"),
-        "hours": ("h", "hours of a year of operation in the bin"),
-        "rotor_speed_rad_s": ("rad/s", "mean angular speed of the rotor"),
-        "control_torque_Nm": ("N*m", "mean generator torque on the rotor"),
-        "captured_power_W": ("W", "mean power captured from the flow"),
-        "generator_power_W": ("W", "mean power taken by the generator"),
-        "electrical_power_W": ("W", "mean power delivered by the generator, less its losses"),
-        "energy_kWh": ("kW*h", "electrical energy of a year, less availability and losses"),
-    },
-    "power_curve": {
-        "tip_speed_ratio": _OVER_TIME["tip_speed_ratio"],
-        "power_coefficient": (None, "power coefficient"),
-        "start_power_coefficient": (None, "power coefficient of the blade at the start"),
-        "thrust_coefficient": (None, "thrust coefficient"),
-        "start_thrust_coefficient": (None, "thrust coefficient of the blade at the start"),
-    },
-    "convergence": {
-        "evaluation": (None, "evaluations of the optimizer"),
-        "energy_J": ("J", "captured energy"),
-        "infeasibility": (None, "largest scaled violation of a constraint"),
-    },
-    "blade": {
-        "r_m": ("m", "distance of the station from the axis, along the blade"),
-        "chord_m": ("m", "chord"),
-        "twist_deg": ("deg", "twist, including the set angle"),
-        "thickness_over_chord": (None, "thickness over chord, where it is designed"),
-        "start_chord_m": ("m", "chord of the blade at the start"),
-        "start_twist_deg": ("deg", "twist of the blade at the start, including the set angle"),
-    },
+    **COLUMNS["result"],
 }
 """Unit (None: dimensionless) and description of each column of each table of a result."""
 
@@ -465,7 +425,7 @@ class Solution:
         InputError
             If there is no figure of a name.
         """
-        plots = importlib.import_module("hkt_mdo.results.plots")  # Matplotlib takes its time
+        plots = import_module("hkt_mdo.results.plots")  # Matplotlib takes its time
         return plots.figures(self, names or ("blade", "operation", "schedule", "limits"))
 
     def __repr__(self) -> str:
@@ -484,11 +444,7 @@ class Solution:
 
 
 def _package(name: str) -> Any:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        remedy = f"install it with: pip install {name}"
-        raise InputError(f"the package {name} is not installed", remedy) from None
+    return needed(name, f"install it with: pip install {name}")
 
 
 def _read_csv(path: Path, columns: tuple[str, ...], maybe: set[str]) -> dict[str, np.ndarray]:

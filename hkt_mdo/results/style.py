@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.folder import write_files
+from hkt_mdo.files.table import make_folder, write_files
 
 COLORS = ("#0b3c6f", "#c4501b", "#4fb286", "#8a4fa3", "#b8860b", "#4a4a4a")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
@@ -194,7 +194,7 @@ def save(
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    Path(folder).mkdir(parents=True, exist_ok=True)
+    make_folder(Path(folder))
     written = []
     for name, figure in figures.items():
         for form in formats:

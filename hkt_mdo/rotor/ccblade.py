@@ -5,7 +5,7 @@ WISDEM is imported only when a function is called: its import takes seconds.
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import needed
 from hkt_mdo.rotor.bem import Coefficients, polar_at
 
 
@@ -80,15 +80,10 @@ def ccblade(blade, polar, derivatives=False):
     InputError
         If WISDEM is not installed.
     """
-    try:
-        from wisdem.ccblade.ccblade import CCBlade
-    except ImportError as error:
-        raise InputError(
-            "hydrodynamics.bem = ccblade: WISDEM is not installed; `pip install wisdem`, or choose "
-            "vectorized"
-        ) from error
+    place = {"key": "hydrodynamics.bem", "value": "ccblade"}
+    wisdem = needed("wisdem.ccblade.ccblade", "pip install wisdem, or choose vectorized", **place)
     polars = [polar_at(polar, station) for station in range(blade.r.size)]
     stations = blade.r, blade.chord, np.rad2deg(blade.twist), polars
     about = {"B": blade.blade_count, "precone": np.rad2deg(blade.cone), "derivatives": derivatives}
     water = {"rho": 1.0, "mu": 1.0, "shearExp": 0.0}
-    return CCBlade(*stations, blade.hub_radius, blade.tip_radius, **about, **water)
+    return wisdem.CCBlade(*stations, blade.hub_radius, blade.tip_radius, **about, **water)

@@ -68,17 +68,6 @@ class Load(NamedTuple):
         """
         return np.max(np.real(self.exact), axis=1)
 
-    @property
-    def largest_at(self):
-        """Radius along the blade where the largest load is, m, shape (n,).
-
-        Returns
-        -------
-        ndarray of shape (n,)
-            Radius (m).
-        """
-        return self.r[np.argmax(np.real(self.exact), axis=1)]
-
     def envelope(self, exponent=EXPONENT):
         """Return the `Envelope`: a norm over the places, of the loads above zero.
 

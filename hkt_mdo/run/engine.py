@@ -13,7 +13,6 @@ import os
 import platform
 import re
 import signal
-import threading
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import CancelledError
@@ -24,7 +23,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from hkt_mdo.errors import InputError, program_version
+from hkt_mdo.errors import InputError, handling, program_version
 from hkt_mdo.run.digest import of_package
 
 SECONDS_BETWEEN_LOOKS = 10.0
@@ -58,7 +57,8 @@ def in_processes(
     first = list(islice(waiting, 1))  # without a task no worker is started
     if not first:
         return
-    with _termination_interrupts(), _client(jobs or os.cpu_count() or 1, scheduler) as client:
+    interrupts = handling(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C does
+    with interrupts, _client(jobs or os.cpu_count() or 1, scheduler) as client:
         from distributed import wait
         from distributed.protocol.pickle import dumps
 
@@ -209,16 +209,3 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
                 reason, remedy = f"cannot be started ({error})", "give the same command again"
             raise InputError(reason, remedy, **where) from error
         yield stack.enter_context(client)
-
-
-@contextmanager
-def _termination_interrupts() -> Iterator[None]:
-    """Let SIGTERM interrupt as Ctrl-C does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's
-        return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)

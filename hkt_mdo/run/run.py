@@ -13,17 +13,16 @@ from __future__ import annotations
 import signal
 import sqlite3
 import tempfile
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterable
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
-from hkt_mdo.errors import InputError, interrupts_of_compiled_code
+from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import better_steady
 from hkt_mdo.problem.physics import Physics
@@ -258,12 +257,8 @@ def write_n2(case: Case, path: Path) -> None:
         ) from error
 
 
-@contextmanager
-def _termination_interrupts(state: RunState):
+def _termination_interrupts(state: RunState) -> AbstractContextManager:
     """Let SIGTERM end a run as Ctrl-C does."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # signals are the main thread's
-        return
 
     def handler(signum, frame):
         # checked at the next evaluation, in case compiled code swallows this
@@ -271,8 +266,4 @@ def _termination_interrupts(state: RunState):
         interrupt = signal.getsignal(signal.SIGINT)
         (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
 
-    previous = signal.signal(signal.SIGTERM, handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous or signal.SIG_DFL)
+    return handling(signal.SIGTERM, handler)

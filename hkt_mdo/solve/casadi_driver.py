@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import openmdao.api as om
 from openmdao.core.driver import RecordingDebugging
 from scipy.sparse import csc_matrix
 
+from hkt_mdo.errors import handling
 from hkt_mdo.solve.driver_base import ReportingDriver
 from hkt_mdo.solve.stationary import RULES, Stationary
 
@@ -238,13 +238,11 @@ class CasadiIpoptDriver(ReportingDriver):
                 self._error = error
         return otherwise
 
-    @contextmanager
-    def _interrupts_stored(self) -> Iterator[None]:
+    def _interrupts_stored(self) -> AbstractContextManager[None]:
         """Store what the handler of Ctrl-C raises, which CasADi would swallow between callbacks."""
         previous = signal.getsignal(signal.SIGINT)
-        if threading.current_thread() is not threading.main_thread() or not callable(previous):
-            yield
-            return
+        if not callable(previous):
+            return nullcontext()
 
         def handler(signum: int, frame: FrameType | None) -> None:
             try:
@@ -252,11 +250,7 @@ class CasadiIpoptDriver(ReportingDriver):
             except BaseException as error:
                 self._error = error
 
-        signal.signal(signal.SIGINT, handler)
-        try:
-            yield
-        finally:
-            signal.signal(signal.SIGINT, previous)
+        return handling(signal.SIGINT, handler)
 
     def _raise_stored(self) -> None:
         """Raise the error that was stored while CasADi ran, if any."""

@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 
 from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import solution as results
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import TABLES, Solution
 from hkt_mdo.results.words import texts
@@ -127,7 +127,7 @@ def test_load_refuses_a_corrupt_table(result_folder: Path, text: str, told: str)
 
 
 def test_load_refuses_a_large_table(result_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(results, "MAX_CSV_BYTES", 1000)
+    monkeypatch.setattr("hkt_mdo.results.solution.MAX_CSV_BYTES", 1000)
     with pytest.raises(InputError, match=r"trajectory\.csv: is larger than"):
         Solution.load(result_folder)
 
@@ -165,10 +165,7 @@ def test_tables_for_pandas_and_xarray(result_folder: Path, name: str) -> None:
 def test_a_missing_package_is_reported(
     result_folder: Path, monkeypatch: pytest.MonkeyPatch, package: str
 ) -> None:
-    def refuse(name: str) -> None:
-        raise ImportError(name)
-
-    monkeypatch.setattr(results.importlib, "import_module", refuse)
+    monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=f"install it with: pip install {package}"):
         getattr(Solution.load(result_folder), f"to_{package}")()
 
