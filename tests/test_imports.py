@@ -17,7 +17,7 @@ ALLOWED = {
     "quantities": {"errors"},
     "sections": {"errors"},
     "solve": {"compiled", "errors"},
-    "rotor": {"compiled", "errors", "files"},
+    "rotor": {"compiled", "errors", "files", "quantities"},
     "dynamics": {"errors", "files", "quantities", "rotor", "sections"},
     "case": {"dynamics", "errors", "files", "quantities", "sections"},
     "results": {"case", "dynamics", "errors", "files", "problem", "quantities", "rotor"},

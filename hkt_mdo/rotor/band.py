@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.loads import COEFFICIENT_UNITS, radius_slope
+from hkt_mdo.rotor.loads import radius_slope
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 FACTORS = np.linspace(0.7, 1.3, 13)
@@ -124,7 +125,10 @@ class Band:
             "torque_coefficient_band": (whole, {"desc": f"torque coefficient {behind}"}),
         }
         for name in names:
-            about = {"units": COEFFICIENT_UNITS[name], "desc": f"{name} / (0.5 rho v^2) {behind}"}
+            about = {
+                "units": QUANTITIES[name].per_pressure,
+                "desc": f"{name} / (0.5 rho v^2) {behind}",
+            }
             found[f"{name}_band"] = whole, about
         return found
 

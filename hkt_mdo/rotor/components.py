@@ -5,19 +5,15 @@ from dataclasses import replace
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.loads import COEFFICIENT_UNITS
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
 
-QUANTITIES = {
-    "chord": {"units": "m", "desc": "chord at the stations"},
-    "twist": {"units": "rad", "desc": "twist at the stations, set angle included"},
-    "thickness": {"desc": "thickness over chord at the stations, where it is designed"},
-    "rotor_radius": {"units": "m", "desc": "radius of the swept disc"},
-}
+INPUTS = "chord", "twist", "thickness", "rotor_radius"
+"""Quantities of a blade that may change in an optimization."""
 
 
 def rotor_inputs(blade):
@@ -31,9 +27,9 @@ def rotor_inputs(blade):
     Returns
     -------
     list of str
-        Names of `QUANTITIES`; without the thickness if that is not designed.
+        Names of `INPUTS`; without the thickness if that is not designed.
     """
-    return [name for name in QUANTITIES if getattr(blade, name) is not None]
+    return [name for name in INPUTS if getattr(blade, name) is not None]
 
 
 class ShapeComp(om.ExplicitComponent):
@@ -52,14 +48,14 @@ class ShapeComp(om.ExplicitComponent):
         for name, basis in shape.bases.items():
             if name == "thickness" and not basis.size:
                 continue
-            self.add_output(name, shape=basis.shape[0], **QUANTITIES[name])
+            self.add_output(name, shape=basis.shape[0], **QUANTITIES[name].meta)
             if basis.size:
                 control, (rows, cols) = f"{name}_control", np.nonzero(basis)
-                meta = QUANTITIES[name] | {"desc": f"control points of the {name}"}
+                meta = QUANTITIES[name].meta | {"desc": f"control points of the {name}"}
                 self.add_input(control, shape=basis.shape[1], **meta)
                 self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
         if not shape.designs_chord:
-            self.add_input("rotor_radius", **QUANTITIES["rotor_radius"])
+            self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
             by_radius = shape.chord_offset / shape.blade.rotor_radius
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
 
@@ -92,7 +88,7 @@ class BladeComp(om.ExplicitComponent):
     def setup(self):
         for name in self.inputs_of_blade:
             value = getattr(self.options["blade"], name)
-            self.add_input(name, val=value, **QUANTITIES[name])
+            self.add_input(name, val=value, **QUANTITIES[name].meta)
 
     @property
     def inputs_of_blade(self):
@@ -101,7 +97,7 @@ class BladeComp(om.ExplicitComponent):
         Returns
         -------
         list of str
-            Names of `QUANTITIES`.
+            Names of `INPUTS`.
         """
         return rotor_inputs(self.options["blade"])
 
@@ -125,7 +121,10 @@ class BladeComp(om.ExplicitComponent):
 
 
 class _Table(BladeComp):
-    """A table of a blade's over tip speed ratios, which are `nodes`, or an input if they vary."""
+    """Tables of a blade over tip speed ratios, which are `nodes`, or an input if they vary.
+
+    `_solve(inputs, derivatives)` of a subclass returns values and slopes by the name of the table.
+    """
 
     def initialize(self):
         super().initialize()
@@ -158,6 +157,14 @@ class _Table(BladeComp):
         by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
         for name in (*self.inputs_of_blade, *by_ratio):
             partials[table, name] = getattr(found, f"{prefix}by_{name}")
+
+    def compute(self, inputs, outputs):
+        for name, table in self._solve(inputs).items():
+            outputs[name] = table.values
+
+    def compute_partials(self, inputs, partials):
+        for name, table in self._solve(inputs, derivatives=True).items():
+            self._set_partials(partials, name, table)
 
 
 class TorqueTable(_Table):
@@ -200,22 +207,14 @@ class LoadTable(_Table):
         super().setup()
         tables = {}
         for name in self.options["names"]:
-            about = {"units": COEFFICIENT_UNITS[name], "desc": f"{name} / (0.5 rho v^2)"}
+            about = {"units": QUANTITIES[name].per_pressure, "desc": f"{name} / (0.5 rho v^2)"}
             tables[f"{name}_table"] = about
         self._add_tables(tables)
-
-    def compute(self, inputs, outputs):
-        for name, envelope in self._solve(inputs).items():
-            outputs[f"{name}_table"] = envelope.values
-
-    def compute_partials(self, inputs, partials):
-        for name, envelope in self._solve(inputs, derivatives=True).items():
-            self._set_partials(partials, f"{name}_table", envelope)
 
     def _solve(self, inputs, derivatives=False):
         model, about = self.options["rotor"].loads, (self._ratios(inputs), derivatives)
         loads = model.coefficients(self.blade_of(inputs), *about, self.options["names"])
-        return {name: load.envelope(model.exponent) for name, load in loads.items()}
+        return {f"{name}_table": load.envelope(model.exponent) for name, load in loads.items()}
 
 
 class BandTables(_Table):
@@ -236,14 +235,6 @@ class BandTables(_Table):
         for name, (shape, about) in self.options["band"].outputs(self.options["names"]).items():
             self.add_output(name, shape=shape, **about)
             self.declare_partials(name, self.inputs_of_blade)
-
-    def compute(self, inputs, outputs):
-        for name, table in self._solve(inputs).items():
-            outputs[name] = table.values
-
-    def compute_partials(self, inputs, partials):
-        for name, table in self._solve(inputs, derivatives=True).items():
-            self._set_partials(partials, name, table)
 
     def _solve(self, inputs, derivatives=False):
         about = self.options["rotor"], self.blade_of(inputs), self.options["names"]
@@ -310,7 +301,7 @@ class InertiaComp(BladeComp):
         Returns
         -------
         list of str
-            Names of `QUANTITIES`.
+            Names of `INPUTS`.
         """
         moves_water = self.options["rotor"].added_inertia != "none"
         names = rotor_inputs(self.options["blade"])

@@ -21,9 +21,7 @@ from hkt_mdo.rotor.strength import (
     place_weights,
 )
 
-# Unit of the coefficient of each load, the load over q (Pa)
 GRAVITY = 9.80665  # m/s²
-COEFFICIENT_UNITS = {"thrust": "m**2", "root_moment": "m**3", "stress": None, "cavitation": "1/Pa"}
 
 
 class Envelope(NamedTuple):
