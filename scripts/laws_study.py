@@ -501,8 +501,7 @@ def answer(found, flights):
             "Static laws lose most where open loop slows the rotor to keep a limit (underspeed), "
             "as it does with 5 kW and a limit on the thrust: no law of the speed alone is stable "
             "there (with induction in equilibrium), "
-            f"and each loses {min(least):.2g} % or more, tracking {tracked[0]:.2g} to "
-            f"{tracked[-1]:.2g} %."
+            f"and each loses {min(least):.2g} % or more, tracking at most {tracked[-1]:.2g} %."
         )
     sentences.append(breaking(flights))
 
