@@ -166,8 +166,9 @@ class QuasiSteady:
     def held(self, table, speed) -> Operation:
         """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
         torque = self._driving(table, self.inflow_speed, speed)
-        energy = float(self.weights @ (torque * speed))
-        delivered = float(self.weights @ self._power(torque, speed)[0])
+        power = torque * speed
+        maximized = power if self.generator is None else self._electrical(torque, speed)
+        energy, delivered = (float(self.weights @ rate) for rate in (power, maximized))
         running = bool(np.all(torque > 0.0))
         return Operation(energy, speed, torque, running, delivered=delivered)
 
