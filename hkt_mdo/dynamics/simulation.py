@@ -31,7 +31,7 @@ from hkt_mdo.dynamics.radau import (
     step_errors,
     through,
 )
-from hkt_mdo.dynamics.wake import Wake
+from hkt_mdo.dynamics.wake import MeanWake, Wake
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
@@ -68,6 +68,10 @@ class Plant:
         """Return the same rotor with a `Wake`; tau1 in s, None: by the induction."""
         return replace(self, wake=Wake(self.blade, self.polar, tau1))
 
+    def with_mean_wake(self, band):
+        """Return the same rotor with the two filters of an optimization with its `Band`."""
+        return replace(self, wake=MeanWake(self.blade, self.polar, self.wake.tau1, band))
+
     def torque(self, speed, inflow_speed):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).
 
@@ -102,13 +106,15 @@ class Plant:
     def station_torques(self, speed, inflow_speed, filters):
         """Return the torque of all blades at each station, N*m, (n, n_stations).
 
-        filters[n, n_filters] is the state of the wake, which need not be in equilibrium.
+        filters[n, n_filters] is the state of the wake, which need not be in equilibrium. Of a
+        `MeanWake` it is the torque of all stations, (n, 1).
         """
         radius = self.blade.rotor_radius
         speed = np.maximum(speed, SLOWEST_RATIO * inflow_speed / radius)
         scale = torque_scale(self.density, radius, inflow_speed)
         load = self.wake.sections(speed, inflow_speed, filters).tangential_load
-        return scale[:, None] * bem.torque_weights(self.blade) * load
+        torques = scale[:, None] * bem.torque_weights(self.blade) * load
+        return torques if self.wake.places > 1 else np.sum(torques, axis=1, keepdims=True)
 
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
@@ -528,8 +534,8 @@ class _Motion:
         # derivative of a station's torque by the velocity induced there, axial and then tangential
         filters = values[..., n:].reshape(speed.size, -1)
         here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
-        places, by_chain = here.shape[1], []
-        for first in (2 * places, 3 * places):
+        places, count, by_chain = here.shape[1], filters.shape[1], []
+        for first in range(count // 2, count, places):
             moved = filters.copy()
             moved[:, first : first + places] += move
             by_chain.append((self.plant.station_torques(speed, many, moved) - here) / move)
@@ -538,7 +544,7 @@ class _Motion:
         by_chain = np.concatenate(by_chain, axis=1).reshape(*shape, 1, -1)
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
         slow, fast = self.plant.wake.times(many, balanced)
-        fast = np.tile(fast, 2).reshape(*shape, -1)
+        fast = np.tile(fast, count // 2 // fast.shape[1]).reshape(*shape, -1)
         return by_chain, *by_speed, slow.reshape(*shape, 1), fast
 
     def _solve(self, edges, start, energy):

@@ -11,14 +11,14 @@ needs no rate of q. The sections see the velocity z, and their forces follow fro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.band import place_shares
+from hkt_mdo.rotor.band import Band, place_shares
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
 
@@ -26,6 +26,8 @@ AT_ONCE = 0.6
 """Øye's k: the share of a change that does not pass through the slow filter."""
 MOST_INDUCTION = 0.5
 """Axial induction above which the slow filter's time constant grows no more."""
+FINER = 4
+"""Intervals of `MeanWake`'s table in one of the optimization's."""
 
 
 def fast_share(places):
@@ -47,6 +49,11 @@ class Wake:
     blade: Blade
     polar: Polar | tuple[Polar, ...] | LocalReynolds
     tau1: float | None = None
+
+    @property
+    def places(self) -> int:
+        """Number of parts of the blade whose velocities have filters of their own."""
+        return self.blade.r.size
 
     @cached_property
     def _spread(self):
@@ -81,21 +88,25 @@ class Wake:
     def times(self, flow, balanced):
         """Return tau1 (n_points, 1) and tau2 (n_points, n_stations), s."""
         share, factors = self._spread
-        if self.tau1 is not None:
-            slow = np.full((flow.size, 1), self.tau1)
-        else:
-            normal = flow * np.cos(self.blade.cone)
-            induction = balanced[:, : share.size] @ share / normal
-            kept = 1.0 - 1.3 * np.minimum(induction, MOST_INDUCTION)
-            slow = (1.1 * self.blade.rotor_radius / (kept * flow))[:, None]
+        slow = self._slow(flow, balanced[:, : share.size] @ share)[:, None]
         return slow, factors * slow
+
+    def _slow(self, flow, at_place):
+        """Return tau1, s; at_place is the velocity induced in equilibrium at 0.7 R, m/s."""
+        if self.tau1 is not None:
+            return np.full(flow.shape, self.tau1)
+        induction = at_place / (flow * np.cos(self.blade.cone))
+        kept = 1.0 - 1.3 * np.minimum(induction, MOST_INDUCTION)
+        return 1.1 * self.blade.rotor_radius / (kept * flow)
 
     def rates(self, filters, flow, balanced):
         """Return the rates of the filters' state, of its shape, m/s²; points in one row."""
         slow, fast = self.times(flow, balanced)
         reduced, induced = np.split(filters, 2, axis=-1)
-        first = ((1.0 - AT_ONCE) * balanced - reduced) / slow
-        second = (reduced + AT_ONCE * balanced - induced) / np.tile(fast, 2)
+        steady = balanced[:, : reduced.shape[-1]]
+        first = ((1.0 - AT_ONCE) * steady - reduced) / slow
+        fast = np.tile(fast, steady.shape[-1] // fast.shape[-1])
+        second = (reduced + AT_ONCE * steady - induced) / fast
         return np.concatenate((first, second), axis=-1)
 
     def sections(self, speed, flow, filters):
@@ -104,3 +115,59 @@ class Wake:
         induced = filters[:, filters.shape[1] // 2 :].reshape(ratio.size, 2, -1)
         induced = induced / normal[:, None, None]
         return bem.sections_with(self.blade, self._polar(flow), ratio, induced)
+
+
+@dataclass(frozen=True, eq=False)
+class MeanWake(Wake):
+    """The two filters of the optimization: those of a mean axial velocity of the wake.
+
+    The wake at every station is that of the tip speed ratio at which a wake in equilibrium has this
+    mean velocity (`hkt_mdo.rotor.band`). Torque and mean velocity are those of direct BEM; the tip
+    speed ratio of the wake is found by a table of the mean velocity, `FINER` times finer than that
+    of the optimization.
+
+    The state of the filters is an array (n_points, 2): the reduced velocity and the mean velocity.
+    """
+
+    band: Band = None  # type: ignore[assignment]
+
+    @property
+    def places(self):
+        return 1
+
+    @property
+    def share(self) -> float:
+        """Time constant of the fast filter over that of the slow one, the mean of all stations."""
+        return float(self.band.weights @ self._spread[1])
+
+    @cached_property
+    def _table(self):
+        """The band with finer nodes, and the mean induction at them."""
+        nodes = self.band.nodes
+        finer = np.interp(np.arange(0.0, nodes.size - 1 + 1e-9, 1.0 / FINER), range(nodes.size), nodes)
+        ratio = finer / np.cos(self.blade.cone)
+        found = bem.sections(self.blade, self._polar(1.0), ratio)
+        induced = bem.induced_speeds(self.blade, found, ratio)[:, 0]
+        return replace(self.band, nodes=finer), induced @ self.band.weights
+
+    def balanced(self, speed, flow):
+        """Return the mean velocity in equilibrium, and that at 0.7 R, m/s, (n_points, 2)."""
+        found = super().balanced(speed, flow)[:, : self.blade.r.size]
+        mean = found @ self.band.weights / np.cos(self.blade.cone)
+        return np.stack((mean, found @ self.band.places), axis=-1)
+
+    def at_rest(self, speed, flow):
+        induced = self.balanced(speed, flow)[:, :1]
+        return np.concatenate(((1.0 - AT_ONCE) * induced, induced), axis=-1)
+
+    def times(self, flow, balanced):
+        slow = self._slow(flow, balanced[:, 1])[:, None]
+        return slow, self.share * slow
+
+    def sections(self, speed, flow, filters):
+        band, table = self._table
+        ratio, _ = self._ratio(speed, flow)
+        behind, _ = band.wake_ratio(table, filters[:, 1] / flow)
+        behind = behind / np.cos(self.blade.cone)
+        wake = bem.sections(self.blade, self._polar(flow), behind)
+        return bem.sections_behind(self.blade, self._polar(flow), wake, behind, ratio)

@@ -130,6 +130,13 @@ class Flight(Flown):
     trajectory: dict[str, np.ndarray]
     limits_loads: bool
     """Whether the case limits loads; without, they are computed for the tables only."""
+    two_filters: Flight | None = None
+    """If the wake has memory, the integration with the optimization's two filters (`MeanWake`)."""
+
+    @property
+    def of_model(self) -> Flight:
+        """The integration of the model that was optimized."""
+        return self.two_filters or self
 
     @cached_property
     def loads_at_nodes(self) -> dict[str, np.ndarray]:
@@ -160,16 +167,19 @@ class Flight(Flown):
 
     @property
     def energy_error(self) -> float:
-        """Relative difference of the collocated from the integrated energy."""
+        """Relative difference of the collocated from the integrated energy of the same model."""
         collocated = self.scenario.node_weights @ self.trajectory["hydrodynamic_power"]
-        flown = self.simulation.energy
+        flown = self.of_model.simulation.energy
         return abs(float(collocated) / flown - 1.0) if flown > 0.0 else np.inf
 
     @property
     def speed_errors(self) -> np.ndarray:
-        """Relative differences of the integrated from the collocated speed at the nodes."""
+        """Relative differences of the integrated from the collocated speed at the nodes.
+
+        Both of the same model.
+        """
         nodes = self.trajectory
-        return np.abs(self.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
+        return np.abs(self.of_model.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
 
     def integral(self, values: np.ndarray) -> float:
         """Return the integral of values along the integration."""
@@ -277,7 +287,8 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
 def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
-    With the wake of the case; if it has memory, with filters at all stations.
+    With the wake of the case; if it has memory, with filters at all stations, and again with the
+    two of the optimization.
     """
     blade, limited, flights = result.point.blade, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
@@ -291,14 +302,17 @@ def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
             flights.append(SteadyFlight.of(own, plant, *flown, **options))
             continue
         controller = controller_of(own, result, plant, nodes)
-        flown = _flown(
-            plant,
-            scenario,
-            controller,
+        start = Start(
             float(nodes["rotor_speed"][0]),
             [nodes[name][0] for name in physics.states],
-            mesh.duration / mesh.segments,
+            float(scenario.edges[0]),
         )
+        about = scenario, controller, start, mesh.duration / mesh.segments
+        if plant.wake is not None:
+            mean = plant.with_mean_wake(physics.band(result.setup))
+            flown = _flown(mean, *about)
+            options["two_filters"] = Flight.of(own, mean, flown, controller, **options)
+        flown = _flown(plant, *about)
         flights.append(Flight.of(own, plant, flown, controller, **options))
     return tuple(flights)
 
@@ -335,10 +349,9 @@ def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
     ), False
 
 
-def _flown(plant, scenario, controller, speed, states, max_step) -> Simulation:
+def _flown(plant, scenario, controller, start, max_step) -> Simulation:
     """Integrate a scenario; without a solution to the end, up to there, as if the rotor stopped."""
-    first, duration = float(scenario.edges[0]), scenario.duration
-    start = Start(speed, states, first)
+    first, duration = start.time, scenario.duration
     samples = scenario.dense
 
     def until(duration, samples):

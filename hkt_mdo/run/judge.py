@@ -52,12 +52,13 @@ RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small differenc
 BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its distance from stall
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
+REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # of two filters from all stations (docs/memory.md)
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is judged
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
 def is_false(flights: tuple[Flight, ...]) -> bool:
-    """Tell whether an integration contradicts the collocation."""
+    """Tell whether an integration of the model that was optimized contradicts its collocation."""
     errors = [(each.energy_error, np.max(each.speed_errors)) for each in flights]
     return any(energy > ENERGY_ERROR or speed > SPEED_ERROR for energy, speed in errors)
 
@@ -98,7 +99,7 @@ def _check(name, value, limit, detail) -> CheckEntry:
 def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of the checks of a scenario's integration."""
     flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
-    time, stopped = nodes["time"], flown.stopped_at
+    time, stopped, own = nodes["time"], flown.stopped_at, flight.of_model.integrated
     if not flight.scenario.steady:
         yield from _of_flow(flight.scenario)
     when = flight.scenario.when
@@ -108,7 +109,7 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     if stopped is not None and flight.scenario.steady:
         word = f"the rotor has no equilibrium in {when(stopped)}"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
-    power = np.interp(time, integrated["time"], integrated["hydrodynamic_power"])
+    power = np.interp(time, own["time"], own["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
     yield (
         "energy_error",
@@ -120,10 +121,28 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     error = flight.speed_errors
     worst = int(np.argmax(error))
     yield "max_speed_error", error[worst], SPEED_ERROR, f"at {when(time[worst])}"
+    if flight.two_filters is not None:
+        yield from _of_two_filters(flight, flight.two_filters)
     if isinstance(flight, SteadyFlight) and flight.recorded is None:
         worst = int(np.argmax(flight.growth))
         word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
         yield "equilibrium_growth", flight.growth[worst], 0.0, f"{word}{when(time[worst])}"
+
+
+def _of_two_filters(flight, reduced):
+    """Yield by how much the integration with the filters of all stations differs from the reduced.
+
+    The optimizer maximizes the energy of the reduced model: what it misses is at most the sum of
+    this difference for the optimized design and for the best one.
+    """
+    whole, two = flight.simulation, reduced.simulation
+    gap = abs(two.energy / whole.energy - 1.0) if whole.energy > 0.0 else np.inf
+    word = "energy by the optimization's two filters of the wake over that of all stations"
+    yield "two_filters_energy", gap, REDUCED_ENERGY, f"{word}, less one"
+    times = flight.trajectory["time"]
+    error = np.abs(two.speed_at(times) / whole.speed_at(times) - 1.0)
+    when = flight.scenario.when(times[np.argmax(error)])
+    yield "two_filters_speed", np.max(error), REDUCED_SPEED, f"the same of the speed, at {when}"
 
 
 def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
@@ -176,9 +195,10 @@ def _of_design(physics, optimum, reference, result, flights):
         yield "stored_energy", sold(physics, result, flights), STORED, word
     objective = simulated_objective(physics, flights)
     if not isinstance(physics.objective, CapturedEnergy):
+        known = simulated_objective(physics, tuple(each.of_model for each in flights))
         yield (
             "objective_error",
-            abs(result.objective - objective) / max(abs(objective), 1e-9),
+            abs(result.objective - known) / max(abs(known), 1e-9),
             ENERGY_ERROR,
             "collocated against integrated objective",
         )

@@ -131,7 +131,7 @@ def division(
         if not unchanged:  # by the last division: close to stall now means at the nodes
             marks |= close
         for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
-            over = flight.between_nodes(limit)[0]
+            over = flight.of_model.between_nodes(limit)[0]
             found = over > most_between(limit)
             lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
             by_a_hair = np.max(over) <= RULES.hair and lost <= RULES.short_of
