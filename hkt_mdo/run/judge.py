@@ -191,7 +191,7 @@ def _of_design(physics, optimum, reference, result, flights):
     if sells(physics):
         word = "energy that the rotor stores over captured energy"
         if physics.law.is_feedback:
-            word += ", except for energy stored in equilibrium with the flow at the end"
+            word += ", except for what the flow leaves in a rotor that follows it"
         yield "stored_energy", sold(physics, result, flights), STORED, word
     objective = simulated_objective(physics, flights)
     if not isinstance(physics.objective, CapturedEnergy):
@@ -286,7 +286,9 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
     """Return the energy stored in rotors by the optimizer's choice, over the captured energy.
 
     Open loop chooses the last speed. Under feedback the last speed follows from the flow: only the
-    energy beyond that at the equilibrium speed counts.
+    energy beyond that at the equilibrium speed counts. A heavy rotor lags behind the flow and ends
+    faster or slower than in equilibrium. Nothing of this counts while its last speed is between
+    speeds at which it has been in balance in its run, those at which it began or turned.
     """
 
     def stored(flight) -> float:
@@ -298,7 +300,10 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
         slope = (slowed - net) / (SLOWED * speed[-1])
         if slope <= 0.0:  # no speed near the last one is a stable equilibrium
             return abs(flown.kinetic_energy_change)
-        return flight.plant.inertia * speed[-1] * abs(net / slope)
+        moves = np.diff(speed)
+        balanced = np.append(speed[1:-1][moves[:-1] * moves[1:] <= 0.0], speed[0])
+        beyond = abs(speed[-1] - np.clip(speed[-1], np.min(balanced), np.max(balanced)))
+        return flight.plant.inertia * speed[-1] * min(abs(net / slope), beyond)
 
     return total(flights, stored) / max(abs(total(flights, lambda f: f.simulation.energy)), 1e-9)
 

@@ -9,6 +9,7 @@ from hkt_mdo.studies.uncertainty import Design
 
 CASES = {
     "quadratic": {"control": {"law": "quadratic"}},
+    "linear": {"control": {"law": "linear"}},
     "quadratic, 700 N m, 30 kg m^2 more": {
         "control": {"law": "quadratic", "torque_limit": 700},
         "rotor": {"hub_inertia": 30},

@@ -83,6 +83,31 @@ def test_two_filters_have_the_stability_of_all_stations(tau1, power):
     assert companion.frozen[0] == pytest.approx(whole.frozen[0], rel=5e-3)
 
 
+def test_the_integrated_two_filters_are_those_of_the_tables():
+    """Direct BEM out of equilibrium: torque and rates; in equilibrium, that without memory."""
+    design, flow = design_of("paper"), np.array([1.5, 1.3])
+    plant, radius = design.plant.with_memory(1.0), design.blade.rotor_radius
+    band = Band.of(design.physics.rotor, design.blade, 8.06, np.linspace(7.0, 9.0, 17))
+    found = band.solve(design.physics.rotor, design.blade, ())
+    tables = {name: each.values for name, each in found.items()}
+    mean, wake_ratio = plant.with_mean_wake(band), np.array([7.5, 8.25])
+    ratio = np.array([1.05, 0.95]) * wake_ratio  # both at nodes of the tables
+    speed, behind = ratio * flow / radius, wake_ratio * flow / radius
+    rest = mean.wake.at_rest(behind, flow)
+    whole = mean.station_torques(behind, flow, rest)[:, 0]
+    np.testing.assert_allclose(whole, plant.torque(behind, flow), rtol=3e-5)
+    value, *_ = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
+    torque = mean.station_torques(speed, flow, rest)[:, 0]
+    expected = torque_scale(1000.0, radius, flow) * value
+    np.testing.assert_allclose(torque, expected, rtol=3e-5)
+    steady, _ = band.spline.values(tables["wake_induction_table"], ratio)
+    share = band.weights @ fast_share(design.blade.r / design.blade.tip_radius)
+    velocity = rest[:, 1]
+    rates = 0.4 * flow * steady - rest[:, 0], (rest[:, 0] + 0.6 * flow * steady - velocity) / share
+    of_wake = mean.wake.rates(rest, flow, mean.wake.balanced(speed, flow))
+    np.testing.assert_allclose(of_wake, np.stack(rates, axis=1), atol=1e-4)  # m/s²
+
+
 def test_the_wake_of_an_induction_beyond_its_table_is_near_the_table():
     design = design_of("paper")
     band = Band.of(design.physics.rotor, design.blade, 8.0, np.linspace(6.0, 10.0, 41))
