@@ -6,7 +6,7 @@ import openmdao.api as om
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law, OpenLoop
-from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION
+from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
@@ -358,7 +358,7 @@ class RememberingComp(_NodeComp):
         place, _ = self.options["band"].spline.values(table, ratio)
         counts = np.real(place) < MOST_INDUCTION
         kept = 1.0 - 1.3 * np.where(counts, place, MOST_INDUCTION)
-        return 1.1 * radius / (kept * flow), np.where(counts, 1.3 / kept, 0.0)
+        return SLOW * radius / (kept * flow), np.where(counts, 1.3 / kept, 0.0)
 
     def compute(self, inputs, outputs):
         self._wake(inputs)

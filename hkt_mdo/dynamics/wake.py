@@ -24,6 +24,8 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 
 AT_ONCE = 0.6
 """Øye's k: the share of a change that does not pass through the slow filter."""
+SLOW = 1.1
+"""tau1 (1 - 1.3 a) V / R, where tau1 follows from the induction."""
 MOST_INDUCTION = 0.5
 """Axial induction above which the slow filter's time constant grows no more."""
 FINER = 4
@@ -97,7 +99,7 @@ class Wake:
             return np.full(flow.shape, self.tau1)
         induction = at_place / (flow * np.cos(self.blade.cone))
         kept = 1.0 - 1.3 * np.minimum(induction, MOST_INDUCTION)
-        return 1.1 * self.blade.rotor_radius / (kept * flow)
+        return SLOW * self.blade.rotor_radius / (kept * flow)
 
     def rates(self, filters, flow, balanced):
         """Return the rates of the filters' state, of its shape, m/s²; points in one row."""

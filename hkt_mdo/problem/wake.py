@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, fast_share
+from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW, fast_share
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.rotor.band import Band
@@ -62,7 +62,7 @@ class Follower:
         slow = self.physics.case.inflow_dynamics.tau1
         if slow is None:
             kept = np.minimum(self.band.spline.values(place, ratio)[0], MOST_INDUCTION)
-            slow = 1.1 * blade.rotor_radius / ((1.0 - 1.3 * kept) * flow)
+            slow = SLOW * blade.rotor_radius / ((1.0 - 1.3 * kept) * flow)
         slow = np.broadcast_to(slow, time.shape)
         reduced = _followed(time, (1.0 - AT_ONCE) * steady, slow)
         induced = _followed(time, reduced + AT_ONCE * steady, self.share * slow)

@@ -2,7 +2,7 @@
 
 A wake that is not in equilibrium is described as that of another tip speed ratio, the wake's. This
 ratio follows from the mean axial velocity that the wake induces, as a share of the flow's speed,
-since that rises with the ratio. Loads are a table over the wake's ratio and over the quotient of
+which rises with the ratio or, where inner stations have most of the torque, falls. Loads are a table over the wake's ratio and over the quotient of
 the rotor's ratio and the wake's.
 """
 
@@ -66,11 +66,14 @@ class Band:
         Share of each station in the mean axial induction.
     places : array, shape (n_stations,)
         Share of each station in the axial induction at `PLACE`.
+    direction : float
+        1 where the mean axial induction rises with the tip speed ratio, -1 where it falls.
     """
 
     nodes: np.ndarray
     weights: np.ndarray
     places: np.ndarray
+    direction: float = 1.0
 
     @classmethod
     def of(cls, rotor, blade, tip_speed_ratio, nodes):
@@ -100,8 +103,11 @@ class Band:
             induced[:, 0] += move
             ends.append(bem.sections_with(blade, rotor.polar, ratio, induced).tangential_load[0])
         weights = bem.torque_weights(blade) * np.abs(ends[0] - ends[1])
-        places = place_shares(blade.r / blade.tip_radius)
-        return cls(np.asarray(nodes, dtype=float), weights / np.sum(weights), places)
+        places, weights = place_shares(blade.r / blade.tip_radius), weights / np.sum(weights)
+        beside = rotor.sections(blade, tip_speed_ratio * np.array([0.95, 1.05]))
+        slower, faster = _induction(blade, weights, beside).values
+        direction = 1.0 if faster >= slower else -1.0
+        return cls(np.asarray(nodes, dtype=float), weights, places, direction)
 
     def outputs(self, names):
         """Return shape and description of each table of `solve`, as OpenMDAO takes them.
@@ -191,7 +197,7 @@ class Band:
         Parameters
         ----------
         table : ndarray of shape (n_nodes,)
-            Mean axial induction in equilibrium, at the nodes; it rises.
+            Mean axial induction in equilibrium, at the nodes; it rises, or falls, by `direction`.
         induction : ndarray of shape (n_points,)
             Mean axial induction.
 
@@ -201,6 +207,7 @@ class Band:
             By Newton's method, from linear interpolation. Beyond the nodes, where an optimizer may
             try points, it is continued smoothly by at most `BEYOND` of their range.
         """
+        table, induction = self.direction * table, self.direction * induction
         rising = np.maximum.accumulate(table) + 1e-9 * np.arange(table.size)
         inside = np.clip(induction, rising[0], rising[-1])
         ratio = np.interp(inside, rising, self.nodes)
@@ -211,7 +218,7 @@ class Band:
             ratio = np.clip(ratio - (value - inside) / slope, self.nodes[0], self.nodes[-1])
         room = BEYOND * np.ptp(self.nodes)
         turned = np.tanh((induction - inside) / (slope * room))
-        return ratio + room * turned, (1.0 - turned**2) / slope
+        return ratio + room * turned, self.direction * (1.0 - turned**2) / slope
 
     def solve(self, rotor, blade, names, derivatives=False):
         """Return the tables of a blade by their names.

@@ -183,7 +183,7 @@ def _of_design(physics, optimum, reference, result, flights):
     if physics.states:
         yield _closed_loop(flights)
     if physics.remembers:
-        yield from _of_tables(result)
+        yield from _of_tables(physics, result)
         found = stability_of(physics, result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
@@ -217,10 +217,11 @@ def _of_design(physics, optimum, reference, result, flights):
     yield from _resolved(physics, result, flights)
 
 
-def _of_tables(result):
+def _of_tables(physics, result):
     """Yield how far a wake with memory leaves its tables, and whether these determine it.
 
-    The tip speed ratio of the wake follows from its mean induction, which has to rise with it.
+    The tip speed ratio of the wake follows from its mean induction, which has to rise with it
+    everywhere, or to fall.
     """
     nodes, outside, used = result.setup.nodes, 0.0, []
     for known in result.trajectories:
@@ -235,9 +236,10 @@ def _of_tables(result):
     table = result.problem.get_val("wake_induction_table")
     ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
     _, slopes = TorqueSpline(nodes).values(table, ratios)
+    slopes *= physics.band(result.setup).direction
     worst = int(np.argmin(slopes))
-    word = f"fall of the mean induction with the tip speed ratio, at {ratios[worst]:.3g}"
-    yield "wake_induction_falls", max(-float(slopes[worst]), 0.0), 0.0, word
+    word = f"the mean induction turns over the tip speed ratio, slope at {ratios[worst]:.3g}"
+    yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
 
 
 def _bounds(physics, optimum, flights):
@@ -480,6 +482,7 @@ OTHER_EQUILIBRIUM = (
     "the rotor has another, faster equilibrium there than the optimizer met: try a larger cut_in, "
     "or another control.law"
 )
+SLOWER = "try a larger rotor.hub_inertia, or a flow that changes more slowly"
 TRY = {
     "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
     "flow_error": "try more phase.segments",
@@ -488,8 +491,10 @@ TRY = {
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",
     "closed_loop_with_memory": "try a larger rotor.hub_inertia, or another control.law",
-    "wake_in_tables": "try a larger rotor.hub_inertia, or a flow that changes more slowly",
-    "wake_induction_falls": "try start.method=quasi_steady, or inflow_dynamics: quasi_steady",
+    "wake_in_tables": SLOWER,
+    "two_filters_energy": SLOWER,
+    "two_filters_speed": SLOWER,
+    "wake_induction_turns": "try start.method=quasi_steady, or inflow_dynamics: quasi_steady",
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy includes energy stored in the rotor: try objective=generator, or "

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
+from hkt_mdo.dynamics.simulation import (
+    FeedbackTorque,
+    IntegrationError,
+    RecordedTorque,
+    Start,
+    simulate,
+)
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import Physics
@@ -64,19 +71,20 @@ def stability_of(physics: Physics, result: Optimized) -> MemoryEntry | None:
     return _verdict(along)
 
 
-def refuse_unstable(physics: Physics, start: StartingPoint) -> None:
-    """Refuse a case with memory whose loop is far from stable at the start of the optimization.
+def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
+    """Return a quasi-steady start with the operation in which its rotor and wake follow the flow.
 
-    That is one whose rotor has less than `HOPELESS` of the inertia from which the loop would be
-    stable, linearized along the quasi-steady operation. Nearer to that, another blade may help.
+    Under feedback in a case with memory it is integrated, with the rotor's inertia, where the loop
+    is stable. Without memory, in open loop, and where the rotor stops, the start is unchanged.
 
     Raises
     ------
     InputError
-        With the least inertia.
+        If the rotor has less than `HOPELESS` of the inertia from which the loop would be stable,
+        linearized along the quasi-steady operation. Nearer to that, another blade may help.
     """
     if not (physics.remembers and physics.law.is_feedback and start.operation.running):
-        return
+        return start
     inertia, along = physics.mass_and_inertia(start.blade)[1], []
     for scenario, known in zip(physics.scenarios, physics.on_start(start), strict=True):
         own, names = physics.of(scenario), ("time", "rotor_speed", "inflow_speed", *physics.states)
@@ -85,10 +93,10 @@ def refuse_unstable(physics: Physics, start: StartingPoint) -> None:
         along.append((plant, controller, [known[name] for name in names]))
     found = _verdict(along)
     if found is None or found.stable:
-        return
+        return _followed(physics, start, along)
     least = found.least_inertia_kg_m2
     if least is not None and inertia >= HOPELESS * least:
-        return
+        return start
     remedy = "give another control.law, or inflow_dynamics: quasi_steady"
     if least is not None:
         more = physics.case.rotor.hub_inertia + SAFE * least - inertia
@@ -96,6 +104,29 @@ def refuse_unstable(physics: Physics, start: StartingPoint) -> None:
     problem = f"has a start whose loop with memory is {found.text}"
     value = physics.case.inflow_dynamics.model
     raise InputError(problem, remedy, key="inflow_dynamics", value=value)
+
+
+def _followed(physics, start, along) -> StartingPoint:
+    """Return a start with the operation of its integration; as it is where the rotor stops."""
+    speeds, torques = [], []
+    for scenario, (plant, controller, (time, speed, _, *states)) in zip(
+        physics.scenarios, along, strict=True
+    ):
+        if scenario.steady:
+            return start
+        begin = Start(float(speed[0]), [each[0] for each in states], float(time[0]))
+        step = scenario.duration / scenario.segments
+        try:
+            run = simulate(plant, scenario.inflow, controller, begin, scenario.duration, time, step)
+        except IntegrationError:
+            return start
+        if run.stopped_at is not None:
+            return start
+        speeds.append(run.rotor_speed)
+        torques.append(run.hydrodynamic_torque)
+    series = {"rotor_speed": speeds, "hydrodynamic_torque": torques}
+    found = {name: np.concatenate(parts) for name, parts in series.items()}
+    return replace(start, operation=replace(start.operation, **found))
 
 
 def _verdict(along):

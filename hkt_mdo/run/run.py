@@ -37,7 +37,7 @@ from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.iterate import Earlier, read_iterate
 from hkt_mdo.run.judge import explain_all
 from hkt_mdo.run.log import Log
-from hkt_mdo.run.memory import refuse_unstable
+from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import Progress, RunState
@@ -199,8 +199,8 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     start, reference = earlier.start, earlier.reference
     if start is None:
         start = find_start(state.first, state.optimum)
-        refuse_unstable(state.first, start)
         reference = quasi_steady_reference(state.first, start)
+        start = with_memory(state.first, start)
     state.starts = start.starts
     end = best = optimize(state, start, reference)
     remedy = first_remedy(end.physics, end.result)

@@ -119,3 +119,15 @@ def test_the_wake_of_an_induction_beyond_its_table_is_near_the_table():
     assert 10.0 < ratio[-1] < 10.5
     assert np.all(slope >= 0.0)
     assert found["torque_coefficient_band"].values.size == 41 * FACTORS.size
+    assert band.direction == 1.0
+
+
+def test_a_mean_induction_that_falls_gives_the_tip_speed_ratio_of_the_wake():
+    """As under the limits, where the inner stations of a broad blade have most of the torque."""
+    nodes = np.linspace(6.0, 10.0, 41)
+    one, table, move = np.ones(1), 0.6 - 0.03 * nodes, 1e-6
+    band = Band(nodes, one, one, direction=-1.0)
+    ratio, slope = band.wake_ratio(table, np.array([0.36, 0.33, 0.3 + move, 0.2]))
+    np.testing.assert_allclose(ratio[:2], [8.0, 9.0], atol=1e-9)
+    np.testing.assert_allclose(slope[:3], -1.0 / 0.03, rtol=1e-6)
+    assert 10.0 < ratio[3] < 10.5

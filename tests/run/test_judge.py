@@ -325,6 +325,7 @@ def test_two_filters_that_are_not_those_of_all_stations_are_refused(feedback, ju
     checks = replace(feedback, flights=(whole,)).checks()
     assert [name for name, check in checks.items() if not check.passed] == [judge]
     assert checks[judge].value == pytest.approx(value, rel=1e-6)
+    assert "more slowly" in explain(checks[judge])
 
 
 @pytest.mark.parametrize(

@@ -50,24 +50,27 @@ def test_what_the_optimization_with_memory_cannot_do_is_refused(other):
 
 
 def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refused():
-    """The tables end at 0.7 and 1.3 times the wake's tip speed ratio; the induction has to rise."""
+    """The tables end at 0.7 and 1.3 times the wake's tip speed ratio; the induction must not turn.
+    """
     nodes = np.linspace(4.0, 10.0, 25)
     known = {"tip_speed_ratio": np.array([7.0, 8.0]), "wake_ratio": np.array([7.0, 7.5])}
 
-    def checks(table, **changes):
+    def checks(table, direction=1.0, **changes):
         problem = SimpleNamespace(get_val=lambda name: table)
         setup = SimpleNamespace(nodes=nodes)
         trajectories = [known | changes]
         result = SimpleNamespace(setup=setup, trajectories=trajectories, problem=problem)
-        return {name: value for name, value, *_ in _of_tables(result)}
+        physics = SimpleNamespace(band=lambda setup: SimpleNamespace(direction=direction))
+        return {name: value for name, value, *_ in _of_tables(physics, result)}
 
     rising = 0.03 * nodes
-    assert checks(rising) == {"wake_in_tables": 0.0, "wake_induction_falls": 0.0}
+    kept = {"wake_in_tables": 0.0, "wake_induction_turns": 0.0}
+    assert checks(rising) == checks(0.3 - rising, -1.0) == kept
     fast = checks(rising, tip_speed_ratio=np.array([7.0, 10.5]))
     assert fast["wake_in_tables"] == pytest.approx((10.5 / 7.5 - 1.3) / 0.6)
     slow = checks(rising, wake_ratio=np.array([3.4, 7.5]), tip_speed_ratio=np.array([3.4, 7.5]))
     assert slow["wake_in_tables"] == pytest.approx(0.1)
-    assert checks(0.3 - rising)["wake_induction_falls"] == pytest.approx(0.03)
+    assert checks(0.3 - rising)["wake_induction_turns"] == pytest.approx(0.03)
 
 
 @pytest.mark.slow
