@@ -43,6 +43,7 @@ DESIGNED = {  # name: case, overrides
     ),
     "700 N m, open loop": ("sine_limited_oloc", ()),
     "700 N m and 6 kN, quadratic": ("limits/thrust_quadratic", ("rotor.station_count=9",)),
+    "all limits, quadratic": ("limits/all_quadratic", ()),
 }
 REAL = {  # kg m², radius in m
     "Reference Model 1": (92_169.0, 10.0),

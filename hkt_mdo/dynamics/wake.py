@@ -168,8 +168,11 @@ class MeanWake(Wake):
 
     def sections(self, speed, flow, filters):
         band, table = self._table
-        ratio, _ = self._ratio(speed, flow)
-        behind, _ = band.wake_ratio(table, filters[:, 1] / flow)
-        behind = behind / np.cos(self.blade.cone)
-        wake = bem.sections(self.blade, self._polar(flow), behind)
-        return bem.sections_behind(self.blade, self._polar(flow), wake, behind, ratio)
+        wake_ratio, _ = band.wake_ratio(table, filters[:, 1] / flow)
+        return self.behind(speed * self.blade.rotor_radius / flow, wake_ratio, flow)
+
+    def behind(self, ratio, wake_ratio, flow):
+        """Return the `Sections` in the wake of other tip speed ratios (of the disc), (n_points,)."""
+        ratio, wake_ratio = (each / np.cos(self.blade.cone) for each in (ratio, wake_ratio))
+        wake = bem.sections(self.blade, self._polar(flow), wake_ratio)
+        return bem.sections_behind(self.blade, self._polar(flow), wake, wake_ratio, ratio)

@@ -140,8 +140,12 @@ class Flight(Flown):
 
     @cached_property
     def loads_at_nodes(self) -> dict[str, np.ndarray]:
-        """All loads of the model, at the nodes."""
-        return self.loads(self.trajectory)
+        """All loads of the model, at the nodes, in the wake of the optimization."""
+        wake, nodes = self.of_model.plant.wake, self.trajectory
+        if wake is None:
+            return self.loads(nodes)
+        ratios = (nodes[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
+        return self.loads(nodes | {"sections": wake.behind(*ratios)})
 
     @property
     def rates_at_nodes(self) -> dict[str, np.ndarray]:
