@@ -115,3 +115,20 @@ def test_a_case_with_memory_is_optimized_and_judged_with_it(tmp_path):
     names = {check.name for check in solution.summary.checks}
     assert "closed_loop_with_memory" in names
     assert "energy_over_bound" not in names
+
+
+@pytest.mark.slow
+def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_physics):
+    """Filters of all stations that differ from the two do not divide the mesh."""
+    case = {"inflow": "sine", "control": "linear", "inflow_dynamics": "oye", "version": 1}
+    case |= {"phase": {"duration": 20, "segments": 20}, "limits": {"thrust": 8200}}
+    found = solve_physics(case)
+    assert [name for name, each in found.checks().items() if not each.passed] == []
+    assert "finer mesh" not in [each.remedy for each in found.passes]
+    (flight,) = found.flights
+    gap = found.checks()["two_filters_energy"].value
+    assert flight.energy_error < 0.2 * gap < 2e-4
+    table = found.result.problem.get_val("loads_phase.thrust").ravel()
+    direct, nodes = flight.loads_at_nodes["thrust"], flight.trajectory
+    np.testing.assert_allclose(direct, table, rtol=2e-4)
+    assert np.max(np.abs(direct / flight.loads(nodes)["thrust"] - 1.0)) > 5e-3
