@@ -145,8 +145,8 @@ class MeanWake(Wake):
     @cached_property
     def _table(self):
         """The band with finer nodes, and the mean induction at them."""
-        nodes = self.band.nodes
-        finer = np.interp(np.arange(0.0, nodes.size - 1 + 1e-9, 1.0 / FINER), range(nodes.size), nodes)
+        nodes, last = self.band.nodes, self.band.nodes.size - 1
+        finer = np.interp(np.linspace(0, last, FINER * last + 1), range(last + 1), nodes)
         ratio = finer / np.cos(self.blade.cone)
         found = bem.sections(self.blade, self._polar(1.0), ratio)
         induced = bem.induced_speeds(self.blade, found, ratio)[:, 0]
@@ -172,7 +172,7 @@ class MeanWake(Wake):
         return self.behind(speed * self.blade.rotor_radius / flow, wake_ratio, flow)
 
     def behind(self, ratio, wake_ratio, flow):
-        """Return the `Sections` in the wake of other tip speed ratios (of the disc), (n_points,)."""
+        """Return the `Sections` in the wake of other tip speed ratios, (n_points,)."""
         ratio, wake_ratio = (each / np.cos(self.blade.cone) for each in (ratio, wake_ratio))
         wake = bem.sections(self.blade, self._polar(flow), wake_ratio)
         return bem.sections_behind(self.blade, self._polar(flow), wake, wake_ratio, ratio)

@@ -2,8 +2,8 @@
 
 A wake that is not in equilibrium is described as that of another tip speed ratio, the wake's. This
 ratio follows from the mean axial velocity that the wake induces, as a share of the flow's speed,
-which rises with the ratio or, where inner stations have most of the torque, falls. Loads are a table over the wake's ratio and over the quotient of
-the rotor's ratio and the wake's.
+which rises with the ratio or, where inner stations have most of the torque, falls. Loads are a
+table over the wake's ratio and over the quotient of the rotor's ratio and the wake's.
 """
 
 from dataclasses import dataclass

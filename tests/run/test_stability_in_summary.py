@@ -50,8 +50,7 @@ def test_what_the_optimization_with_memory_cannot_do_is_refused(other):
 
 
 def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refused():
-    """The tables end at 0.7 and 1.3 times the wake's tip speed ratio; the induction must not turn.
-    """
+    """The tables end at 0.7 and 1.3 times the wake's tip speed ratio; induction must not turn."""
     nodes = np.linspace(4.0, 10.0, 25)
     known = {"tip_speed_ratio": np.array([7.0, 8.0]), "wake_ratio": np.array([7.0, 7.5])}
 
