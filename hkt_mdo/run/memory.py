@@ -25,6 +25,8 @@ HOPELESS = 0.5
 """Share of the least stable inertia below which a case with memory is not optimized."""
 SAFE = 2.0
 """The same of the inertia that is recommended: an optimum is nearer to instability than a start."""
+FAR = 0.1
+"""Relative change of the rotor's speed by its inertia and its wake from which a start has it."""
 INSTANTS = 50
 """Instants of all integrations at which the loop is linearized."""
 LEAST_RATIO = 2.0
@@ -75,7 +77,9 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     """Return a quasi-steady start with the operation in which its rotor and wake follow the flow.
 
     Under feedback in a case with memory it is integrated, with the rotor's inertia, where the loop
-    is stable. Without memory, in open loop, and where the rotor stops, the start is unchanged.
+    is stable. The start is unchanged without memory, in open loop, where the rotor stops, and where
+    its speed is that of the quasi-steady start but for `FAR`: that start then needs fewer
+    iterations.
 
     Raises
     ------
@@ -107,7 +111,7 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
 
 
 def _followed(physics, start, along) -> StartingPoint:
-    """Return a start with the operation of its integration; as it is where the rotor stops."""
+    """Return a start with the operation of its integration, where `with_memory` takes that."""
     speeds, torques = [], []
     for scenario, (plant, controller, (time, speed, _, *states)) in zip(
         physics.scenarios, along, strict=True
@@ -126,6 +130,8 @@ def _followed(physics, start, along) -> StartingPoint:
         torques.append(run.hydrodynamic_torque)
     series = {"rotor_speed": speeds, "hydrodynamic_torque": torques}
     found = {name: np.concatenate(parts) for name, parts in series.items()}
+    if np.max(np.abs(found["rotor_speed"] / start.operation.rotor_speed - 1.0)) < FAR:
+        return start
     return replace(start, operation=replace(start.operation, **found))
 
 

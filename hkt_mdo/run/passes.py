@@ -33,7 +33,11 @@ NEAR_STALL = 0.022
 MOST_LOWERED = 5e-3
 """Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
 MOST_EXCEEDED = 0.02
-"""Relative excess beyond which lowering a limit at the nodes does not help."""
+"""Relative excess beyond which lowering a limit at the nodes does not help.
+
+With memory of the wake limits may be lowered by as much, since the filters of all stations, by which
+they are judged, give other loads than the two of the optimization.
+"""
 
 
 def smaller_moves(attempt: Attempt) -> Begin | None:
@@ -169,6 +173,7 @@ def _exceeded(worst):
 def _lowered(physics, setup, flights):
     """Return the shares of lowered limits, and the largest excess; 0 where none is lowered."""
     shares, worst = dict(setup.shares), 0.0
+    lowest = 1.0 - (MOST_EXCEEDED if physics.remembers else MOST_LOWERED)
     for flight in flights:
         for limit in held(physics, flight.scenario):
             if not np.isfinite(limit.upper):
@@ -177,7 +182,7 @@ def _lowered(physics, setup, flights):
             over, _ = flight.between_nodes(limit)
             share = setup.share(limit, flight.scenario)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
-            helps = (share > 1.0 - MOST_LOWERED) & (over < MOST_EXCEEDED)
+            helps = (share > lowest) & (over < MOST_EXCEEDED)
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
