@@ -117,8 +117,8 @@ class Phase(Section):
     stored_energy: Literal["limited", "allowed"] = "limited"
     """Treatment of energy stored in the rotor, for objectives that count it as captured. `limited`:
     an open loop whose rotor would store more than 1 % of the captured energy must end at its first
-    speed, and a result under feedback that stores as much beyond equilibrium is refused. `allowed`:
-    stored energy is accepted."""
+    speed, and a result under feedback that stores as much more than the flow leaves in a rotor
+    that follows it is refused. `allowed`: stored energy is accepted."""
 
 
 class Start(Section):
