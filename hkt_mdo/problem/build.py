@@ -18,7 +18,7 @@ from hkt_mdo.problem.constraints import held_limits, size_of
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scales
-from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
+from hkt_mdo.problem.setup import HELD, THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import AngleComp, BladeGroup, WeightComp, rotor_inputs
@@ -43,6 +43,7 @@ BARRIER = 6e-3
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
 # a first mesh, but not for the last digits on a finer one.
 FEW_STEPS, MANY_SEGMENTS = 15, 500
+LOOSER = 10.0
 
 
 def assemble(
@@ -156,22 +157,22 @@ def _add_variants(group, physics, setup):
             group.add_subsystem(f"weight{variant}", weight, **about)
 
 
-def make_driver(physics: Physics, progress=None, most=None, near=True, first=False) -> om.Driver:
+def make_driver(physics: Physics, progress=None, most=None, near=True, first=False, held=False) -> om.Driver:
     """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
 
     `near` tells that the start is near the optimum, so that an optimizer had better stay there;
-    `first` that no optimization on a coarser mesh went before.
+    `first` that no optimization on a coarser mesh went before, `held` that the design is held.
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
-        settings.tolerance,
+        (LOOSER if held else 1.0) * settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=FEW_STEPS if segments > MANY_SEGMENTS and (first or law.is_feedback) else None,
+        memory=FEW_STEPS if segments > MANY_SEGMENTS and (first or held or law.is_feedback) else None,
         progress=progress,
     )
 
@@ -232,6 +233,9 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
             kept[name] = about
             continue
         low, high = bounds[name]
+        if setup.moves == HELD:
+            kept[name] = about
+            continue
         designed[name] = about
         model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
     for scenario in physics.scenarios:

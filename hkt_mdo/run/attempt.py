@@ -10,10 +10,10 @@ import numpy as np
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.setup import HELD, NARROW, Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry, PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.flight import Flight, Optimized, fly, simulated_objective
+from hkt_mdo.run.flight import Flight, Optimized, fly, may_tabulate, simulated_objective
 from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
 from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.mesh import Division, division, too_close_to_stall
@@ -159,6 +159,12 @@ class Attempt:
     begin: Begin
     result: Optimized
     before: Before
+    exact: bool = False
+
+    @property
+    def approximate(self) -> bool:
+        """Whether the integrations have their torque by a spline, not by direct BEM."""
+        return not self.exact and may_tabulate(self.physics)
 
     @property
     def physics(self) -> Physics:
@@ -196,7 +202,7 @@ class Attempt:
     @cached_property
     def flights(self) -> tuple[Flight, ...]:
         """The integration of the end in each scenario."""
-        return fly(self.physics, self.result)
+        return fly(self.physics, self.result, self.approximate)
 
     @cached_property
     def is_false(self) -> bool:
@@ -252,7 +258,7 @@ class Attempt:
 
         A false solution is no start for another optimization.
         """
-        if not self.useful or self.gain <= WORTHWHILE:
+        if not self.useful or self.gain <= WORTHWHILE or self.setup.moves == HELD:
             return False
         reached = self.setup.moves.reached(self.physics, self.setup.start, self.result.point)
         return reached and not self.is_false
@@ -319,12 +325,13 @@ class Attempt:
         """
         physics, result, flights = self.physics, self.result, None
         if self.lost and self.before.optimum:
-            physics, result, flights = self.before.optimum
+            physics, result, _ = self.before.optimum
             if physics is not self.physics and self.before.objective != result.objective:
                 error = abs(self.before.objective / result.objective - 1.0)
                 result = replace(result, mesh_error=error)
         elif self.converged:
-            result, flights = replace(result, mesh_error=self.division.error), self.flights
+            result = replace(result, mesh_error=self.division.error)
+            flights = None if self.approximate else self.flights
         if self.at_limit:  # an optimum at a move limit is not an optimum of the case
             message = f"still at a move limit after {self.before.passes + 1} optimizations"
             outcome = replace(result.outcome, success=False, message=message)

@@ -141,15 +141,15 @@ def division(
         error = _open_loop(physics, result, flights, coarse, before)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
-    mesh = physics.scenarios[0].mesh
+    mesh, order = physics.scenarios[0].mesh, 0
     if (
         error > MESH_ERROR
         and mesh.transcription == "gauss-lobatto"
         and mesh.order < RULES.higher
         and np.mean(np.concatenate(coarse)) > RULES.nearly_all
     ):
-        return Division(float(error), [np.ones(x.size, dtype=int) for x in coarse], RULES.higher)
-    return Division(float(error), [np.where(marks, RULES.parts, 1) for marks in coarse])
+        order, coarse = RULES.higher, [_switches(physics, flight) for flight in flights]
+    return Division(float(error), [np.where(x, RULES.parts, 1) for x in coarse], order)
 
 
 def _contradicted(physics, flights, before) -> list[np.ndarray]:
@@ -181,8 +181,6 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     if error <= MESH_ERROR and (before or not rates):
         return error
     for marks, flight, own in zip(coarse, flights, left, strict=True):
-        if flight.scenario.steady:
-            continue
         marks |= _switches(physics, flight) | (own > 0.0 if rates and not before else _most(own))
     return error
 
@@ -218,7 +216,7 @@ def _switches(physics, flight) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
     scenario, nodes = flight.scenario, flight.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
-    for limit in held(physics, scenario):
+    for limit in () if scenario.steady else held(physics, scenario):
         binds = limit.excess(nodes) > -RULES.near_limit
         first, *others = binds.reshape(scenario.segments, -1).T
         last = others[-1]

@@ -14,7 +14,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import STORED, most_between, sells, sold
 from hkt_mdo.run.mesh import held
@@ -137,7 +137,24 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
         for (limit, scenario), share in lowered.items()
     }
     point = point_of(physics, attempt.result.problem)
-    return attempt.begin_again(why, physics=physics, start=point, shares=shares)
+    changes = {"physics": physics, "start": point, "shares": shares}
+    if setup_moves(attempt) == HELD:
+        changes |= {"moves": HELD, "nodes": curve_nodes(physics, point)}
+    return attempt.begin_again(why, **changes)
+
+
+def setup_moves(attempt):
+    held = not attempt.physics.law.is_feedback and FREE_PASSES[0]
+    return HELD if held else attempt.setup.moves
+import os
+FREE_PASSES=[os.environ.get('HOLD','1')=='1']
+
+
+def design_again(attempt: Attempt) -> Begin | None:
+    """Design again on a mesh that is fine enough for the operation."""
+    if not attempt.converged or attempt.setup.moves != HELD:
+        return None
+    return attempt.from_end("the mesh is fine enough for the operation", moves=MoveLimits())
 
 
 def lowered_limits(attempt: Attempt) -> Begin | None:
@@ -234,6 +251,7 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     farther_from_stall,
     finer_mesh,
     lowered_limits,
+    design_again,
     other_branch,
 )
 
@@ -247,7 +265,11 @@ def next_begin(attempt: Attempt) -> Begin | None:
     if attempt.runs_away:
         return None
     enough = attempt.before.passes + 1 >= MAX_PASSES
-    for remedy in REMEDIES[-1:] if enough else REMEDIES:
+    *others, another_start = REMEDIES
+    for remedy in (
+        *(() if enough else others),
+        *(() if attempt.approximate else [another_start]),  # for which the judges decide
+    ):
         begin = remedy(attempt)
         if begin is not None:
             return replace(begin, remedy=remedy.__name__.replace("_", " "))
@@ -282,6 +304,9 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
         result = solve(state, begin.physics, begin.setup, near)
         attempt = Attempt(state, begin, result, before)
         again = next_begin(attempt)
+        if again is None and attempt.approximate:
+            attempt = replace(attempt, exact=True)
+            again = next_begin(attempt)
         state.note_pass(attempt.entry(time.perf_counter() - began, again))
         if again is None or again.start is not begin.start:
             ends.append(attempt.end)
