@@ -141,15 +141,15 @@ def division(
         error = _open_loop(physics, result, flights, coarse, before)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
-    mesh, order = physics.scenarios[0].mesh, 0
+    mesh = physics.scenarios[0].mesh
     if (
         error > MESH_ERROR
         and mesh.transcription == "gauss-lobatto"
         and mesh.order < RULES.higher
         and np.mean(np.concatenate(coarse)) > RULES.nearly_all
     ):
-        order, coarse = RULES.higher, [_switches(physics, flight) for flight in flights]
-    return Division(float(error), [np.where(x, RULES.parts, 1) for x in coarse], order)
+        return Division(float(error), [np.ones(x.size, dtype=int) for x in coarse], RULES.higher)
+    return Division(float(error), [np.where(marks, RULES.parts, 1) for marks in coarse])
 
 
 def _contradicted(physics, flights, before) -> list[np.ndarray]:
@@ -181,6 +181,8 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     if error <= MESH_ERROR and (before or not rates):
         return error
     for marks, flight, own in zip(coarse, flights, left, strict=True):
+        if flight.scenario.steady:
+            continue
         marks |= _switches(physics, flight) | (own > 0.0 if rates and not before else _most(own))
     return error
 
@@ -216,7 +218,7 @@ def _switches(physics, flight) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
     scenario, nodes = flight.scenario, flight.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
-    for limit in () if scenario.steady else held(physics, scenario):
+    for limit in held(physics, scenario):
         binds = limit.excess(nodes) > -RULES.near_limit
         first, *others = binds.reshape(scenario.segments, -1).T
         last = others[-1]
