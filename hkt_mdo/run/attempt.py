@@ -129,6 +129,8 @@ class Before:
         How many there were.
     objective : float
         Objective of the last that was useful, J.
+    designed : float
+        Objective of the last that optimized the design, J.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order and one kind of cycle.
@@ -139,6 +141,7 @@ class Before:
 
     passes: int = 0
     objective: float = np.inf
+    designed: float = np.inf
     coarser: tuple[float, ...] = ()
     optimum: tuple[Physics, Optimized, tuple[Flight, ...]] | None = None
 
@@ -153,6 +156,8 @@ class Attempt:
     begin : Begin
     result : Optimized
     before : Before
+    exact : bool
+        Whether its integrations have their torque by direct BEM, however long they are.
     """
 
     state: RunState
@@ -263,6 +268,12 @@ class Attempt:
         reached = self.setup.moves.reached(self.physics, self.setup.start, self.result.point)
         return reached and not self.is_false
 
+    @property
+    def is_dated(self) -> bool:
+        """Whether its design was held, and a finer mesh has changed the objective since then."""
+        change = abs(self.result.objective / self.before.designed - 1.0)
+        return self.setup.moves == HELD and change > WORTHWHILE
+
     @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
@@ -305,6 +316,8 @@ class Attempt:
         before = replace(self.before, passes=self.before.passes + 1)
         if self.useful and again.remedy != "smaller moves":  # otherwise its objective has fallen
             before = replace(before, objective=self.result.objective)
+            if self.setup.moves != HELD:
+                before = replace(before, designed=self.result.objective)
         if again.remedy in AT_OPTIMUM:
             result = replace(self.result, mesh_error=self.division.error)
             before = replace(before, optimum=(self.physics, result, self.flights))

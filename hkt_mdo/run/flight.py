@@ -28,6 +28,7 @@ from hkt_mdo.dynamics.simulation import (
     simulate,
 )
 from hkt_mdo.dynamics.trajectory import trajectory_of
+from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
@@ -39,8 +40,6 @@ from hkt_mdo.solve.drivers import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
 """Tip speed ratios of a torque by a spline."""
-MANY_SEGMENTS = 200
-"""Above which flights that only choose a remedy have their torque by a spline."""
 SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged, quasi_steady_reference
@@ -138,23 +139,24 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
     }
     point = point_of(physics, attempt.result.problem)
     changes = {"physics": physics, "start": point, "shares": shares}
-    if setup_moves(attempt) == HELD:
+    many = sum(each.segments for each in scenarios) > MANY_SEGMENTS
+    if many and not physics.law.is_feedback and _designs(physics.shape):
+        # the operation alone needs half the iterations, which take a fraction of the time
         changes |= {"moves": HELD, "nodes": curve_nodes(physics, point)}
     return attempt.begin_again(why, **changes)
 
 
-def setup_moves(attempt):
-    held = not attempt.physics.law.is_feedback and FREE_PASSES[0]
-    return HELD if held else attempt.setup.moves
-import os
-FREE_PASSES=[os.environ.get('HOLD','1')=='1']
+def _designs(shape) -> bool:
+    """Tell whether anything of the blade is designed."""
+    return any(shape.points.values()) or shape.radius_bounds is not None
 
 
 def design_again(attempt: Attempt) -> Begin | None:
-    """Design again on a mesh that is fine enough for the operation."""
-    if not attempt.converged or attempt.setup.moves != HELD:
+    """Optimize design and operation together on a mesh that has been divided with a held design."""
+    if not (attempt.converged and attempt.is_dated):
         return None
-    return attempt.from_end("the mesh is fine enough for the operation", moves=MoveLimits())
+    why = "the mesh is fine enough for the operation of the held design"
+    return attempt.from_end(why, moves=MoveLimits())
 
 
 def lowered_limits(attempt: Attempt) -> Begin | None:
@@ -176,6 +178,8 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
         return None
     why = _exceeded(worst)
     setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
+    if attempt.converged and attempt.is_dated:
+        setup = replace(setup, moves=MoveLimits())
     return replace(attempt.begin, physics=physics, setup=setup, why=why)
 
 
