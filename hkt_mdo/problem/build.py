@@ -41,8 +41,8 @@ BARRIER = 6e-3
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
-# a first mesh, but not for the last digits on a finer one.
-FEW_STEPS, MANY_SEGMENTS = 15, 500
+# a first mesh, or of a held design, but not for the last digits on a finer one.
+FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
 LOOSER = 10.0  # tolerance while the design is held, over that of the case
 
 
@@ -167,7 +167,7 @@ def make_driver(
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
-    few = segments > MANY_SEGMENTS and (first or held or law.is_feedback)
+    steps = FEW_STEPS if first or held or law.is_feedback else LATER_STEPS
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
@@ -175,7 +175,7 @@ def make_driver(
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=FEW_STEPS if few else int(__import__("os").environ.get("DS","0")) or None,
+        memory=steps if segments > MANY_SEGMENTS else None,
         progress=progress,
     )
 

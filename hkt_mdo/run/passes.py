@@ -46,6 +46,8 @@ def smaller_moves(attempt: Attempt) -> Begin | None:
     if attempt.converged or attempt.lost:
         return None
     why = f"the optimizer did not converge in {attempt.result.outcome.iterations} iterations"
+    if setup.moves == HELD:
+        return attempt.begin_again(f"{why} with the design held", moves=MoveLimits())
     if last.operation.energy > setup.start.operation.energy:
         nodes = curve_nodes(attempt.physics, last)
         return attempt.begin_again(why, moves=NARROW, start=last, nodes=nodes)
@@ -139,16 +141,21 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
     }
     point = point_of(physics, attempt.result.problem)
     changes = {"physics": physics, "start": point, "shares": shares}
-    many = sum(each.segments for each in scenarios) > MANY_SEGMENTS
-    if many and not physics.law.is_feedback and _designs(physics.shape):
+    if _may_hold(physics):
         # the operation alone needs half the iterations, which take a fraction of the time
         changes |= {"moves": HELD, "nodes": curve_nodes(physics, point)}
     return attempt.begin_again(why, **changes)
 
 
-def _designs(shape) -> bool:
-    """Tell whether anything of the blade is designed."""
-    return any(shape.points.values()) or shape.radius_bounds is not None
+def _may_hold(physics) -> bool:
+    """Tell whether the operation on a fine mesh is optimized with a held design first.
+
+    Several sections are kept from stall by design and operation together: on a finer mesh the
+    operation alone may have no solution.
+    """
+    many = sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
+    designs = any(physics.shape.points.values()) or physics.shape.radius_bounds is not None
+    return many and designs and not (physics.law.is_feedback or physics.several_sections)
 
 
 def design_again(attempt: Attempt) -> Begin | None:
