@@ -145,9 +145,10 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
                 "changes within hours and the rotor within a second: in the mesh's segments of up "
                 f"to {longest:.3g} s a feedback law converges to false speeds"
             )
+            inflow = f"{{profile: {scenario.inflow.profile}, ...}}"
             remedy = (
-                "take the flow without its time, which takes seconds, scenarios: [{inflow: {profile"
-                f": {scenario.inflow.profile}, ...}}, steady: true}}] with the keys of this inflow; "
+                f"take the flow without its time, scenarios: [{{inflow: {inflow}, steady: true}}] "
+                "with the keys of this inflow, which takes seconds; "
                 "or give a resource in its place (docs/year.md), or control: {law: open_loop}"
             )
             key = "inflow" if scenario.name == "phase" else f"scenarios.{scenario.group}.inflow"
