@@ -167,7 +167,8 @@ def make_driver(
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
-    steps = FEW_STEPS if first or held or law.is_feedback else LATER_STEPS
+    steps = None if physics.several_sections else LATER_STEPS
+    steps = FEW_STEPS if first or held or law.is_feedback else steps
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
