@@ -55,7 +55,7 @@ def test_a_long_open_loop_is_refined_with_its_design_held(solve_physics, monkeyp
     for module in build, flight, passes:
         monkeypatch.setattr(module, "MANY_SEGMENTS", 20)
     held = solve_physics(case)
-    assert all(check.passed for check in held.checks)
+    assert all(check.passed for check in held.checks().values())
     remedies = [each.remedy for each in held.passes]
     assert remedies.count("finer mesh") >= 1
     assert {"design again", "lowered limits"} & set(remedies)
