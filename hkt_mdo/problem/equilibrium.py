@@ -24,6 +24,7 @@ from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
+CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
 WIDTH = 0.05  # m/s, width of the bins of a flow over time in a steady scenario
 
 
@@ -139,7 +140,9 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
     for scenario in scenarios:
         if scenario.steady or not law.is_feedback:
             continue
-        longest = float(np.max(np.diff(scenario.edges)))
+        ends = scenario.inflow.speed_at(scenario.edges)
+        changes = np.abs(np.diff(ends)) > CHANGED * np.max(ends)
+        longest = float(np.max(np.diff(scenario.edges)[changes], initial=0.0))
         if longest > SLOW:
             problem = (
                 "changes within hours and the rotor within a second: in the mesh's segments of up "
