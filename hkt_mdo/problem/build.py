@@ -18,9 +18,9 @@ from hkt_mdo.problem.constraints import held_limits, size_of
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scales
-from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
+from hkt_mdo.problem.setup import HELD, THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
-from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.quantities import QUANTITIES, names
 from hkt_mdo.rotor.components import AngleComp, BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.solve import drivers
@@ -41,8 +41,9 @@ BARRIER = 6e-3
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
-# a first mesh, but not for the last digits on a finer one.
-FEW_STEPS, MANY_SEGMENTS = 15, 500
+# a first mesh, or of a held design, but not for the last digits on a finer one.
+FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
+LOOSER = 10.0  # tolerance while the design is held, over that of the case
 
 
 def assemble(
@@ -156,22 +157,26 @@ def _add_variants(group, physics, setup):
             group.add_subsystem(f"weight{variant}", weight, **about)
 
 
-def make_driver(physics: Physics, progress=None, most=None, near=True, first=False) -> om.Driver:
+def make_driver(
+    physics: Physics, progress=None, most=None, near=True, first=False, held=False
+) -> om.Driver:
     """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
 
     `near` tells that the start is near the optimum, so that an optimizer had better stay there;
-    `first` that no optimization on a coarser mesh went before.
+    `first` that no optimization on a coarser mesh went before, `held` that the design is held.
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
+    steps = None if physics.several_sections else LATER_STEPS
+    steps = FEW_STEPS if first or held or law.is_feedback else steps
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
-        settings.tolerance,
+        (LOOSER if held else 1.0) * settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=FEW_STEPS if segments > MANY_SEGMENTS and (first or law.is_feedback) else None,
+        memory=steps if segments > MANY_SEGMENTS else None,
         progress=progress,
     )
 
@@ -228,7 +233,8 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         if not value.size:
             continue
         about = {"val": value, "units": units, "desc": DESIGNED[name]}
-        if name == "rotor_radius" and physics.shape.radius_bounds is None:
+        given = name == "rotor_radius" and physics.shape.radius_bounds is None
+        if given or setup.moves == HELD:
             kept[name] = about
             continue
         low, high = bounds[name]
@@ -276,7 +282,8 @@ def _declare_constraints(model, physics, setup, scales):
         nodes = {} if held.component else {"indices": held.nodes, "flat_indices": True}
         model.add_constraint(held.constraint, **nodes, **held.options)
     for limit in physics.design_limits:
-        if limit.constrains(physics.law):
+        free = setup.moves != HELD or not set(names(over="result")).isdisjoint(limit.inputs)
+        if limit.constrains(physics.law) and free:
             _declare_design_limit(model, limit)
     for number, scenario in enumerate(physics.scenarios):
         if physics.may_pulse and not scenario.steady:

@@ -24,6 +24,7 @@ from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
+CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
 WIDTH = 0.05  # m/s, width of the bins of a flow over time in a steady scenario
 
 
@@ -130,16 +131,31 @@ class SteadyScenario(Scenario):
         return f"steady_{self.name}.timeseries"
 
 
-def better_steady(scenarios: Iterable[Scenario]) -> str:
-    """Return a warning if a flow changes so slowly that a steady scenario suits it."""
-    longest = max((float(np.max(np.diff(x.edges))) for x in scenarios if not x.steady), default=0.0)
-    if longest <= SLOW:
-        return ""
-    return (
-        "the flow changes within hours, the rotor within a second, and segments of "
-        f"{longest:.3g} s may follow a false solution: take it without its time, by "
-        "scenarios: [{inflow: ..., steady: true}], or as a resource of a year (docs/year.md)"
-    )
+def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
+    """Refuse a feedback law in a flow that changes within hours, before any optimization.
+
+    The collocation of the rotor's speed converges to false solutions in such long segments. An open
+    loop chooses the speed and has no such equation.
+    """
+    for scenario in scenarios:
+        if scenario.steady or not law.is_feedback:
+            continue
+        ends = scenario.inflow.speed_at(scenario.edges)
+        changes = np.abs(np.diff(ends)) > CHANGED * np.max(ends)
+        longest = float(np.max(np.diff(scenario.edges)[changes], initial=0.0))
+        if longest > SLOW:
+            problem = (
+                "changes within hours and the rotor within a second: in the mesh's segments of up "
+                f"to {longest:.3g} s a feedback law converges to false speeds"
+            )
+            inflow = f"{{profile: {scenario.inflow.profile}, ...}}"
+            remedy = (
+                f"take the flow without its time, scenarios: [{{inflow: {inflow}, steady: true}}] "
+                "with the keys of this inflow, which takes seconds; "
+                "or give a resource in its place (docs/year.md), or control: {law: open_loop}"
+            )
+            key = "inflow" if scenario.name == "phase" else f"scenarios.{scenario.group}.inflow"
+            raise InputError(problem, remedy, key=key, value=scenario.inflow.profile)
 
 
 def _without_time(whole: Scenario) -> Speeds:

@@ -35,7 +35,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
-from hkt_mdo.problem.equilibrium import SteadyScenario, better_steady
+from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
@@ -678,7 +678,7 @@ def physics(case: Case) -> Physics:
         limits,
         case.objective,
         messages,
-        (*_doubts(case, mean), *filter(None, [better_steady(whole)])),
+        tuple(_doubts(case, mean)),
     )
     return replace(made, ceilings=_ceilings(made)) if case.robustness.relative else made
 

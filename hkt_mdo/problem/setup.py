@@ -92,6 +92,10 @@ NARROW = MoveLimits(0.8, 1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3, thick
 """Narrower move limits, for an optimization that diverged from its start."""
 
 
+HELD = MoveLimits(chord=1.0, twist=0.0, radius=1.0, gain=1.0, thickness=0.0)
+"""The design is held, and only the operation is optimized."""
+
+
 @dataclass(frozen=True, eq=False)
 class Setup:
     """The start and the settings of one optimization.

@@ -10,10 +10,10 @@ import numpy as np
 from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.setup import HELD, NARROW, Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry, PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.flight import Flight, Optimized, fly, simulated_objective
+from hkt_mdo.run.flight import Flight, Optimized, fly, may_tabulate, simulated_objective
 from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
 from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.mesh import Division, division, too_close_to_stall
@@ -129,6 +129,8 @@ class Before:
         How many there were.
     objective : float
         Objective of the last that was useful, J.
+    designed : float
+        Objective of the last that optimized the design, J.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order and one kind of cycle.
@@ -139,6 +141,7 @@ class Before:
 
     passes: int = 0
     objective: float = np.inf
+    designed: float = np.inf
     coarser: tuple[float, ...] = ()
     optimum: tuple[Physics, Optimized, tuple[Flight, ...]] | None = None
 
@@ -153,12 +156,20 @@ class Attempt:
     begin : Begin
     result : Optimized
     before : Before
+    exact : bool
+        Whether its integrations have their torque by direct BEM, however long they are.
     """
 
     state: RunState
     begin: Begin
     result: Optimized
     before: Before
+    exact: bool = False
+
+    @property
+    def approximate(self) -> bool:
+        """Whether the integrations have their torque by a spline, not by direct BEM."""
+        return not self.exact and may_tabulate(self.physics)
 
     @property
     def physics(self) -> Physics:
@@ -196,7 +207,7 @@ class Attempt:
     @cached_property
     def flights(self) -> tuple[Flight, ...]:
         """The integration of the end in each scenario."""
-        return fly(self.physics, self.result)
+        return fly(self.physics, self.result, self.approximate)
 
     @cached_property
     def is_false(self) -> bool:
@@ -252,10 +263,16 @@ class Attempt:
 
         A false solution is no start for another optimization.
         """
-        if not self.useful or self.gain <= WORTHWHILE:
+        if not self.useful or self.gain <= WORTHWHILE or self.setup.moves == HELD:
             return False
         reached = self.setup.moves.reached(self.physics, self.setup.start, self.result.point)
         return reached and not self.is_false
+
+    @property
+    def is_dated(self) -> bool:
+        """Whether its design was held, and a finer mesh has changed the objective since then."""
+        change = abs(self.result.objective / self.before.designed - 1.0)
+        return self.setup.moves == HELD and change > WORTHWHILE
 
     @cached_property
     def division(self) -> Division:
@@ -299,6 +316,8 @@ class Attempt:
         before = replace(self.before, passes=self.before.passes + 1)
         if self.useful and again.remedy != "smaller moves":  # otherwise its objective has fallen
             before = replace(before, objective=self.result.objective)
+            if self.setup.moves != HELD:
+                before = replace(before, designed=self.result.objective)
         if again.remedy in AT_OPTIMUM:
             result = replace(self.result, mesh_error=self.division.error)
             before = replace(before, optimum=(self.physics, result, self.flights))
@@ -319,12 +338,13 @@ class Attempt:
         """
         physics, result, flights = self.physics, self.result, None
         if self.lost and self.before.optimum:
-            physics, result, flights = self.before.optimum
+            physics, result, _ = self.before.optimum
             if physics is not self.physics and self.before.objective != result.objective:
                 error = abs(self.before.objective / result.objective - 1.0)
                 result = replace(result, mesh_error=error)
         elif self.converged:
-            result, flights = replace(result, mesh_error=self.division.error), self.flights
+            result = replace(result, mesh_error=self.division.error)
+            flights = None if self.approximate else self.flights
         if self.at_limit:  # an optimum at a move limit is not an optimum of the case
             message = f"still at a move limit after {self.before.passes + 1} optimizations"
             outcome = replace(result.outcome, success=False, message=message)

@@ -12,6 +12,7 @@ from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
+from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.turbine import POLAR
@@ -94,6 +95,7 @@ def check_case(case: Case) -> CheckReport:
         asks for is not installed.
     """
     world = _begun(physics(case))
+    refuse_slow(world.scenarios, world.law)
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}

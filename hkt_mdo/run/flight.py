@@ -28,6 +28,7 @@ from hkt_mdo.dynamics.simulation import (
     simulate,
 )
 from hkt_mdo.dynamics.trajectory import trajectory_of
+from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.physics import BEM, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
@@ -37,6 +38,8 @@ from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.solve.drivers import Outcome
 
+TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
+"""Tip speed ratios of a torque by a spline."""
 SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
 
 
@@ -288,17 +291,25 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
     return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
 
 
-def fly(physics: Physics, result: Optimized) -> tuple[Flight, ...]:
+def may_tabulate(physics: Physics) -> bool:
+    """Tell whether the flights of a result are long, and its torque a function of one number."""
+    simple = not (physics.remembers or physics.rotor.follows_reynolds)
+    return simple and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
+
+
+def fly(physics: Physics, result: Optimized, tabulated: bool = False) -> tuple[Flight, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
     With the wake of the case; if it has memory, with filters at all stations, and again with the
-    two of the optimization.
+    two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
+    to choose a remedy.
     """
     blade, limited, flights = result.point.blade, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         own, mesh = physics.of(scenario), scenario.mesh
         inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
         plant = plant_of(own, blade, inertia)
+        plant = plant.tabulated(TABULATED) if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is

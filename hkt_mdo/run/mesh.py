@@ -58,7 +58,7 @@ class Rules:
     speed: float = 0.3
     unchanged: float = 1e-7
     few: int = 6
-    hair: float = 1e-3
+    hair: float = 5e-3
     parts: int = 4
     nearly_all: float = 0.5
     higher: int = 5

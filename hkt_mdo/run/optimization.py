@@ -9,7 +9,7 @@ from hkt_mdo.case.guard import any_values
 from hkt_mdo.problem.build import assemble, make_driver
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
-from hkt_mdo.problem.setup import NARROW, Setup
+from hkt_mdo.problem.setup import HELD, NARROW, Setup
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.rotor.components import rotor_inputs
 from hkt_mdo.run.flight import Optimized
@@ -43,7 +43,9 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
         The end of the optimization, converged or not.
     """
     most = None if setup.moves == NARROW else FIRST_ITERATIONS
-    driver = make_driver(physics, state, most, near, first=not state.passes)
+    driver = make_driver(
+        physics, state, most, near, first=not state.passes, held=setup.moves == HELD
+    )
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
     state.log.add_recorders(problem, whole=rows <= MOST_ROWS)

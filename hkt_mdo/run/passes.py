@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
+from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import STORED, most_between, sells, sold
 from hkt_mdo.run.mesh import held
@@ -49,6 +50,8 @@ def smaller_moves(attempt: Attempt) -> Begin | None:
     if attempt.converged or attempt.lost:
         return None
     why = f"the optimizer did not converge in {attempt.result.outcome.iterations} iterations"
+    if setup.moves == HELD:
+        return attempt.begin_again(f"{why} with the design held", moves=MoveLimits())
     if last.operation.energy > setup.start.operation.energy:
         nodes = curve_nodes(attempt.physics, last)
         return attempt.begin_again(why, moves=NARROW, start=last, nodes=nodes)
@@ -141,7 +144,30 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
         for (limit, scenario), share in lowered.items()
     }
     point = point_of(physics, attempt.result.problem)
-    return attempt.begin_again(why, physics=physics, start=point, shares=shares)
+    changes = {"physics": physics, "start": point, "shares": shares}
+    if _may_hold(physics):
+        # the operation alone needs half the iterations, which take a fraction of the time
+        changes |= {"moves": HELD, "nodes": curve_nodes(physics, point)}
+    return attempt.begin_again(why, **changes)
+
+
+def _may_hold(physics) -> bool:
+    """Tell whether the operation on a fine mesh is optimized with a held design first.
+
+    Several sections are kept from stall by design and operation together: on a finer mesh the
+    operation alone may have no solution.
+    """
+    many = sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
+    designs = any(physics.shape.points.values()) or physics.shape.radius_bounds is not None
+    return many and designs and not (physics.law.is_feedback or physics.several_sections)
+
+
+def design_again(attempt: Attempt) -> Begin | None:
+    """Optimize design and operation together on a mesh that has been divided with a held design."""
+    if not (attempt.converged and attempt.is_dated):
+        return None
+    why = "the mesh is fine enough for the operation of the held design"
+    return attempt.from_end(why, moves=MoveLimits())
 
 
 def lowered_limits(attempt: Attempt) -> Begin | None:
@@ -163,6 +189,8 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
         return None
     why = _exceeded(worst)
     setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
+    if attempt.converged and attempt.is_dated:
+        setup = replace(setup, moves=MoveLimits())
     return replace(attempt.begin, physics=physics, setup=setup, why=why)
 
 
@@ -239,6 +267,7 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     farther_from_stall,
     finer_mesh,
     lowered_limits,
+    design_again,
     other_branch,
 )
 
@@ -252,7 +281,11 @@ def next_begin(attempt: Attempt) -> Begin | None:
     if attempt.runs_away:
         return None
     enough = attempt.before.passes + 1 >= MAX_PASSES
-    for remedy in REMEDIES[-1:] if enough else REMEDIES:
+    *others, another_start = REMEDIES
+    for remedy in (
+        *(() if enough else others),
+        *(() if attempt.approximate else [another_start]),  # for which the judges decide
+    ):
         begin = remedy(attempt)
         if begin is not None:
             return replace(begin, remedy=remedy.__name__.replace("_", " "))
@@ -287,6 +320,9 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
         result = solve(state, begin.physics, begin.setup, near)
         attempt = Attempt(state, begin, result, before)
         again = next_begin(attempt)
+        if again is None and attempt.approximate:
+            attempt = replace(attempt, exact=True)
+            again = next_begin(attempt)
         state.note_pass(attempt.entry(time.perf_counter() - began, again))
         if again is None or again.start is not begin.start:
             ends.append(attempt.end)

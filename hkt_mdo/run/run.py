@@ -14,7 +14,6 @@ import signal
 import sqlite3
 import tempfile
 import time
-import warnings
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -24,7 +23,7 @@ import openmdao.api as om
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.equilibrium import better_steady
+from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_text
@@ -102,8 +101,7 @@ def run_case(
     out = Path(out)
     physics = make_physics(case)
     make_driver(physics)  # a missing package is reported before anything is written
-    if slow := better_steady(physics.scenarios):
-        warnings.warn(slow, stacklevel=2)  # a possible error at the end of the run is raised now
+    refuse_slow(physics.scenarios, physics.law)
     check_folder(out, force)
     out = out.absolute()  # the current folder is the process's, and another thread may change it
     with locked(out):
@@ -151,6 +149,7 @@ def resume_case(
     out = Path(out).absolute()
     physics = make_physics(load_case(out / "case.yaml", extensions=extensions))
     make_driver(physics)
+    refuse_slow(physics.scenarios, physics.law)
     with locked(out):
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)
@@ -220,8 +219,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     if held:
         message = f"{refused}; the folder holds {held}, which is better than the last point"
     if not finished.success:
-        slow = better_steady(state.first.scenarios)
-        message = "; ".join(filter(None, (_why_none(state.first, best), message, slow)))
+        message = "; ".join(filter(None, (_why_none(state.first, best), message)))
     write_tables(out, parts)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)

@@ -154,6 +154,16 @@ def test_energy_balance_closes(closed_loop):
     )
 
 
+def test_a_tabulated_torque_is_that_of_bem(plant):
+    quick = plant.tabulated(np.linspace(SLOWEST_RATIO, 25.0, 2500))
+    speed = np.linspace(2.0, 14.0, 101)
+    flow = 1.5 + 0.2 * np.sin(speed)
+    exact = plant.torque(speed, flow)
+    error = np.abs(quick.torque(speed, flow) - exact) / np.max(exact)
+    assert np.max(error) < 1e-4  # where a station stalls, the curve has a kink
+    assert np.median(error) < 1e-7
+
+
 def test_tolerance_does_not_decide_the_energy(closed_loop):
     assert closed_loop(1e-9).energy == pytest.approx(closed_loop(1e-11).energy, rel=1e-9)
 

@@ -372,10 +372,14 @@ MONTH = {
 }
 
 
-def test_a_month_of_a_tide_over_time_offers_the_steady_scenario():
+def test_a_month_of_a_tide_over_time_is_refused_and_the_steady_scenario_offered(tmp_path):
     phase = {"duration": 14 * 86400.0}
     data = {"inflow": MONTH, "control": QUADRATIC, "phase": phase}
-    assert any("steady: true" in text for text in physics(load_case(data)).warnings)
+    for begun in check_case, lambda case: run_case(case, tmp_path / "never"):
+        with pytest.raises(InputError, match=r"inflow = .*profile: tide.*steady: true"):
+            begun(load_case(data))
+    assert not (tmp_path / "never").exists()
+    check_case(load_case(data | {"control": "open_loop"}))
     scenario = {"inflow": MONTH, "steady": True}
     world = physics(load_case(data | {"inflow": "sine", "scenarios": [scenario]}))
     assert not world.warnings
