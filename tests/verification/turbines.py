@@ -41,8 +41,9 @@ def turbines(study) -> list[str]:
     Drawn are size (0.6 to 8 m), blade, sections, material, wall, generator, drive train, flow
     (turbulence of two spectra, a gust, a sine) and limits of torque, power, thrust, stress and
     mostly cavitation, scaled to the turbine. Each run is a process of `hkt run` without figures,
-    which is ended after 300 s of processor time; times are those of the processor. Goals: 95 % verified, the median below a minute, no run over five;
-    the objective of open loop never more than 1e-4 below that of a law.
+    which is ended after 300 s of processor time; times are those of the processor. Goals: 95 %
+    verified, the median below a minute, no run over five; the objective of open loop never more
+    than 1e-4 below that of a law.
     """
     tasks = []
     for i in range(study.count):
@@ -102,7 +103,7 @@ def _run(study, folder, law, turbine) -> Run:
 
 
 def _in_process(command) -> tuple[float, str]:
-    """Run a command for at most LONGEST; return its processor time, s, and its last error, if any."""
+    """Run a command for at most LONGEST; return its processor time, s, and an error, if any."""
 
     def limited():
         resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST + 5))
