@@ -62,10 +62,10 @@ def largest_energy(task: Task) -> StartingPoint:
     physics, problem = task.physics, task.problem
     search = EnergySearch(physics, problem.condensed() if task.improves else problem)
     tried = [strategies.with_gains(physics, search.problem, each) for each in task.candidates]
-    best = end = max(tried, key=search.rank)
-    if task.improves:
-        end = improve(search, best)
-    starts = [(end if point is best else point).record for point in tried]
+    chosen = sorted(tried, key=search.rank, reverse=True)[: task.effort]
+    ends = {id(point): improve(search, point) if task.improves else point for point in chosen}
+    end = max(ends.values(), key=search.rank)
+    starts = [ends.get(id(point), point).record for point in tried]
     gained = Candidate(end.strategy, end.blade, end.gains)
     whole = strategies.with_gains(physics, problem, gained)
     return replace(whole, starts=records(starts, end))
@@ -217,29 +217,37 @@ class ScheduleSearch:
         return self.steady.on_schedule(point, ratio)
 
     def _best_improved(self, points, others) -> StartingPoint:
-        """Return the improved best of some points; the others are its rivals."""
-        best = end = max(points, key=MERIT)
+        """Return the best of some points when they are improved; the others are its rivals.
+
+        Improved are the best ones, as many as `start.effort` says.
+        """
+        chosen = sorted(points, key=MERIT, reverse=True)[: self.task.effort]
+        ends = {id(point): point for point in chosen}
         if self.task.improves:
             asked = self.physics.case.start.branch != "best"  # which is not given up
             rivals = [
                 other.objective for other in others if other.excess <= START_EXCESS and not asked
             ]
             search = LimitedSearch(self.steady, self.task.problem.slowed)
-            end = improve(search, best, max(rivals, default=-np.inf))
+            best = max(rivals, default=-np.inf)
+            ends = {id(point): improve(search, point, best) for point in chosen}
         if self.physics.law.is_static:
-            end = self._fastest(end)
-        self.starts += [(end if point is best else point).record for point in points]
-        return end
+            ends = {key: self._fastest(end) for key, end in ends.items()}
+        self.starts += [ends.get(id(point), point).record for point in points]
+        return max(ends.values(), key=MERIT)
 
     def _fastest(self, point) -> StartingPoint:
-        """Return a law's point, or the one at which the rotor would operate, if they differ.
+        """Return a law's point, or that of its fastest equilibrium where this counts or is better.
 
-        A law may have several equilibria in a flow: after a run-up the rotor is at the fastest.
+        A law may have several equilibria in a flow. In a steady scenario the rotor is at the
+        fastest; over time it begins at the one that is chosen.
         """
         operating = self.task.operating(point)
         real = self.steady.in_balance(operating)
-        close = np.allclose(real.ratio, point.ratio, rtol=SCHEDULE.apart)
-        return point if operating.operation.running and close else real
+        if operating.operation.running and _is_close(real.ratio, point.ratio):
+            return point
+        steady = any(scenario.steady for scenario in self.physics.scenarios)
+        return real if steady else max(point, real, key=MERIT)
 
 
 def start_of(
@@ -275,6 +283,10 @@ def start_of(
         operation = whole.held(curves.values["torque"], speed)
     else:
         operation = whole.operate(curves.values["torque"], best.gains)
+        flow, coarse = whole.inflow_speed, SteadyFlow.of(physics, problem.spline).speeds
+        speed = np.interp(flow, coarse, best.ratio) * flow / whole.rotor_radius
+        if not _is_close(operation.rotor_speed, speed):  # but at another, slower equilibrium
+            operation = whole.held(curves.values["torque"], speed)
     branches = tuple(found) if has_branches(physics) else ()
     about = {"branch": best.branch if branches else "", "branches": branches}
     return replace(best, operation=operation, starts=records(starts, best), **about)
@@ -299,6 +311,11 @@ def _on_exact_schedule(steady, problem, best) -> Operation:
     series = steady.along(curves, ratio, flow)
     speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
     return Operation(float(problem.weights @ (torque * speed)), speed, torque)
+
+
+def _is_close(ratio: np.ndarray, other: np.ndarray) -> bool:
+    """Tell whether tip speed ratios, or rotor speeds, are of the same equilibria."""
+    return np.allclose(ratio, other, rtol=SCHEDULE.apart)
 
 
 def _is_same(point: StartingPoint, other: StartingPoint) -> bool:
