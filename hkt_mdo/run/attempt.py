@@ -73,7 +73,7 @@ class Judged:
         """Return a result with its checks; `optimum` is the case's own; flights may be computed."""
         flights = flights or fly(physics, result)
         optimum = bounding_optimum(physics, optimum, result.point.blade)
-        checks = judge(physics, optimum, reference, result, flights)
+        checks = judge(physics, optimum, reference, result, flights, start.starts)
         return cls(start, physics, result, flights, optimum, reference, checks)
 
     @property

@@ -158,7 +158,7 @@ class ScheduleSearch:
             return there or ended
         begin = max((self.steady.on_branch(point, branch) for point in points), key=MERIT)
         end = improve_widely(LimitedSearch(self.steady, self.task.problem.slowed), begin)
-        self.starts.append(end.record)
+        self._note(end)
         there = end.excess <= START_EXCESS and self.steady.side(end) == branch
         return [end] if there else ended
 
@@ -233,8 +233,12 @@ class ScheduleSearch:
             ends = {id(point): improve(search, point, best) for point in chosen}
         if self.physics.law.is_static:
             ends = {key: self._fastest(end) for key, end in ends.items()}
-        self.starts += [ends.get(id(point), point).record for point in points]
+        self._note(*(ends.get(id(point), point) for point in points))
         return max(ends.values(), key=MERIT)
+
+    def _note(self, *points) -> None:
+        """Add points to the outcomes of the search."""
+        self.starts += [replace(point.record, law=self.physics.law.law) for point in points]
 
     def _fastest(self, point) -> StartingPoint:
         """Return a law's point, or that of its fastest equilibrium where this counts or is better.
