@@ -286,14 +286,23 @@ def start_of(
         speed = law.speed_at_rest(problem.inflow_speed, best.gains)
         operation = whole.held(curves.values["torque"], speed)
     else:
-        operation = whole.operate(curves.values["torque"], best.gains)
-        flow, coarse = whole.inflow_speed, SteadyFlow.of(physics, problem.spline).speeds
-        speed = np.interp(flow, coarse, best.ratio) * flow / whole.rotor_radius
-        if not _is_close(operation.rotor_speed, speed):  # but at another, slower equilibrium
-            operation = whole.held(curves.values["torque"], speed)
+        operation = _of_static_law(steady, whole, best)
     branches = tuple(found) if has_branches(physics) else ()
     about = {"branch": best.branch if branches else "", "branches": branches}
     return replace(best, operation=operation, starts=records(starts, best), **about)
+
+
+def _of_static_law(steady, problem, best) -> Operation:
+    """Return a static law's operation: at its fastest equilibria, unless others were designed."""
+    table = steady.curves(best.blade).values["torque"]
+    coarse = SteadyFlow.of(steady.physics, steady.spline)
+    few = replace(problem, inflow_speed=coarse.speeds, weights=coarse.weights)
+    ratio = few.operate(table, best.gains).rotor_speed * problem.rotor_radius / coarse.speeds
+    if _is_close(ratio, best.ratio):
+        return problem.operate(table, best.gains)
+    flow = problem.inflow_speed
+    speed = np.interp(flow, coarse.speeds, best.ratio) * flow / problem.rotor_radius
+    return problem.held(table, speed)
 
 
 def _on_exact_schedule(steady, problem, best) -> Operation:
