@@ -37,7 +37,8 @@ class _Schedule:
     tip speed ratio and that of the designed schedule from which it is another equilibrium. `same`:
     relative difference of the ratios of one optimum, a tenth of that of the chords. `alike`: least
     relative difference of the objectives of branches of which one is better. `longer`: relative
-    gain of the objective that makes a longer solid part worthwhile.
+    gain of the objective that makes a longer solid part worthwhile. `others`: how many more
+    candidates are improved where all have left a branch, one of `apart_by` in their order.
     """
 
     fine: int = 400
@@ -46,6 +47,8 @@ class _Schedule:
     same: float = 2e-3
     alike: float = 2e-4
     longer: float = 1e-5
+    others: int = 2
+    apart_by: int = 2
 
 
 SCHEDULE, MERIT = _Schedule(), attrgetter("merit")
@@ -149,18 +152,25 @@ class ScheduleSearch:
         return found
 
     def _on_side(self, branch, points, ended) -> list[StartingPoint]:
-        """Return the points that ended on a branch, or reach it by a wide search, if any.
+        """Return the points that ended on a branch, or reach it from others, if any.
 
-        Otherwise the ends of all candidates, which are on the other branch.
+        Where all candidates have ended on the other branch, the best one is improved widely, and
+        some of those that have not been tried are improved too. If none of them stays on the branch
+        either, the ends on the other one are returned.
         """
         there = [end for end in ended if self.steady.side(end) == branch]
         if there or not self.task.improves:
             return there or ended
-        begin = max((self.steady.on_branch(point, branch) for point in points), key=MERIT)
-        end = improve_widely(LimitedSearch(self.steady, self.task.problem.slowed), begin)
-        self._note(end)
-        there = end.excess <= START_EXCESS and self.steady.side(end) == branch
-        return [end] if there else ended
+        search = LimitedSearch(self.steady, self.task.problem.slowed)
+        begin = [self.steady.on_branch(point, branch) for point in points]
+        first, *others = sorted(begin, key=MERIT, reverse=True)
+        others = others[self.task.effort :: SCHEDULE.apart_by][: SCHEDULE.others]
+        ends = [improve_widely(search, first), *(improve(search, point) for point in others)]
+        self._note(*ends)
+        there = [
+            end for end in ends if end.excess <= START_EXCESS and self.steady.side(end) == branch
+        ]
+        return there or ended
 
     def _of_law(self) -> list[StartingPoint]:
         """Return the improved candidates of a feedback law."""
