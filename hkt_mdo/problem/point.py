@@ -67,6 +67,8 @@ class StartRecord:
         Names of the limits that it exceeds there.
     kept : bool
         Whether the optimization begins with it.
+    law : str
+        The control law under which it was tried: another one guides that of the case.
     """
 
     strategy: str
@@ -75,6 +77,7 @@ class StartRecord:
     excess: float
     exceeds: tuple[str, ...]
     kept: bool = False
+    law: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -250,6 +250,8 @@ class StartEntry(_Entry):
     exceeds: list[str] = []
     kept: bool = False
     """Whether the optimization began with it."""
+    law: str = ""
+    """The control law under which it was tried."""
 
 
 class PassEntry(_Entry):

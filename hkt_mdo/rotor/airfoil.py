@@ -4,16 +4,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import PPoly
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import LARGEST
+from hkt_mdo.rotor.angle_curves import curves_at, periodic_curves
 from hkt_mdo.rotor.suction import require_suction, surface_curves
 
-# A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
-# multiplication instead of a search.
-KNOTS_PER_DEGREE = 4
 # share of the lift that is lost beyond stall; a smaller loss is an irregularity of the table
 STALL = 0.03
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
@@ -70,10 +68,12 @@ class Polar:
             alpha, lift, drag = _viterna(alpha, lift, drag)
         given = table.smallest_pressure is not None
         polar = cls(
-            _spline(alpha, lift, drag),
+            periodic_curves(alpha, lift, drag),
             float(table.alpha[0]),
             float(table.alpha[-1]),
-            _spline(*surface_curves(table.alpha, -table.smallest_pressure)) if given else None,
+            periodic_curves(*surface_curves(table.alpha, -table.smallest_pressure))
+            if given
+            else None,
         )
         polar._refuse_overshoot(table.source)
         return polar
@@ -149,7 +149,7 @@ class Polar:
         lift, drag : float or ndarray
             The coefficients, of the angle's shape.
         """
-        return _values(*_locate(self.coefficients, alpha))
+        return tuple(curves_at(self.coefficients, alpha)[0])
 
     def derivatives(self, alpha, reynolds=None):
         """Return dcl/dalpha, dcl/dRe, dcd/dalpha, dcd/dRe, per rad; those by Re are zero.
@@ -166,7 +166,7 @@ class Polar:
         by_alpha, 0.0, by_alpha, 0.0 : float or ndarray
             Slopes of lift and drag, per rad.
         """
-        lift, drag = _slopes(*_locate(self.coefficients, alpha))
+        lift, drag = curves_at(self.coefficients, alpha)[1]
         return lift, 0.0, drag, 0.0
 
     def suction_at(self, alpha):
@@ -191,8 +191,7 @@ class Polar:
             If the polar has no suction.
         """
         require_suction((self,))
-        local = _locate(self.suction, alpha)
-        return np.stack(_values(*local)), np.stack(_slopes(*local))
+        return curves_at(self.suction, alpha)
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
@@ -291,44 +290,6 @@ class PolarFamily:
         if position == below:
             return self.polars[below]
         return self.polars[below].blend(self.polars[below + 1], position - below)
-
-
-def _locate(coefficients, alpha):
-    """Return the coefficients of the interval that holds alpha, and the place in it."""
-    n_knots = coefficients.shape[0]
-    step = 2.0 * np.pi / n_knots
-    index = np.floor((np.real(alpha) + np.pi) / step).astype(int)
-    rows = np.moveaxis(coefficients[index % n_knots], -1, 0)
-    return rows, alpha + np.pi - index * step
-
-
-def _values(row, x):
-    """Return both cubic polynomials of a row of eight coefficients at the place x."""
-    return (
-        row[0] + x * (row[1] + x * (row[2] + x * row[3])),
-        row[4] + x * (row[5] + x * (row[6] + x * row[7])),
-    )
-
-
-def _slopes(row, x):
-    """Return the slopes of both polynomials."""
-    return (
-        row[1] + x * (2.0 * row[2] + x * 3.0 * row[3]),
-        row[5] + x * (2.0 * row[6] + x * 3.0 * row[7]),
-    )
-
-
-def _spline(alpha, *columns):
-    """Return `Polar.coefficients` of periodic curves through two columns from -pi to pi."""
-    n_knots = 360 * KNOTS_PER_DEGREE
-    knots = np.linspace(-np.pi, np.pi, n_knots + 1)
-    blocks = []
-    for column in columns:
-        table = CubicSpline(alpha, column, bc_type="periodic")
-        values = table(knots)
-        values[-1] = values[0]
-        blocks.append(CubicSpline(knots, values, bc_type="periodic").c[::-1].T)
-    return np.ascontiguousarray(np.hstack(blocks))
 
 
 def _viterna(alpha, lift, drag):

@@ -1,8 +1,11 @@
 """Suction of blade sections, -Cp min, for the cavitation limit: its curves, and along a blade."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.angle_curves import curves_at
 
 KINK_RANGE = np.deg2rad(10.0)  # of zero angle of attack, where the suction peak changes side
 STAGNATION = -1.0  # least suction: that of a stagnation point, where Cp = 1
@@ -137,11 +140,16 @@ def section_suction(polar, angle_of_attack):
     InputError
         Where a polar has no suction.
     """
-    n_stations = np.shape(angle_of_attack)[-1]
-    polars = polar if isinstance(polar, tuple | list) else (polar,) * n_stations
-    by_station = [each.suction_at(angle_of_attack[..., j]) for j, each in enumerate(polars)]
-    suction, by_angle = (np.stack(part, axis=-1) for part in zip(*by_station, strict=True))
-    return suction, by_angle
+    if not isinstance(polar, tuple | list):
+        return polar.suction_at(angle_of_attack)
+    return curves_at(_together(tuple(polar)), angle_of_attack, (np.arange(len(polar)),))
+
+
+@lru_cache(maxsize=4)
+def _together(polars):
+    """Return the suction curves of the polars of all stations, (n_stations, n_knots, 8)."""
+    require_suction(polars)
+    return np.stack([polar.suction for polar in polars])
 
 
 def require_suction(polars):

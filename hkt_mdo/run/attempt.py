@@ -27,6 +27,9 @@ WORTHWHILE = 1e-6
 FEW = 0.1
 """Share of the segments up to which few of them are too coarse."""
 
+FALLEN = 1e-4
+"""Share of the objective by which an optimum may be below one that it began with."""
+
 AT_OPTIMUM = "finer mesh", "lowered limits"
 """Remedies that follow an optimum on its mesh."""
 
@@ -73,7 +76,7 @@ class Judged:
         """Return a result with its checks; `optimum` is the case's own; flights may be computed."""
         flights = flights or fly(physics, result)
         optimum = bounding_optimum(physics, optimum, result.point.blade)
-        checks = judge(physics, optimum, reference, result, flights)
+        checks = judge(physics, optimum, reference, result, flights, start.starts)
         return cls(start, physics, result, flights, optimum, reference, checks)
 
     @property
@@ -188,8 +191,9 @@ class Attempt:
 
     @property
     def lost(self) -> bool:
-        """Whether the optimizer failed even with narrow move limits."""
-        return not self.converged and self.setup.moves == NARROW
+        """Whether the optimizer failed, or lost much, even with narrow move limits."""
+        failed = not self.converged or self.fallen > FALLEN
+        return failed and self.setup.moves == NARROW
 
     @cached_property
     def recovers(self) -> bool:

@@ -6,7 +6,7 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
@@ -49,6 +49,8 @@ ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # largest energy stored in the rotor, over the captured energy
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
+MOST_GAINS = 2  # of a law that follows few schedules
+BEHIND_OPEN_LOOP = 0.2  # largest share that the others may lose: more is another optimum
 BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its distance from stall
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
@@ -69,11 +71,13 @@ def judge(
     reference: float,
     result: Optimized,
     flights: tuple[Flight, ...],
+    starts: Sequence[StartRecord] = (),
 ) -> list[CheckEntry]:
     """Return the checks of all judges, that of the optimizer first.
 
     `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
-    the quasi-steady start, 0 where that is no measure of the optimum.
+    the quasi-steady start, 0 where that is no measure of the optimum; `starts` are all that the
+    search for it tried.
     """
     status = result.outcome
     checks = [_check("optimizer", not status.success, 0.0, status.message)]
@@ -82,7 +86,26 @@ def judge(
             checks.append(_check(name + suffix, value, limit, detail))
     for name, value, limit, detail in _of_design(physics, optimum, reference, result, flights):
         checks.append(_check(name, value, limit, detail))
+    for name, value, limit, detail in _behind_open_loop(physics, flights, starts):
+        checks.append(_check(name, value, limit, detail))
     return checks
+
+
+def _behind_open_loop(physics, flights, starts):
+    """Yield how far a law that can follow a schedule is behind the open loops of its search."""
+    follows = physics.states or len(physics.gain_units) > MOST_GAINS
+    if not follows or physics.start_objective is not physics.objective:
+        return
+    kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
+    ceiling = max(kept, default=0.0)
+    if ceiling > 0.0:
+        objective = simulated_objective(physics, flights)
+        yield (
+            "behind_open_loop",
+            physics.objective.behind(objective, ceiling),
+            BEHIND_OPEN_LOOP,
+            "the objective is lower than that of a quasi-steady open loop which keeps the limits",
+        )
 
 
 def _suffixed(flights):
@@ -508,6 +531,7 @@ TRY = {
     "objective_error": FALSE_SOLUTION,
     "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
     "energy_below_start": FALSE_SOLUTION,
+    "behind_open_loop": "try start.from with a result of law: rated, or a larger start.effort",
     "energy_over_bound": "try more phase.segments and a smaller hydrodynamics.tolerance",
     "energy_over_certificate": "try more phase.segments and a smaller hydrodynamics.tolerance",
 }

@@ -132,7 +132,9 @@ def division(
             marks |= close
         for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
             over = flight.of_model.between_nodes(limit)[0]
-            found = over > most_between(limit)
+            nodes = limit.excess(flight.of_model.at_nodes).reshape(marks.size, -1)
+            # what is exceeded at the nodes as well, no division corrects
+            found = (over > most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
             lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
             by_a_hair = np.max(over) <= RULES.hair and lost <= RULES.short_of
             if physics.law.is_feedback or not by_a_hair:

@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
-from hkt_mdo.run.attempt import Attempt, Before, Begin, Judged, quasi_steady_reference
+from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import STORED, most_between, sells, sold
 from hkt_mdo.run.mesh import held
 from hkt_mdo.run.optimization import point_of, solve
@@ -27,8 +27,6 @@ MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
-FALLEN = 1e-4
-"""Share of the objective by which an optimum may be below one that a finer mesh began with."""
 NEAR_STALL = 0.022
 """Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
 MOST_LOWERED = 5e-3
@@ -89,7 +87,7 @@ def finer_torque_curve(attempt: Attempt) -> Begin | None:
 
 def recentred_moves(attempt: Attempt) -> Begin | None:
     """Continue from an end at a move limit."""
-    if not attempt.at_limit:
+    if not attempt.at_limit or attempt.lost:
         return None
     return attempt.from_end(f"at a move limit, objective changed by {100.0 * attempt.gain:.2g} %")
 
@@ -115,7 +113,7 @@ def farther_from_stall(attempt: Attempt) -> Begin | None:
 def finer_mesh(attempt: Attempt) -> Begin | None:
     """Divide the segments that are too coarse; not where that would let the rotor pulse faster."""
     physics = attempt.physics
-    if not attempt.converged or physics.may_pulse:
+    if not attempt.converged or attempt.lost or physics.may_pulse:
         return None
     division = attempt.division
     if not division.allowed(physics.case.driver.optimizer):
@@ -176,7 +174,7 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
     Elsewhere a lower limit would only cost energy. If an optimization on a finer mesh fails, the
     limits of the last optimum are lowered on its mesh.
     """
-    if attempt.converged:
+    if attempt.converged and not attempt.lost:
         physics, setup, flights = attempt.physics, attempt.setup, attempt.flights
         point = attempt.result.point
     elif attempt.lost and attempt.before.optimum and attempt.begin.remedy == "finer mesh":

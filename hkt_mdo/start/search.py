@@ -37,7 +37,8 @@ class _Schedule:
     tip speed ratio and that of the designed schedule from which it is another equilibrium. `same`:
     relative difference of the ratios of one optimum, a tenth of that of the chords. `alike`: least
     relative difference of the objectives of branches of which one is better. `longer`: relative
-    gain of the objective that makes a longer solid part worthwhile.
+    gain of the objective that makes a longer solid part worthwhile. `others`: how many more
+    candidates are improved where all have left a branch, one of `apart_by` in their order.
     """
 
     fine: int = 400
@@ -46,6 +47,8 @@ class _Schedule:
     same: float = 2e-3
     alike: float = 2e-4
     longer: float = 1e-5
+    others: int = 2
+    apart_by: int = 2
 
 
 SCHEDULE, MERIT = _Schedule(), attrgetter("merit")
@@ -62,10 +65,10 @@ def largest_energy(task: Task) -> StartingPoint:
     physics, problem = task.physics, task.problem
     search = EnergySearch(physics, problem.condensed() if task.improves else problem)
     tried = [strategies.with_gains(physics, search.problem, each) for each in task.candidates]
-    best = end = max(tried, key=search.rank)
-    if task.improves:
-        end = improve(search, best)
-    starts = [(end if point is best else point).record for point in tried]
+    chosen = sorted(tried, key=search.rank, reverse=True)[: task.effort]
+    ends = {id(point): improve(search, point) if task.improves else point for point in chosen}
+    end = max(ends.values(), key=search.rank)
+    starts = [ends.get(id(point), point).record for point in tried]
     gained = Candidate(end.strategy, end.blade, end.gains)
     whole = strategies.with_gains(physics, problem, gained)
     return replace(whole, starts=records(starts, end))
@@ -149,18 +152,25 @@ class ScheduleSearch:
         return found
 
     def _on_side(self, branch, points, ended) -> list[StartingPoint]:
-        """Return the points that ended on a branch, or reach it by a wide search, if any.
+        """Return the points that ended on a branch, or reach it from others, if any.
 
-        Otherwise the ends of all candidates, which are on the other branch.
+        Where all candidates have ended on the other branch, the best one is improved widely, and
+        some of those that have not been tried are improved too. If none of them stays on the branch
+        either, the ends on the other one are returned.
         """
         there = [end for end in ended if self.steady.side(end) == branch]
         if there or not self.task.improves:
             return there or ended
-        begin = max((self.steady.on_branch(point, branch) for point in points), key=MERIT)
-        end = improve_widely(LimitedSearch(self.steady, self.task.problem.slowed), begin)
-        self.starts.append(end.record)
-        there = end.excess <= START_EXCESS and self.steady.side(end) == branch
-        return [end] if there else ended
+        search = LimitedSearch(self.steady, self.task.problem.slowed)
+        begin = [self.steady.on_branch(point, branch) for point in points]
+        first, *others = sorted(begin, key=MERIT, reverse=True)
+        others = others[self.task.effort :: SCHEDULE.apart_by][: SCHEDULE.others]
+        ends = [improve_widely(search, first), *(improve(search, point) for point in others)]
+        self._note(*ends)
+        there = [
+            end for end in ends if end.excess <= START_EXCESS and self.steady.side(end) == branch
+        ]
+        return there or ended
 
     def _of_law(self) -> list[StartingPoint]:
         """Return the improved candidates of a feedback law."""
@@ -217,29 +227,41 @@ class ScheduleSearch:
         return self.steady.on_schedule(point, ratio)
 
     def _best_improved(self, points, others) -> StartingPoint:
-        """Return the improved best of some points; the others are its rivals."""
-        best = end = max(points, key=MERIT)
+        """Return the best of some points when they are improved; the others are its rivals.
+
+        Improved are the best ones, as many as `start.effort` says.
+        """
+        chosen = sorted(points, key=MERIT, reverse=True)[: self.task.effort]
+        ends = {id(point): point for point in chosen}
         if self.task.improves:
             asked = self.physics.case.start.branch != "best"  # which is not given up
             rivals = [
                 other.objective for other in others if other.excess <= START_EXCESS and not asked
             ]
             search = LimitedSearch(self.steady, self.task.problem.slowed)
-            end = improve(search, best, max(rivals, default=-np.inf))
+            best = max(rivals, default=-np.inf)
+            ends = {id(point): improve(search, point, best) for point in chosen}
         if self.physics.law.is_static:
-            end = self._fastest(end)
-        self.starts += [(end if point is best else point).record for point in points]
-        return end
+            ends = {key: self._fastest(end) for key, end in ends.items()}
+        self._note(*(ends.get(id(point), point) for point in points))
+        return max(ends.values(), key=MERIT)
+
+    def _note(self, *points) -> None:
+        """Add points to the outcomes of the search."""
+        self.starts += [replace(point.record, law=self.physics.law.law) for point in points]
 
     def _fastest(self, point) -> StartingPoint:
-        """Return a law's point, or the one at which the rotor would operate, if they differ.
+        """Return a law's point, or that of its fastest equilibrium where this counts or is better.
 
-        A law may have several equilibria in a flow: after a run-up the rotor is at the fastest.
+        A law may have several equilibria in a flow. In a steady scenario the rotor is at the
+        fastest; over time it begins at the one that is chosen.
         """
         operating = self.task.operating(point)
         real = self.steady.in_balance(operating)
-        close = np.allclose(real.ratio, point.ratio, rtol=SCHEDULE.apart)
-        return point if operating.operation.running and close else real
+        if operating.operation.running and _is_close(real.ratio, point.ratio):
+            return point
+        steady = any(scenario.steady for scenario in self.physics.scenarios)
+        return real if steady else max(point, real, key=MERIT)
 
 
 def start_of(
@@ -274,10 +296,23 @@ def start_of(
         speed = law.speed_at_rest(problem.inflow_speed, best.gains)
         operation = whole.held(curves.values["torque"], speed)
     else:
-        operation = whole.operate(curves.values["torque"], best.gains)
+        operation = _of_static_law(steady, whole, best)
     branches = tuple(found) if has_branches(physics) else ()
     about = {"branch": best.branch if branches else "", "branches": branches}
     return replace(best, operation=operation, starts=records(starts, best), **about)
+
+
+def _of_static_law(steady, problem, best) -> Operation:
+    """Return a static law's operation: at its fastest equilibria, unless others were designed."""
+    table = steady.curves(best.blade).values["torque"]
+    coarse = SteadyFlow.of(steady.physics, steady.spline)
+    few = replace(problem, inflow_speed=coarse.speeds, weights=coarse.weights)
+    ratio = few.operate(table, best.gains).rotor_speed * problem.rotor_radius / coarse.speeds
+    if _is_close(ratio, best.ratio):
+        return problem.operate(table, best.gains)
+    flow = problem.inflow_speed
+    speed = np.interp(flow, coarse.speeds, best.ratio) * flow / problem.rotor_radius
+    return problem.held(table, speed)
 
 
 def _on_exact_schedule(steady, problem, best) -> Operation:
@@ -299,6 +334,11 @@ def _on_exact_schedule(steady, problem, best) -> Operation:
     series = steady.along(curves, ratio, flow)
     speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
     return Operation(float(problem.weights @ (torque * speed)), speed, torque)
+
+
+def _is_close(ratio: np.ndarray, other: np.ndarray) -> bool:
+    """Tell whether tip speed ratios, or rotor speeds, are of the same equilibria."""
+    return np.allclose(ratio, other, rtol=SCHEDULE.apart)
 
 
 def _is_same(point: StartingPoint, other: StartingPoint) -> bool:

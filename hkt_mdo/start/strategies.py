@@ -106,6 +106,11 @@ class Task:
     improves: bool
     steady: SteadyFlow | None = None
 
+    @property
+    def effort(self) -> int:
+        """How many candidates of a strategy are improved."""
+        return self.physics.case.start.effort
+
     def under(self, law: Law) -> Task:
         """Return the task of another law, whose gains are not given."""
         physics = replace(self.physics, law=law)

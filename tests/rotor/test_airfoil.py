@@ -6,7 +6,8 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar_table import polar_table
 from hkt_mdo.files.shipped import read_table, shipped_names
-from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar, PolarFamily
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.outline import Outline
 
 POLARS = shipped_names("polar")

@@ -36,6 +36,8 @@ from tests.verification.faults import faults
 from tests.verification.features import features
 from tests.verification.fuzz import fuzz
 from tests.verification.real import real_cases
+from tests.verification.reference import reference
+from tests.verification.turbines import turbines
 
 LIMITED = tuple(
     f"limits/{limit}_{law}"
@@ -442,6 +444,8 @@ PARTS = {
     "features": ("Features of the flow", features, 300),
     "physics": ("Against physics", _against_physics, 1),
     "real": ("Real blades", _real, 1),
+    "reference": ("Against a global search", reference, 1),
+    "turbines": ("Random turbines", turbines, 30),
     "fuzz": ("Hostile input", fuzz, 1500),
     "faults": ("Under faults", faults, 12),
 }
