@@ -571,7 +571,10 @@ def case_class(kinds: Kinds) -> type[Case]:
 
 def _subclass(base: Any, **fields: Any) -> Any:
     """Return a subclass of a section, under its name, with other types of some fields."""
-    return create_model(base.__name__, __base__=base, __doc__=base.__doc__, **fields)
+    undocumented = {"use_attribute_docstrings": False}  # there is no source text to search
+    return create_model(
+        base.__name__, __base__=base, __doc__=base.__doc__, __cls_kwargs__=undocumented, **fields
+    )
 
 
 def _choice(
