@@ -18,7 +18,7 @@ import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import (
+from hkt_mdo.results.shown import (
     OVER_SPAN,
     beside_start,
     levels_of,

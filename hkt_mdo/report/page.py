@@ -19,7 +19,7 @@ from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import make_folder, read_text, write_files
 from hkt_mdo.report import rendered
 from hkt_mdo.results.nesting import beaten, ranked
-from hkt_mdo.results.plots import labels
+from hkt_mdo.results.shown import labels
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked

@@ -16,7 +16,8 @@ from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
 from hkt_mdo.report import blade, charts, page
-from hkt_mdo.results import plots, style
+from hkt_mdo.results import style
+from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
 from tests.conftest import make_result
 from tests.exports.made import made
@@ -240,7 +241,7 @@ def test_results_keep_their_colours_where_others_lack_a_scenario(two, folders):
     for name, label in (("phase", "one"), ("slow", "two"), ("all scenarios", "two")):
         lines = {x["name"]: x["line"]["color"] for x in shown[name]["time"]["data"]}
         assert lines[label] == (second if label == "two" else style.COLORS[0])
-    drawn = plots.figures([one, two], ["operation", "limits"])
+    drawn = figures([one, two], ["operation", "limits"])
     for name in ("operation_slow", "limits_slow"):
         told = {x.get_text() for x in drawn[name].axes[0].get_legend().get_texts()}
         assert two.name in told
