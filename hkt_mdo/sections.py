@@ -273,12 +273,13 @@ def _texts(section: type) -> dict[str, str]:
     except (OSError, TypeError):
         return {}
     (whole,) = ast.parse(f"if True:\n{source}").body
-    (defined,) = whole.body  # type: ignore[attr-defined]
+    (defined,) = getattr(whole, "body", ())
     return {
         key.target.id: inspect.cleandoc(text.value.value)
         for key, text in pairwise(defined.body)
         if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
-        if isinstance(text, ast.Expr) and isinstance(getattr(text.value, "value", None), str)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        if isinstance(text.value.value, str)
     }
 
 
