@@ -272,11 +272,10 @@ def _texts(section: type) -> dict[str, str]:
         source = indent(inspect.getsource(section), " ")
     except (OSError, TypeError):
         return {}
-    (whole,) = ast.parse(f"if True:\n{source}").body
-    (defined,) = getattr(whole, "body", ())
+    whole: Any = ast.parse(f"if True:\n{source}").body[0]
     return {
         key.target.id: inspect.cleandoc(text.value.value)
-        for key, text in pairwise(defined.body)
+        for key, text in pairwise(whole.body[0].body)
         if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
         if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
         if isinstance(text.value.value, str)

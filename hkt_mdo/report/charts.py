@@ -72,6 +72,8 @@ def _panel_of(quantity: str, labelled: Sequence[Labelled], from_zero: bool) -> t
     return Panel(f"{words} ({unit})", from_zero=from_zero), scale
 
 
+# ---- over the flow speed and over time, of one scenario of each result
+
 _FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
 _TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thrust"
 
@@ -193,6 +195,9 @@ def _margin_panel(labelled: Sequence[Labelled], most: int) -> Panel:
     return panel
 
 
+# ---- the envelope of several scenarios
+
+
 def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
     """Return the range of each quantity over all scenarios, over `time` or `inflow_speed`."""
     column = QUANTITIES[over].column
@@ -279,6 +284,8 @@ _YEAR = {
     "hours": ("hours a year (h)", 1.0),
     "energy_kWh": ("electrical energy a year (kWh)", 1.0),
 }
+# ---- the blade, its coefficients, its loads, and the optimizer's way
+
 _SHAPES = {
     "chord_m": "chord (m)",
     "twist_deg": "twist (deg)",
