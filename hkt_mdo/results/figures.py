@@ -16,34 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import style
-from hkt_mdo.results.plots import (
-    plot_chord,
-    plot_control_torque,
-    plot_convergence,
-    plot_flapwise_moment,
-    plot_inflow_speed,
-    plot_limits,
-    plot_planform,
-    plot_power,
-    plot_power_curve,
-    plot_power_schedule,
-    plot_rotor_speed,
-    plot_sections,
-    plot_speed_schedule,
-    plot_stress,
-    plot_suction,
-    plot_thickness,
-    plot_thrust,
-    plot_thrust_curve,
-    plot_thrust_schedule,
-    plot_tip_speed_ratio,
-    plot_torque_schedule,
-    plot_twist,
-    plot_year_energy,
-    plot_year_hours,
-    plot_year_power,
-)
+from hkt_mdo.results import plots, style
 from hkt_mdo.results.shown import Solutions, known_sections, named, named_scenarios, of_scenario
 from hkt_mdo.results.solution import Solution
 
@@ -57,7 +30,7 @@ class Panel(NamedTuple):
 
 def _panels(
     tables: Sequence[str],
-    *plots: Callable[..., Axes],
+    *plotted: Callable[..., Axes],
     steady: bool = True,
     **of_column: Callable[..., Axes],
 ) -> list[Panel]:
@@ -71,7 +44,7 @@ def _panels(
         found = (getattr(one, name) for one in shown for name in tables)
         return any(column in table if column else table for table in found)
 
-    needed = [("", plot) for plot in plots] + [*of_column.items()]
+    needed = [("", plot) for plot in plotted] + [*of_column.items()]
     return [Panel(plot, partial(known, column)) for column, plot in needed]
 
 
@@ -83,33 +56,45 @@ _TIMES = "simulation", "trajectory"
 _OVER_TIME = "operation", "limits", "year"
 """Figures of one scenario each."""
 _OPERATION = (
-    *(plot_inflow_speed, plot_power, plot_rotor_speed),
-    *(plot_tip_speed_ratio, plot_control_torque),
+    *(plots.plot_inflow_speed, plots.plot_power, plots.plot_rotor_speed),
+    *(plots.plot_tip_speed_ratio, plots.plot_control_torque),
 )
-_SCHEDULE = plot_power_schedule, plot_speed_schedule, plot_torque_schedule
+_SCHEDULE = plots.plot_power_schedule, plots.plot_speed_schedule, plots.plot_torque_schedule
 FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "blade": (
         [
-            *_panels(["blade"], plot_planform, plot_chord, plot_twist),
-            *_panels(["blade"], thickness_over_chord=plot_thickness),
-            Panel(plot_sections, lambda solution: known_sections(solution).size),
+            *_panels(["blade"], plots.plot_planform, plots.plot_chord, plots.plot_twist),
+            *_panels(["blade"], thickness_over_chord=plots.plot_thickness),
+            Panel(plots.plot_sections, lambda solution: known_sections(solution).size),
         ],
         *(6.6, 10.2),
     ),
     "power_curve": (
-        _panels(["power_curve"], plot_power_curve, thrust_coefficient=plot_thrust_curve),
+        _panels(
+            ["power_curve"], plots.plot_power_curve, thrust_coefficient=plots.plot_thrust_curve
+        ),
         *(5.6, 5.6),
     ),
-    "operation": (_panels(_TIMES, *_OPERATION, steady=False, thrust_N=plot_thrust), 7.4, 10.4),
-    "schedule": (_panels(_TIMES, *_SCHEDULE, thrust_N=plot_thrust_schedule), 7.0, 9.4),
-    "year": (_panels(["year"], plot_year_power, plot_year_hours, plot_year_energy), 6.4, 7.4),
-    "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
+    "operation": (
+        _panels(_TIMES, *_OPERATION, steady=False, thrust_N=plots.plot_thrust),
+        7.4,
+        10.4,
+    ),
+    "schedule": (_panels(_TIMES, *_SCHEDULE, thrust_N=plots.plot_thrust_schedule), 7.0, 9.4),
+    "year": (
+        _panels(["year"], plots.plot_year_power, plots.plot_year_hours, plots.plot_year_energy),
+        6.4,
+        7.4,
+    ),
+    "limits": ([Panel(plots.plot_limits, _limited)], 7.0, 4.2),
     "loads": (
-        _panels(["loads"], stress_Pa=plot_stress, flapwise_moment_Nm=plot_flapwise_moment)
-        + _panels(["loads"], cavitation=plot_suction),
+        _panels(
+            ["loads"], stress_Pa=plots.plot_stress, flapwise_moment_Nm=plots.plot_flapwise_moment
+        )
+        + _panels(["loads"], cavitation=plots.plot_suction),
         *(5.6, 7.2),
     ),
-    "convergence": (_panels(["convergence"], plot_convergence), 6.2, 3.9),
+    "convergence": (_panels(["convergence"], plots.plot_convergence), 6.2, 3.9),
 }
 """Panels from the top, width and, with all panels, height (inches)."""
 _BESIDES = 1.2  # inches of a figure's height that its panels do not share
@@ -125,16 +110,16 @@ def figure_of(solutions: Solutions, name: str) -> Figure | None:
     if name == "limits":  # each bar has room for its number
         bars = [len(one.limit_shares("trajectory")) for one, _ in named_scenarios(solutions)]
         height = max(height, 1.5 + 0.16 * max(bars) * len(bars))
-    share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
-    plots = [partial(each.plot, solutions) for each in shown]
+    share = sum(each.plot is not plots.plot_sections for each in shown)  # which have no radius
+    drawn = [partial(each.plot, solutions) for each in shown]
     heights = [1.0] * len(shown)
-    if name == "blade" and shown[0].plot is plot_planform:
+    if name == "blade" and shown[0].plot is plots.plot_planform:
         blades = [each.blade for each, _ in named(solutions) if each.blade]
         most = (max(np.max(each[x]) for each in blades) for x in ("chord_m", "r_m"))
         wide = (width - 1.2) * np.divide(*most) / 1.6  # over the height of the other panels
         heights[0] = max(1.0, 1.2 * float(wide))
         height *= (len(heights) - 1.0 + heights[0]) / len(heights)
-    return style.figure_of(width, height, plots, share, heights)
+    return style.figure_of(width, height, drawn, share, heights)
 
 
 class Figures(dict[str, Figure]):
