@@ -16,21 +16,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.results import style
+from hkt_mdo.results import shown, style
 from hkt_mdo.results.sections import STACKING
-from hkt_mdo.results.shown import (
-    AXIS,
-    OVER_SPAN,
-    SHOWN,
-    Solutions,
-    beside_start,
-    known_sections,
-    levels_of,
-    named,
-    named_scenarios,
-    near_bounds,
-    words_of,
-)
+from hkt_mdo.results.shown import Solutions, named, named_scenarios
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
 from hkt_mdo.results.words import limit_words
 
@@ -48,7 +36,7 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
     if column != "twist_deg":
         ax.set_ylim(bottom=0.0)
     chosen = [each for each, _ in named(solutions)]
-    for words, (end, bound) in near_bounds(chosen, column, values).items():
+    for words, (end, bound) in shown.near_bounds(chosen, column, values).items():
         style.level(ax, bound, words, 1 - end)
     return style.finish(ax, "radius (m)", label)
 
@@ -73,7 +61,7 @@ def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
             ax.fill_between(radius, *edges, color=look["color"], alpha=0.12, linewidth=0)
         if index == 0:
             along = [0.0, radius[-1]], [0.0, 0.0]
-            ax.plot(*along, label=AXIS, linestyle="-.", **style.REFERENCE)
+            ax.plot(*along, label=shown.AXIS, linestyle="-.", **style.REFERENCE)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlim(left=0.0)
     return style.finish(ax, "radius (m)", "planform,\nin scale (m)")
@@ -86,17 +74,17 @@ def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """
     ax, chosen = ax or style.new_axes(), named(solutions)
     for index, (solution, name) in enumerate(chosen):
-        places = SHOWN[1:2] if name else SHOWN
-        for number, section in enumerate(known_sections(solution, places)):
+        places = shown.SHOWN[1:2] if name else shown.SHOWN
+        for number, section in enumerate(shown.known_sections(solution, places)):
             look = style.line(index) if name else style.line(number) | {"color": style.COLORS[0]}
             label = name or f"section at {100.0 * places[number]:g} % of the span"
             ax.plot(*np.append(section, section[:1], axis=0).T, label=label, **look)
     if ax.lines:
-        ax.plot([0.0], [0.0], "+", markersize=9, label=AXIS, color=style.REFERENCE["color"])
+        ax.plot([0.0], [0.0], "+", markersize=9, label=shown.AXIS, color=style.REFERENCE["color"])
     ax.set_aspect("equal", adjustable="datalim")
     ax.locator_params(axis="x", prune="both")  # a label at the end would be cut off
     label = (
-        f"section at {100.0 * SHOWN[1]:g} %,\nin scale (m)"
+        f"section at {100.0 * shown.SHOWN[1]:g} %,\nin scale (m)"
         if len(chosen) > 1
         else "sections,\nin scale (m)"
     )
@@ -148,7 +136,7 @@ def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> A
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
     chosen, ax = named_scenarios(solutions), ax or style.new_axes()
     column = QUANTITIES[quantity].column
-    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
+    words, unit, scale = shown.words_of(quantity, (each for each, _ in chosen))
     for index, (solution, name) in enumerate(chosen):
         table, label = solution.simulation, name or "simulation"
         if column not in table:
@@ -210,7 +198,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
     chosen, ax = named_scenarios(solutions), ax or style.new_axes()
-    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
+    words, unit, scale = shown.words_of(quantity, (each for each, _ in chosen))
     column = QUANTITIES[quantity].column
     for index, (solution, name) in enumerate(chosen):
         table, look = solution.simulation or solution.trajectory, style.line(index)
@@ -271,7 +259,7 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
 def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a load along the blade at the time of the largest one, and its limits."""
     chosen, ax = named_scenarios(solutions), ax or style.new_axes()
-    load, quantity, label, scale = OVER_SPAN[column]
+    load, quantity, label, scale = shown.OVER_SPAN[column]
     for index, (solution, name) in enumerate(chosen):
         if column in solution.loads:
             entry = (solution.summary.loads or {}).get(load)
@@ -302,7 +290,7 @@ def _draw_levels(
     quantity: str, scale: float, solutions: Solutions, ax: Axes, first: int = 0
 ) -> None:
     """Draw the limits of a quantity as lines; `first`: place of the first label."""
-    levels = levels_of(named_scenarios(solutions), quantity, scale)
+    levels = shown.levels_of(named_scenarios(solutions), quantity, scale)
     for place, (words, level) in enumerate(levels.items(), first):
         style.level(ax, level, words, place)
 
@@ -365,7 +353,7 @@ plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)", "powe
 def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:
     """Plot a column over another, and that of the blade at the start."""
     ax, size = ax or style.new_axes(), 4.5 if source == "blade" else 0.0
-    for index, along, values, label in beside_start(named(solutions), source, x, y):
+    for index, along, values, label in shown.beside_start(named(solutions), source, x, y):
         look = style.REFERENCE | {"linestyle": ":", "marker": "x", "markersize": size}
         if index is not None:
             look = style.line(index) | style.marker(index, size)
