@@ -198,6 +198,12 @@ def png(figure: Figure) -> bytes:
     return drawn.getvalue()
 
 
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "pdf": {"metadata": {"CreationDate": None}},  # equal results give equal files
+    "png": {"pil_kwargs": {"compress_level": 3}},  # a tenth larger, in half the time
+}
+
+
 def save(
     figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
 ) -> list[Path]:
@@ -214,14 +220,10 @@ def save(
     make_folder(Path(folder))
     written = []
     for name, figure in figures.items():
-        for form in formats:
-            written.append(Path(folder, f"{name}.{form}"))
-            # without a date, equal results give equal files; journals ask for fonts of type 42
-            extra: dict[str, Any] = {"metadata": {"CreationDate": None}} if form == "pdf" else {}
-            if form == "png":
-                extra = {"pil_kwargs": {"compress_level": 3}}  # a tenth larger, in half the time
-            drawn = io.BytesIO()
-            with rc_context({"pdf.fonttype": 42}), _laid_out(figure, DPI):
-                figure.savefig(drawn, format=form, dpi=DPI, **extra)
-            write_files({written[-1]: drawn.getvalue()})
+        with rc_context({"pdf.fonttype": 42}), _laid_out(figure, DPI):  # as journals ask for
+            for form in formats:
+                drawn = io.BytesIO()
+                figure.savefig(drawn, format=form, dpi=DPI, **_OPTIONS.get(form, {}))
+                written.append(Path(folder, f"{name}.{form}"))
+                write_files({written[-1]: drawn.getvalue()})
     return written
