@@ -177,7 +177,7 @@ def test_process(benchmark, full, in_turns, tmp_path):
 
 
 def test_over_the_imports(benchmark, full, in_turns, tmp_path):
-    """`hkt run` from a cold start takes at most 2.5 times as long as importing OpenMDAO and Dymos.
+    """`hkt run` from a cold start, over importing OpenMDAO and Dymos and doing nothing.
 
     Modules are compiled once, as they are for every user whose Python may write its cache.
     """
@@ -199,8 +199,6 @@ def test_over_the_imports(benchmark, full, in_turns, tmp_path):
         rounds=5 if full else 1,
     )
     benchmark.extra_info["times"] = times
-    if full:
-        assert times["run"] < 2.5 * times["imports"]
 
 
 def test_start_up(benchmark, full, in_turns, tmp_path):
