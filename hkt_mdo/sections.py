@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 import numbers
 import operator
 import re
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
+from textwrap import indent
 from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
@@ -260,6 +265,23 @@ def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
     return str(path)
 
 
+@cache
+def _texts(section: type) -> dict[str, str]:
+    """Return the texts below the keys of a class; none where its source cannot be read."""
+    try:
+        source = indent(inspect.getsource(section), " ")
+    except (OSError, TypeError):
+        return {}
+    whole: Any = ast.parse(f"if True:\n{source}").body[0]
+    return {
+        key.target.id: inspect.cleandoc(text.value.value)
+        for key, text in pairwise(whole.body[0].body)
+        if isinstance(key, ast.AnnAssign) and isinstance(key.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+        if isinstance(text.value.value, str)
+    }
+
+
 class Section(BaseModel):
     """A frozen part of a case: unknown keys, NaN and infinity are refused."""
 
@@ -267,7 +289,35 @@ class Section(BaseModel):
         extra="forbid",
         frozen=True,
         allow_inf_nan=False,
-        use_attribute_docstrings=True,
         hide_input_in_errors=True,
         serialize_by_alias=True,
     )
+
+    @classmethod
+    def description(cls, key: str) -> str:
+        """Return what a key means: the text below it, of the class or of the nearest base.
+
+        Pydantic's `use_attribute_docstrings` reads the source at import: half the time of that.
+
+        Parameters
+        ----------
+        key : str
+            A field of the section.
+
+        Returns
+        -------
+        str
+            Empty where there is no text.
+        """
+        found = (_texts(each).get(key) for each in cls.__mro__ if issubclass(each, Section))
+        return cls.model_fields[key].description or next(filter(None, found), "")
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
+        whole = handler(schema)
+        properties = handler.resolve_ref_schema(whole).get("properties", {})
+        for key, field in cls.model_fields.items():
+            place = properties.get(field.alias, properties.get(key))
+            if place is not None and (text := cls.description(key)):
+                place["description"] = text
+        return whole

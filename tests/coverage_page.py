@@ -8,7 +8,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "coverage.md"
 ENOUGH = 90.0  # %
 
 KERNELS = "kernels compiled by numba run as machine code, which coverage does not see"
-FOREIGN = "needs a package that the tests do not install"
+FOREIGN = "needs a package that the tests do not install: NeuralFoil or pyoptsparse"
 REASONS = {
     "compiled": "the choice between numba with and without its cache is made once, at import",
     "rotor/bem": KERNELS,
@@ -16,6 +16,7 @@ REASONS = {
     "rotor/strength": KERNELS,
     "rotor/neuralfoil": FOREIGN,
     "rotor/ccblade": FOREIGN,
+    "solve/drivers": FOREIGN,
     "solve/totals": KERNELS,
     "studies/uncertainty": KERNELS,
     "__main__": "runs in processes of its own",
@@ -37,7 +38,7 @@ def page(report: dict, command: str) -> str:
         "# Coverage\n",
         f"Written by `make coverage` from `{command}`: statements and branches of each module that "
         f"the tests run, {report['totals']['percent_covered']:.0f} % of all. "
-        "What runs in other processes is not counted.\n",
+        "Processes that the tests start are counted, too.\n",
         f"## Below {ENOUGH:.0f} %\n",
         *(reasons or ["None."]),
         "\n## All modules\n",

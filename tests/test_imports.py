@@ -127,7 +127,7 @@ def test_every_room_is_named():
         ("from hkt_mdo import Solution", "dymos openmdao wisdem matplotlib numba"),
         ("import hkt_mdo.start.quasi_steady", "dymos openmdao wisdem numba"),
         ("import hkt_mdo.rotor.bem, hkt_mdo.rotor.shape, hkt_mdo.rotor.inertia", "openmdao"),
-        ("import hkt_mdo.results.plots", "dymos openmdao wisdem numba"),
+        ("import hkt_mdo.results.figures", "dymos openmdao wisdem numba"),
         (
             "import hkt_mdo.run.run, hkt_mdo.run.sweep, hkt_mdo.cli",
             "wisdem casadi pyoptsparse distributed dask pandas",

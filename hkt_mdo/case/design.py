@@ -186,7 +186,8 @@ class InflowDynamics(Section):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        return {"anyOf": [{"enum": ["quasi_steady", "oye"]}, handler(schema)]}
+        whole = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [{"enum": ["quasi_steady", "oye"]}, whole]}
 
 
 _OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"

@@ -62,7 +62,7 @@ class _Place(NamedTuple):
 def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
     """Walk down the schema; pydantic's location has the tag of a union among the keys."""
     path: list[str] = []
-    section = root
+    section, text = root, ""
     field: FieldInfo | None = None
     for part in location:
         union = _members(field)
@@ -77,6 +77,7 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
         else:
             path.append(part)
             field = section.model_fields.get(part)
+            text = section.description(part) if field and issubclass(section, Section) else ""
         inside = None if _members(field) else _section(field)
         if inside is not None:
             section, field = inside, None
@@ -84,8 +85,7 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
         return _Place(dotted(path), section, {})
     choices = get_args(field.annotation)
     choices = get_args(choices[0]) if type(None) in choices else choices
-    text = " ".join((field.description or "").split())
-    what = re.split(r"[.;,](?: |$)", text, maxsplit=1)[0]
+    what = re.split(r"[.;,](?: |$)", " ".join(text.split()), maxsplit=1)[0]
     return _Place(dotted(path), section, _members(field), str(field.discriminator), choices, what)
 
 

@@ -536,9 +536,7 @@ def case_class(kinds: Kinds) -> type[Case]:
     resources = [each for each in kinds.profiles if issubclass(each, Resource)]
     profiles = [x for x in kinds.profiles if not issubclass(x, SumInflow | Resource)]
     part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
-    about = SumInflow.model_fields["parts"].description
-    parts = Field(min_length=2, max_length=20, description=about)
-    total = _subclass(SumInflow, parts=(tuple[part, ...], parts))
+    total = _subclass(SumInflow, parts=(tuple[part, ...], Field(min_length=2, max_length=20)))
     limits: dict[str, Any] = {
         kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
         for each in kinds.limits
@@ -549,15 +547,11 @@ def case_class(kinds: Kinds) -> type[Case]:
         FlowScenario,
         inflow=_choice("inflow", [*profiles, *resources, total, None], own["inflow"]),
         resource=_choice("resource", [*resources, None], own["resource"]),
-        limits=(section, Field(section(), description=own["limits"].description)),
+        limits=(section, Field(section())),
     )
-    several = _BaseCase.model_fields["scenarios"].description
     made = _subclass(
         Case,
-        scenarios=(
-            tuple[scenario, ...],  # type: ignore[valid-type]
-            Field((), max_length=MOST_SCENARIOS, description=several),
-        ),
+        scenarios=(tuple[scenario, ...], Field((), max_length=MOST_SCENARIOS)),  # type: ignore[valid-type]
         robustness=_choice("robustness", kinds.aggregates),
         inflow=_choice("inflow", [*profiles, *resources, total]),
         resource=_choice("resource", [*resources, None]),
@@ -579,7 +573,7 @@ def _choice(
 ) -> Any:
     """Return a field that takes one of some sections, which a tag tells apart; None: or null.
 
-    `field` has default and description, by default those of the case's key.
+    `field` has the default, by default that of the case's key.
     """
     field = field or _BaseCase.model_fields[key]
     kinds = [each for each in classes if each is not None]
@@ -592,7 +586,7 @@ def _choice(
             part["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
             part.setdefault("discriminator", {"propertyName": TAGS[key]})
 
-    options: dict[str, Any] = {"default": field.default, "description": field.description}
+    options: dict[str, Any] = {"default": field.default}
     if len(kinds) > 1:
         options["discriminator"] = TAGS[key]
     return Union[tuple(classes)], Field(json_schema_extra=describe, **options)  # noqa: UP007

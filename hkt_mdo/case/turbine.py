@@ -69,7 +69,8 @@ class Material(Section):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        return {"anyOf": [{"enum": list(MATERIALS)}, handler(schema)]}
+        whole = super().__get_pydantic_json_schema__(schema, handler)
+        return {"anyOf": [{"enum": list(MATERIALS)}, whole]}
 
 
 class SectionMoments(Section):

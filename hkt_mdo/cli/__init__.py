@@ -112,6 +112,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         what = f"{type(error).__name__}: {error}"
         code, told = BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
+    finally:
+        if arguments is None:
+            gc.freeze()  # the process ends: scanning all objects again takes most of a second
     complain("interrupted" if code == INTERRUPTED else "error", told)
     return code
 

@@ -92,7 +92,7 @@ def plot(
         return
     solution = read_result(result)
 
-    from hkt_mdo.results.plots import save_figures
+    from hkt_mdo.results.figures import save_figures
 
     written = save_figures(solution, out or result / "figures", formats or ["png"])
     if not written:
@@ -170,7 +170,7 @@ def compare(
             left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
-        from hkt_mdo.results.plots import save_figures
+        from hkt_mdo.results.figures import save_figures
 
         for path in save_figures(finished, out):
             echo(str(path), err=for_program)

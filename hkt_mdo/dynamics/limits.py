@@ -53,7 +53,7 @@ class Limit(Formula):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        whole = handler(schema)
+        whole = super().__get_pydantic_json_schema__(schema, handler)
         bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
         return {"anyOf": [bound, whole]} if bound else whole
 

@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Stl, triangles
-from hkt_mdo.report.charts import FAINT, Chart, Labelled, Look, escaped, line
+from hkt_mdo.report.panels import FAINT, Chart, Labelled, Look, escaped, line
 from hkt_mdo.results import style
-from hkt_mdo.results.plots import AXIS, SHOWN
 from hkt_mdo.results.sections import outline_names
+from hkt_mdo.results.shown import AXIS, SHOWN
 
 SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
 """Sections and points of the solids of few results and of many, beside their stations."""

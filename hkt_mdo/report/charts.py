@@ -1,24 +1,29 @@
-"""The charts of a report, as the plain data that plotly.js draws.
-
-A chart is a dictionary with `data`, the traces, and `layout`. Colours are those of the figures
-(`hkt_mdo.results.style`), and the page replaces them by `DARK` on a dark screen. Of a single
-result, a quantity has its own colour; several results differ by colour and dashes.
-"""
+"""The charts of a report: what each shows of the results."""
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.results import style
-from hkt_mdo.results.plots import (
+from hkt_mdo.report.panels import (
+    DASHES,
+    FAINT,
+    Chart,
+    Labelled,
+    Look,
+    Panel,
+    band,
+    escaped,
+    line,
+    plain,
+    stacked,
+    thinned,
+)
+from hkt_mdo.results.shown import (
     OVER_SPAN,
     beside_start,
     levels_of,
@@ -28,21 +33,8 @@ from hkt_mdo.results.plots import (
 )
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
-from hkt_mdo.results.words import limit_words, printable
+from hkt_mdo.results.words import limit_words
 
-Chart = dict[str, Any]
-
-GROUND = "#ffffff"
-DARK = dict(
-    zip(
-        (*style.COLORS, style.QUANTITY_COLORS["cavitation"], GROUND),
-        ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5", "#14181d"),
-        strict=True,
-    )
-)
-"""The colour on a dark screen of each colour on a light one."""
-DASHES = "solid", "dash", "dashdot", "longdashdot", "dot", "longdash"
-FAINT = "#4a4a4a"
 MOST_POINTS, LEAST_POINTS = 100_000, 60
 """Points of all series of a page together, and of a series at least."""
 MOST_OF_ONE = 6000
@@ -50,55 +42,6 @@ LEAST_SHOWN = 1e-10
 """Smallest value of a logarithmic axis."""
 ENVELOPE = 300
 """Classes of the time in an envelope of scenarios."""
-
-
-class Labelled(NamedTuple):
-    """A result of a report and the name that the page gives it; "" where it is the only one."""
-
-    solution: Solution
-    label: str
-
-
-@dataclass
-class Panel:
-    """Axes of a chart: its title, traces, and levels that are drawn across it, with their names."""
-
-    title: str
-    traces: list[dict[str, Any]] = field(default_factory=list)
-    levels: dict[str, float] = field(default_factory=dict)
-    marks: dict[str, float] = field(default_factory=dict)
-    """Places on the horizontal axis, by name."""
-    from_zero: bool = False
-    log: bool = False
-    left: bool = False
-    """Whether the first level has its name on the left."""
-
-
-def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
-    """Return the places of a series that a chart needs: the extremes of equal parts are kept.
-
-    Parameters
-    ----------
-    time, values : numpy.ndarray, shape (n_times,)
-        The series; NaN is a gap in a line.
-    most : int
-        Largest number of places, but for gaps.
-
-    Returns
-    -------
-    numpy.ndarray of int
-        Places in their order: the smallest and the largest value of each part, both ends, gaps.
-    """
-    size = values.size
-    if size <= most:
-        return np.arange(size)
-    edges = np.linspace(0, size, max(1, (most - 2) // 2) + 1).astype(int)
-    kept = [0, size - 1, *np.flatnonzero(~np.isfinite(values) | ~np.isfinite(time))]
-    for begin, end in pairwise(edges):
-        if np.any(np.isfinite(values[begin:end])):
-            part = values[begin:end]
-            kept += [begin + np.nanargmin(part), begin + np.nanargmax(part)]
-    return np.unique(kept)
 
 
 def points_each(labelled: Sequence[Labelled]) -> int:
@@ -116,162 +59,6 @@ def points_each(labelled: Sequence[Labelled]) -> int:
     """
     series = 9 * sum(len(each.solution.scenarios) for each in labelled)
     return int(np.clip(MOST_POINTS // max(1, series), LEAST_POINTS, MOST_OF_ONE))
-
-
-def _plain(values: Any, digits: int = 5) -> list[float | None]:
-    """Return numbers with so many digits, None for what is none."""
-    return [float(f"{x:.{digits}g}") if np.isfinite(x) else None for x in np.ravel(values)]
-
-
-def escaped(text: str) -> str:
-    """Return a text of which plotly.js, whose texts may have tags, takes none for one.
-
-    Parameters
-    ----------
-    text : str
-        Any text.
-
-    Returns
-    -------
-    str
-        The text with entities in place of the signs of a tag.
-    """
-    return html.escape(printable(text))
-
-
-def line(x: Any, y: Any, name: str, color: str, **more: Any) -> dict[str, Any]:
-    """Return a line as a trace.
-
-    Parameters
-    ----------
-    x, y : array_like
-        The points.
-    name : str
-        Name in the legend, escaped.
-    color : str
-        Colour on a light screen.
-    **more
-        `dash`, `width` and `mode`, and other keys of a trace.
-
-    Returns
-    -------
-    dict
-        The trace.
-    """
-    look = {"color": color, "dash": more.pop("dash", "solid"), "width": more.pop("width", 1.8)}
-    shown = {"type": "scatter", "mode": more.pop("mode", "lines"), "name": name}
-    return {"x": _plain(x, 7), "y": _plain(y), **shown, "line": look, "legendgroup": name, **more}
-
-
-def _band(
-    x: Any, low: Any, high: Any, name: str, color: str, width: float = 0.0
-) -> list[dict[str, Any]]:
-    """Return the traces of a filled range, and of its edges where they have a width."""
-    quiet: dict[str, Any] = {"width": width} if width else {"width": 0.0, "hoverinfo": "skip"}
-    lower = line(x, low, name, color, showlegend=False, **quiet)
-    return [lower, line(x, high, name, color, fill="tonexty", fillcolor=f"{color}33", **quiet)]
-
-
-GAP = 42
-"""Pixels between two panels, for title and labels."""
-
-
-def _stacked(panels: Sequence[Panel], x_title: str, height: int = 150) -> Chart | None:
-    """Return panels one below the other, over one horizontal axis; None where there are none.
-
-    The height of the chart is without its margins.
-    """
-    panels = [panel for panel in panels if panel.traces]
-    if not panels:
-        return None
-    plotted = len(panels) * (height + GAP)
-    layout: dict[str, Any] = {"height": plotted, "annotations": [], "shapes": []}
-    last = "y" if len(panels) == 1 else f"y{len(panels)}"
-    layout["xaxis"] = {"title": {"text": x_title}, "anchor": last}
-    data: list[dict[str, Any]] = []
-    named: set[str] = set()
-    for number, panel in enumerate(panels, 1):
-        top = 1.0 - ((number - 1) * (height + GAP) + 0.6 * GAP) / plotted
-        key = "" if number == 1 else str(number)
-        axis = {"domain": [max(0.0, top - height / plotted), top], "anchor": "x"}
-        layout[f"yaxis{key}"] = axis | _vertical(panel)
-        title = {"text": f"<b>{panel.title}</b>", "x": 0, "xanchor": "left", "xref": "paper"}
-        layout["annotations"].append(title | _at(f"y{key} domain", 1.0) | {"yanchor": "bottom"})
-        for trace in panel.traces:
-            first = trace["name"] not in named and trace.get("showlegend", True)
-            named |= {trace["name"]} if first else set()
-            data.append(trace | {"xaxis": "x", "yaxis": f"y{key}", "showlegend": first})
-        _draw_levels(layout, panel, key)
-    return {"data": data, "layout": layout}
-
-
-def _at(reference: str, place: float) -> dict[str, Any]:
-    return {"yref": reference, "y": place, "showarrow": False, "font": {"size": 12}}
-
-
-def _vertical(panel: Panel) -> dict[str, Any]:
-    """Return the vertical axis of a panel, which shows its levels too."""
-    if panel.log:
-        return {"type": "log", "exponentformat": "power", "dtick": 2}
-    values = [x for trace in panel.traces for x in trace["y"] if x is not None]
-    values += [*panel.levels.values(), *([0.0] if panel.from_zero else [])]
-    low, high = (min(values), max(values)) if values else (0.0, 1.0)
-    middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)
-    least = low if panel.from_zero and low >= 0.0 else middle - half
-    room = 0.14 * 2.0 * half if panel.levels else 0.0
-    return {"range": _plain([least, middle + half + room]), "nticks": 5}
-
-
-def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
-    """Draw the levels and the marks of a panel with their names."""
-    look: Chart = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
-    look["layer"] = "between"  # grid and curves: a curve at its limit is seen
-    for number, (name, level) in enumerate(panel.levels.items()):
-        ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
-        layout["shapes"].append(look | ends)
-        # above the smallest chord there is room on the left, where the root is
-        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], (number + panel.left) % 2)
-        side, place = (("right", 1.0), ("left", 0.0))[left]
-        words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
-        small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
-        over = {"bgcolor": f"{GROUND}bb", "borderpad": 0}  # the curve of another result
-        layout["annotations"].append(words | _at(f"y{key}", level) | small | over)
-    for name, place in panel.marks.items():
-        ends = {"xref": "x", "x0": place, "x1": place, "yref": f"y{key} domain", "y0": 0, "y1": 1}
-        layout["shapes"].append(look | ends)
-        words = {"text": escaped(name), "xref": "x", "x": place, "xanchor": "right"}
-        small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
-        layout["annotations"].append(words | _at(f"y{key} domain", 0.0) | small)
-
-
-class Look(NamedTuple):
-    """Colour and dashes of a result among several, or of a quantity of a single one."""
-
-    color: str
-    dash: str
-
-    @classmethod
-    def of(cls, index: int, labelled: Labelled, quantity: str = "") -> Look:
-        """Return the look of a result.
-
-        Parameters
-        ----------
-        index : int
-            Its place among the results.
-        labelled : Labelled
-            The result.
-        quantity : str
-            What is drawn; of a single result it has its own colour.
-
-        Returns
-        -------
-        Look
-            Colour and dashes.
-        """
-        color = style.COLORS[index % len(style.COLORS)]
-        if not labelled.label:
-            color = style.QUANTITY_COLORS.get(quantity, color)
-        return cls(color, DASHES[index % len(DASHES)])
 
 
 def _table_of(solution: Solution) -> dict[str, np.ndarray]:
@@ -294,7 +81,7 @@ _TIME = "inflow_speed", "generator_power", "rotor_speed", "control_torque", "thr
 def _over_flow(labelled: Sequence[Labelled]) -> Chart | None:
     """Return power, speed, torque and thrust over the flow speed, with limits and rated points."""
     panels = [_flow_panel(labelled, quantity) for quantity in _FLOW]
-    if (chart := _stacked(panels, "flow speed (m/s)", 170)) is not None:
+    if (chart := stacked(panels, "flow speed (m/s)", 170)) is not None:
         chart["layout"]["xaxis"]["rangemode"] = "tozero"
     return chart
 
@@ -329,7 +116,7 @@ def _met(found: Binned, name: str, look: Look) -> list[dict[str, Any]]:
     """Return mean and range of a quantity over the flow speed as traces."""
     words = name or "mean at this flow speed"
     mean = line(found.speed, found.mean, words, look.color, dash=look.dash, mode="lines+markers")
-    spread = _band(found.speed, found.low, found.high, words, look.color)
+    spread = band(found.speed, found.low, found.high, words, look.color)
     spread[1] |= {"showlegend": False} if name else {"name": "90 % of the instants"}
     spread = [] if found.low is found.high else spread
     return [*spread, mean | {"marker": {"size": 5, "color": look.color}}]
@@ -358,7 +145,7 @@ def _over_time(labelled: Sequence[Labelled], most: int) -> Chart | None:
         for each, name in zip(labelled, names, strict=True)
     ]
     panels = [_time_panel(labelled, quantity, most) for quantity in _TIME]
-    return _stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
+    return stacked([*panels, _margin_panel(labelled, most)], "time (s)", 130)
 
 
 def _series(each: Labelled, values: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -430,7 +217,7 @@ def _envelope(labelled: Sequence[Labelled], over: str) -> Chart | None:
                 margin.traces.append(line(x, low, escaped(each.label) or "smallest margin", color))
         panels.append(margin)
     title = "time (s)" if over == "time" else "flow speed (m/s)"
-    return _stacked(panels, title, 130 if over == "time" else 170)
+    return stacked(panels, title, 130 if over == "time" else 170)
 
 
 def _scenarios(each: Labelled, x: str) -> list[Solution]:
@@ -450,7 +237,7 @@ def _envelope_panel(labelled: Sequence[Labelled], quantity: str, x: str) -> Pane
             name = escaped(each.label) or "smallest to largest of all scenarios"
             color = Look.of(index, each, quantity).color
             classes = ENVELOPE if x == "time_s" else BINS
-            panel.traces += _band(*_ranges(parts, classes), name, color, 1.0)
+            panel.traces += band(*_ranges(parts, classes), name, color, 1.0)
     if panel.traces:
         panel.levels = levels_of(alone, quantity, scale)
     return panel
@@ -489,7 +276,7 @@ def _year(labelled: Sequence[Labelled]) -> Chart | None:
                 panel.traces.append(line(*series, name, look.color, **bar))
                 panel.traces[-1].pop("line")
         panels.append(panel)
-    return _stacked(panels, "flow speed (m/s)", 130)
+    return stacked(panels, "flow speed (m/s)", 130)
 
 
 _YEAR = {
@@ -497,8 +284,6 @@ _YEAR = {
     "hours": ("hours a year (h)", 1.0),
     "energy_kWh": ("electrical energy a year (kWh)", 1.0),
 }
-
-
 # ---- the blade, its coefficients, its loads, and the optimizer's way
 
 _SHAPES = {
@@ -518,7 +303,7 @@ def _shape(labelled: Sequence[Labelled]) -> Chart | None:
         bounds = near_bounds([each.solution for each in labelled], column, values)
         panel.levels = {words: bound for words, (_, bound) in bounds.items()}
         panels.append(panel)
-    return _stacked(panels, "radius (m)", 160)
+    return stacked(panels, "radius (m)", 160)
 
 
 def _beside_start(labelled: Sequence[Labelled], source: str, x: str, y: str) -> Iterator[Chart]:
@@ -541,7 +326,7 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
             turned = [y if y is not None and y >= 0.0 else None for y in trace["y"]]  # by the flow
             panel.traces.append(trace | {"y": turned})
         panels.append(panel)
-    chart = _stacked(panels, "tip speed ratio (-)", 170)
+    chart = stacked(panels, "tip speed ratio (-)", 170)
     for index, each in enumerate(labelled):
         reach = each.solution.summary.tip_speed_ratio
         if chart is None or reach is None or reach.ends is None:
@@ -578,7 +363,7 @@ def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
         if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
             panel.levels = levels_of(alone, quantity, scale)
         panels.append(panel)
-    return _stacked(panels, "radius over that of the tip (-)", 160)
+    return stacked(panels, "radius over that of the tip (-)", 160)
 
 
 def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -601,7 +386,7 @@ def _limit_bars(labelled: Sequence[Labelled]) -> Chart | None:
         look = [Look.of(index, each, limit).color for limit in limits]
         words = [limit_words(limit) for limit in limits]
         names += [word for word in words if word not in names]
-        bar = {"type": "bar", "orientation": "h", "x": _plain(most), "y": words}
+        bar = {"type": "bar", "orientation": "h", "x": plain(most), "y": words}
         gap = "\u2002" if each.label else ""  # beside the bar
         text = {
             "text": [f"{gap}{x:.1f} %" for x in most],
@@ -646,7 +431,7 @@ def _convergence(labelled: Sequence[Labelled]) -> Chart | None:
             series = table["evaluation"][kept], shown[kept]
             panel.traces.append(line(*series, name, look.color, mode="lines+markers", **more))
             panel.traces[-1] |= {"marker": {"size": 4, "color": look.color}}
-    return _stacked([energy, broken], "evaluation of the optimizer (-)", 150)
+    return stacked([energy, broken], "evaluation of the optimizer (-)", 150)
 
 
 def views(labelled: Sequence[Labelled]) -> dict[str, dict[str, Chart]]:

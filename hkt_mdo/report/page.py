@@ -19,7 +19,7 @@ from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import make_folder, read_text, write_files
 from hkt_mdo.report import rendered
 from hkt_mdo.results.nesting import beaten, ranked
-from hkt_mdo.results.plots import labels
+from hkt_mdo.results.shown import labels
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
@@ -94,10 +94,10 @@ def require_packages() -> None:
 def _page(solutions: Sequence[Solution], shared: str) -> str:
     """Return the page as HTML."""
     offline = import_module("plotly.offline")
-    from hkt_mdo.report import blade, charts
+    from hkt_mdo.report import blade, charts, panels
 
     order, shares = ranked(solutions)
-    labelled = [charts.Labelled(*each) for each in zip(order, labels(order), strict=True)]
+    labelled = [panels.Labelled(*each) for each in zip(order, labels(order), strict=True)]
     found, reasons = blade.bodies(labelled)
     drawn, views = charts.designs(labelled), charts.views(labelled)
     if found:
@@ -123,7 +123,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         views=list(views),
         charts=drawn,
         view_charts=sorted({name for each in views.values() for name in each}),
-        data=json.dumps({"charts": drawn, "views": views, "dark": charts.DARK}, allow_nan=False),
+        data=json.dumps({"charts": drawn, "views": views, "dark": panels.DARK}, allow_nan=False),
         shared=shared,
         plotly="" if shared else offline.get_plotlyjs(),
     )

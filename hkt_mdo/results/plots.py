@@ -1,4 +1,4 @@
-"""Figures of results.
+"""Plots of results on axes.
 
 Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
 by default), and returns the axes. A plot sets no rcParams. Solutions, and the
@@ -9,67 +9,22 @@ nodes beside the simulation.
 
 from __future__ import annotations
 
-import base64
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.results import style
-from hkt_mdo.results.sections import STACKING, sections
-from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results import shown, style
+from hkt_mdo.results.sections import STACKING
+from hkt_mdo.results.shown import Solutions, named, named_scenarios
 from hkt_mdo.results.steady import binned, rated_point, steady_curve
-from hkt_mdo.results.words import joined, limit_words, measured, printable
-
-Solutions = Solution | Sequence[Solution]
+from hkt_mdo.results.words import limit_words
 
 _BAR: dict[str, Any] = {"linewidth": 2.5, "marker": "|", "markersize": 8, "markeredgewidth": 1.5}
 _MARKS_PER_LINE = 12
-SHOWN = 0.25, 0.5, 0.75
-"""Places of the sections that are shown, from hub to tip."""
-AXIS = f"blade's axis, at {STACKING:g} of the chord"
 _NODES_SHOWN = 40  # of the collocation: more markers would hide the line
-
-
-def near_bounds(
-    solutions: Sequence[Solution], column: str, values: np.ndarray
-) -> dict[str, tuple[int, float]]:
-    """Return the bounds of a column of the blade that all designs share and that are near.
-
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        The results.
-    column : str
-        A column of the blade that is designed.
-    values : numpy.ndarray, shape (n_values,)
-        What is drawn; a bound far from these and from zero says nothing.
-
-    Returns
-    -------
-    dict of (int, float)
-        0 for the lower and 1 for the upper end, and the bound, by its words.
-    """
-    quantity, unit = column.split("_", 1)
-    designs = [each.case.design for each in solutions if each.case.design.blade == "optimized"]
-    given = {getattr(each, f"{quantity}_bounds") for each in designs}
-    low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
-    return {
-        f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip(): (end, bound)
-        for bounds in (given if len(given) == 1 else ())
-        for end, (word, bound) in enumerate(
-            zip(("smallest", "largest"), bounds or (), strict=False)
-        )
-        if low <= bound <= high
-    }
 
 
 def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -80,8 +35,8 @@ def _over_radius(column: str, label: str, solutions: Solutions, ax: Axes | None 
     ax.set_xlim(left=0.0)
     if column != "twist_deg":
         ax.set_ylim(bottom=0.0)
-    chosen = [each for each, _ in _named(solutions)]
-    for words, (end, bound) in near_bounds(chosen, column, values).items():
+    chosen = [each for each, _ in named(solutions)]
+    for words, (end, bound) in shown.near_bounds(chosen, column, values).items():
         style.level(ax, bound, words, 1 - end)
     return style.finish(ax, "radius (m)", label)
 
@@ -95,7 +50,7 @@ plot_thickness = partial(_over_radius, "thickness_over_chord", "thickness\nover 
 def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot the outline of the untwisted blade in scale, with its axis."""
     ax = ax or style.new_axes()
-    for index, (solution, name) in enumerate(_named(solutions)):
+    for index, (solution, name) in enumerate(named(solutions)):
         if not (blade := solution.blade):
             continue
         radius, chord, look = blade["r_m"], blade["chord_m"], style.line(index)
@@ -106,7 +61,7 @@ def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
             ax.fill_between(radius, *edges, color=look["color"], alpha=0.12, linewidth=0)
         if index == 0:
             along = [0.0, radius[-1]], [0.0, 0.0]
-            ax.plot(*along, label=AXIS, linestyle="-.", **style.REFERENCE)
+            ax.plot(*along, label=shown.AXIS, linestyle="-.", **style.REFERENCE)
     ax.set_aspect("equal", adjustable="datalim")
     ax.set_xlim(left=0.0)
     return style.finish(ax, "radius (m)", "planform,\nin scale (m)")
@@ -117,31 +72,23 @@ def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
     Results whose files or outlines are not known are left out.
     """
-    ax, chosen = ax or style.new_axes(), _named(solutions)
+    ax, chosen = ax or style.new_axes(), named(solutions)
     for index, (solution, name) in enumerate(chosen):
-        places = SHOWN[1:2] if name else SHOWN
-        for number, section in enumerate(_sections(solution, places)):
+        places = shown.SHOWN[1:2] if name else shown.SHOWN
+        for number, section in enumerate(shown.known_sections(solution, places)):
             look = style.line(index) if name else style.line(number) | {"color": style.COLORS[0]}
             label = name or f"section at {100.0 * places[number]:g} % of the span"
             ax.plot(*np.append(section, section[:1], axis=0).T, label=label, **look)
     if ax.lines:
-        ax.plot([0.0], [0.0], "+", markersize=9, label=AXIS, color=style.REFERENCE["color"])
+        ax.plot([0.0], [0.0], "+", markersize=9, label=shown.AXIS, color=style.REFERENCE["color"])
     ax.set_aspect("equal", adjustable="datalim")
     ax.locator_params(axis="x", prune="both")  # a label at the end would be cut off
     label = (
-        f"section at {100.0 * SHOWN[1]:g} %,\nin scale (m)"
+        f"section at {100.0 * shown.SHOWN[1]:g} %,\nin scale (m)"
         if len(chosen) > 1
         else "sections,\nin scale (m)"
     )
     return style.finish(ax, "along the chord, from the blade's axis (m)", label)
-
-
-def _sections(solution: Solution, places: Sequence[float] = SHOWN) -> np.ndarray:
-    """Return sections of a blade; none where its files or outlines are not known."""
-    try:
-        return sections(solution, places)
-    except InputError:
-        return np.empty((0, 0, 2))
 
 
 def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
@@ -150,7 +97,7 @@ def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     The bar at the foot of the axes spans the tip speed ratios of the trajectory.
     """
     ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "power_coefficient")
-    for index, (solution, _) in enumerate(_named(solutions)):
+    for index, (solution, _) in enumerate(named(solutions)):
         if not solution.power_curve:
             continue
         get, color = solution.summary.get, style.line(index)["color"]
@@ -169,7 +116,7 @@ def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
 def _with_operation(solutions: Solutions, ax: Axes, label: str) -> Axes:
     """Draw the tip speed ratios operated in as bars at the foot of axes from zero."""
     bars: list[Any] = []
-    for index, (solution, _) in enumerate(_named(solutions)):
+    for index, (solution, _) in enumerate(named(solutions)):
         if reach := solution.summary.get("tip_speed_ratio"):
             look = _BAR | {"color": style.line(index)["color"]}
             look |= {"label": None if bars else "range operated in"}
@@ -185,44 +132,11 @@ def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
     return style.marker(index, 4.0) | {"markevery": (index * every // count, every)}
 
 
-WORDS = {
-    "inflow_speed": ("inflow speed", "m/s", 1.0),
-    "rotor_speed": ("rotor speed", "rpm", 30.0 / np.pi),
-    "tip_speed_ratio": ("tip speed ratio", "-", 1.0),
-    "control_torque": ("generator torque", "N m", 1.0),
-    "hydrodynamic_torque": ("flow's torque", "N m", 1.0),
-    "generator_power": ("generator power", "kW", 1e-3),
-    "thrust": ("thrust", "kN", 1e-3),
-}
-"""Name, unit and scale of what is drawn over time and over the flow speed."""
-LARGE_TORQUE = 1e3  # N m
-
-
-def words_of(quantity: str, solutions: Iterable[Solution]) -> tuple[str, str, float]:
-    """Return name, unit and scale of a quantity of `WORDS`, torques of large machines in kN m.
-
-    Parameters
-    ----------
-    quantity : str
-        One of `WORDS`.
-    solutions : iterable of Solution
-        What is drawn together.
-
-    Returns
-    -------
-    tuple of (str, str, float)
-        The scale is that of values in SI.
-    """
-    words, unit, scale = WORDS[quantity]
-    most = max((each.summary.control_torque_max_Nm or 0.0 for each in solutions), default=0.0)
-    large = unit == "N m" and most >= LARGE_TORQUE
-    return (words, "kN m", 1e-3) if large else (words, unit, scale)
-
-
 def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over time, of one solution at some of the nodes too, and its limits."""
-    chosen, ax, column = _scenarios(solutions), ax or style.new_axes(), QUANTITIES[quantity].column
-    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
+    chosen, ax = named_scenarios(solutions), ax or style.new_axes()
+    column = QUANTITIES[quantity].column
+    words, unit, scale = shown.words_of(quantity, (each for each, _ in chosen))
     for index, (solution, name) in enumerate(chosen):
         table, label = solution.simulation, name or "simulation"
         if column not in table:
@@ -244,8 +158,6 @@ def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> A
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
 
-LIMITED_BY = {"generator_power": ("generator_power", "electrical_power")}
-
 # over time: m/s, rpm, dimensionless, N m, kW and kN
 plot_inflow_speed = partial(_over_time, "inflow_speed")
 plot_rotor_speed = partial(_over_time, "rotor_speed")
@@ -258,7 +170,7 @@ plot_thrust = partial(_over_time, "thrust")
 
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a bar for each limit: the largest value over the limit, which is 1; of each solution."""
-    ax, chosen = ax or style.new_axes(), _scenarios(solutions)
+    ax, chosen = ax or style.new_axes(), named_scenarios(solutions)
     shares = [x.limit_shares("simulation" if x.simulation else "trajectory") for x, _ in chosen]
     rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
     height = 0.8 / len(chosen)
@@ -285,8 +197,8 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
-    chosen, ax = _scenarios(solutions), ax or style.new_axes()
-    words, unit, scale = words_of(quantity, (each for each, _ in chosen))
+    chosen, ax = named_scenarios(solutions), ax or style.new_axes()
+    words, unit, scale = shown.words_of(quantity, (each for each, _ in chosen))
     column = QUANTITIES[quantity].column
     for index, (solution, name) in enumerate(chosen):
         table, look = solution.simulation or solution.trajectory, style.line(index)
@@ -325,7 +237,7 @@ plot_speed_schedule = partial(_schedule, "rotor_speed")
 def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot shaft power and, of a generator with losses, the mean electrical power over the flow."""
     ax, label = _schedule("generator_power", solutions, ax), "electrical power, mean"
-    chosen = _scenarios(solutions)
+    chosen = named_scenarios(solutions)
     for index, (solution, name) in enumerate(chosen):
         table = solution.simulation or solution.trajectory
         rated = None if name else rated_point(solution)
@@ -344,18 +256,10 @@ def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return ax
 
 
-OVER_SPAN = {
-    "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
-    "flapwise_moment_Nm": ("stress", "root_moment", "flapwise moment (kN m)", 1e-3),
-    "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
-}
-"""Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
-
-
 def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a load along the blade at the time of the largest one, and its limits."""
-    chosen, ax = _scenarios(solutions), ax or style.new_axes()
-    load, quantity, label, scale = OVER_SPAN[column]
+    chosen, ax = named_scenarios(solutions), ax or style.new_axes()
+    load, quantity, label, scale = shown.OVER_SPAN[column]
     for index, (solution, name) in enumerate(chosen):
         if column in solution.loads:
             entry = (solution.summary.loads or {}).get(load)
@@ -382,47 +286,11 @@ plot_flapwise_moment = partial(_over_span, "flapwise_moment_Nm")
 plot_suction = partial(_over_span, "cavitation")
 
 
-def levels_of(
-    chosen: Sequence[tuple[Solution, str]], quantity: str, scale: float
-) -> dict[str, float]:
-    """Return the limits of a quantity, one for equal ones.
-
-    Parameters
-    ----------
-    chosen : sequence of (Solution, str)
-        Results of one scenario each, with their names.
-    quantity : str
-        The quantity over time.
-    scale : float
-        Of the values.
-
-    Returns
-    -------
-    dict of float
-        Levels by their words, which name the results where not all have the limit.
-    """
-    found: dict[tuple[str, float], list[str]] = {}
-    chosen = [each for each in chosen if each[0].simulation or each[0].trajectory]
-    for solution, name in chosen:
-        levels: dict[str, float] = {}
-        for each in LIMITED_BY.get(quantity, (quantity,)):
-            levels |= solution.limit_levels(each)
-        for limit in (each for each in solution.limits if each.name in levels):
-            told = measured(float(limit.upper), limit.unit or "", 4)
-            words = f"{limit_words(limit.name)} limit {told}"
-            found.setdefault((words, levels[limit.name]), []).append(name)
-    named = {}
-    for (words, level), names in found.items():
-        apart = [] if len(names) == len(chosen) else list(filter(None, dict.fromkeys(names)))
-        named[words + (f" in {' and '.join(apart)}" if apart else "")] = scale * level
-    return named
-
-
 def _draw_levels(
     quantity: str, scale: float, solutions: Solutions, ax: Axes, first: int = 0
 ) -> None:
     """Draw the limits of a quantity as lines; `first`: place of the first label."""
-    levels = levels_of(_scenarios(solutions), quantity, scale)
+    levels = shown.levels_of(named_scenarios(solutions), quantity, scale)
     for place, (words, level) in enumerate(levels.items(), first):
         style.level(ax, level, words, place)
 
@@ -430,7 +298,7 @@ def _draw_levels(
 def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot infeasibility, and the distance of the energy from its last value, over evaluations."""
     ax = ax or style.new_axes()
-    for index, (solution, name) in enumerate(_named(solutions)):
+    for index, (solution, name) in enumerate(named(solutions)):
         if not (table := solution.convergence):
             continue
         count, look, prefix = table["evaluation"], style.line(index), f"{name}, " if name else ""
@@ -453,7 +321,7 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
 def plot_year_power(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot the electrical power over the flow speed, bin by bin."""
     ax = ax or style.new_axes()
-    for index, (solution, name) in enumerate(_scenarios(solutions)):
+    for index, (solution, name) in enumerate(named_scenarios(solutions)):
         if table := solution.year:
             look = style.line(index) | style.marker(index, 3.5)
             look = look if name else style.colored(look, "electrical_power")
@@ -467,7 +335,7 @@ def _by_bin(
     column: str, label: str, quantity: str, solutions: Solutions, ax: Axes | None = None
 ) -> Axes:
     """Plot a column of the year over the flow speed as bars, one a bin, in a quantity's colour."""
-    chosen, ax = _scenarios(solutions), ax or style.new_axes()
+    chosen, ax = named_scenarios(solutions), ax or style.new_axes()
     for index, (solution, name) in enumerate(chosen):
         if table := solution.year:
             speed = table["inflow_speed_m_s"]
@@ -482,273 +350,10 @@ plot_year_hours = partial(_by_bin, "hours", "hours a year (h)", "inflow_speed")
 plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)", "power")
 
 
-class Panel(NamedTuple):
-    """A plot, and what tells of a solution whether it has data for it."""
-
-    plot: Callable[..., Axes]
-    known: Callable[[Solution], Any]
-
-
-def _panels(
-    tables: Sequence[str],
-    *plots: Callable[..., Axes],
-    steady: bool = True,
-    **of_column: Callable[..., Axes],
-) -> list[Panel]:
-    """Return panels that are drawn of one of some tables, and last those of a column of it.
-
-    Without `steady`, they need a scenario with a time.
-    """
-
-    def known(column: str, solution: Solution) -> bool:
-        shown = (one for one in solution.by_scenario if steady or not one.steady)
-        found = (getattr(one, name) for one in shown for name in tables)
-        return any(column in table if column else table for table in found)
-
-    needed = [("", plot) for plot in plots] + [*of_column.items()]
-    return [Panel(plot, partial(known, column)) for column, plot in needed]
-
-
-def _limited(solution: Solution) -> bool:
-    return any(one.limit_shares(table) for one in solution.by_scenario for table in _TIMES)
-
-
-_TIMES = "simulation", "trajectory"
-_OVER_TIME = "operation", "limits", "year"
-"""Figures of one scenario each."""
-_OPERATION = (
-    *(plot_inflow_speed, plot_power, plot_rotor_speed),
-    *(plot_tip_speed_ratio, plot_control_torque),
-)
-_SCHEDULE = plot_power_schedule, plot_speed_schedule, plot_torque_schedule
-
-FIGURES: dict[str, tuple[list[Panel], float, float]] = {
-    "blade": (
-        [
-            *_panels(["blade"], plot_planform, plot_chord, plot_twist),
-            *_panels(["blade"], thickness_over_chord=plot_thickness),
-            Panel(plot_sections, lambda solution: _sections(solution).size),
-        ],
-        *(6.6, 10.2),
-    ),
-    "power_curve": (
-        _panels(["power_curve"], plot_power_curve, thrust_coefficient=plot_thrust_curve),
-        *(5.6, 5.6),
-    ),
-    "operation": (_panels(_TIMES, *_OPERATION, steady=False, thrust_N=plot_thrust), 7.4, 10.4),
-    "schedule": (_panels(_TIMES, *_SCHEDULE, thrust_N=plot_thrust_schedule), 7.0, 9.4),
-    "year": (_panels(["year"], plot_year_power, plot_year_hours, plot_year_energy), 6.4, 7.4),
-    "limits": ([Panel(plot_limits, _limited)], 7.0, 4.2),
-    "loads": (
-        _panels(["loads"], stress_Pa=plot_stress, flapwise_moment_Nm=plot_flapwise_moment)
-        + _panels(["loads"], cavitation=plot_suction),
-        *(5.6, 7.2),
-    ),
-    "convergence": (_panels(["convergence"], plot_convergence), 6.2, 3.9),
-}
-"""Panels from the top, width and, with all panels, height (inches)."""
-
-_BESIDES = 1.2  # inches of a figure's height that its panels do not share
-
-
-def figure_of(solutions: Solutions, name: str) -> Figure | None:
-    """Return one of the `FIGURES`, with the panels that a solution has data for; None if none."""
-    panels, width, height = FIGURES[name]
-    shown = [each for each in panels if any(each.known(one) for one, _ in _named(solutions))]
-    if not shown:
-        return None
-    height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
-    if name == "limits":  # each bar has room for its number
-        bars = [len(one.limit_shares("trajectory")) for one, _ in _scenarios(solutions)]
-        height = max(height, 1.5 + 0.16 * max(bars) * len(bars))
-    share = sum(each.plot is not plot_sections for each in shown)  # which have no radius
-    plots = [partial(each.plot, solutions) for each in shown]
-    heights = [1.0] * len(shown)
-    if name == "blade" and shown[0].plot is plot_planform:
-        blades = [each.blade for each, _ in _named(solutions) if each.blade]
-        most = (max(np.max(each[x]) for each in blades) for x in ("chord_m", "r_m"))
-        wide = (width - 1.2) * np.divide(*most) / 1.6  # over the height of the other panels
-        heights[0] = max(1.0, 1.2 * float(wide))
-        height *= (len(heights) - 1.0 + heights[0]) / len(heights)
-    return style.figure_of(width, height, plots, share, heights)
-
-
-class Figures(dict[str, Figure]):
-    """Figures by their names, which a notebook shows one below the other."""
-
-    def _repr_html_(self) -> str:
-        pictures = (base64.b64encode(style.png(figure)).decode() for figure in self.values())
-        return "".join(f'<img src="data:image/png;base64,{each}">' for each in pictures)
-
-
-def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
-    """Return the `FIGURES` for which there are data.
-
-    Those over time are drawn for each scenario, as ``operation_<name>``, where there are several;
-    the others have a line for each.
-
-    Parameters
-    ----------
-    solutions : Solution or sequence of Solution
-        Results, which are drawn together.
-    names : sequence of str
-        Which; by default all.
-
-    Returns
-    -------
-    Figures
-
-    Raises
-    ------
-    InputError
-        If there is no figure of a name.
-    """
-    drawn: dict[str, Figure | None] = {}
-    chosen = [solution for solution, _ in _named(solutions)]
-    scenarios = dict.fromkeys(name for each in chosen for name in each.scenarios)
-    for name in names or FIGURES:
-        if name not in FIGURES:
-            raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
-        if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
-            for one in scenarios:
-                alone = [of_scenario(each, one) for each in chosen]
-                drawn[f"{name}_{one}"] = figure_of(alone, name)
-        else:
-            drawn[name] = figure_of(solutions, name)
-    return Figures({name: each for name, each in drawn.items() if each})
-
-
-def of_scenario(solution: Solution, name: str) -> Solution:
-    """Return a result of one scenario alone.
-
-    Parameters
-    ----------
-    solution : Solution
-        The result.
-    name : str
-        The scenario.
-
-    Returns
-    -------
-    Solution
-        Without tables where it has no such scenario: other results keep their colours beside it.
-    """
-    if name in solution.scenarios:
-        return solution.scenario(name)
-    return replace(solution, tables={name: ScenarioTables({}, {}, {})})
-
-
-def save_figures(
-    solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Write the figures of results, as `figures` draws them.
-
-    Parameters
-    ----------
-    solutions : Solution or sequence of Solution
-        Results, which are drawn together.
-    folder : str or Path
-        Where to, made if need be.
-    formats : sequence of str
-        Endings of the files that Matplotlib knows.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    InputError
-        If a format is not known, when nothing has been written, or a file cannot be written.
-    """
-    return style.save(figures(solutions), folder, formats)
-
-
-def labels(solutions: Sequence[Solution]) -> list[str]:
-    """Return what results are called beside one another; "" for a single one.
-
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        The results.
-
-    Returns
-    -------
-    list of str
-        Names of the cases, of the folders where those are equal, and numbers where these are, too.
-    """
-    if len(solutions) == 1:
-        return [""]
-    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
-        names = [printable(name(each)) for each in solutions]
-        if len(set(names)) == len(names):
-            return names
-    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
-
-
-def _named(solutions: Solutions) -> list[tuple[Solution, str]]:
-    """Return solutions and their names in a legend; a single solution needs no name."""
-    several = [solutions] if isinstance(solutions, Solution) else list(solutions)
-    # Matplotlib leaves labels that begin with an underscore out of legends
-    names = [re.sub("^_", " _", label) for label in labels(several)]
-    return list(zip(several, names, strict=True))
-
-
-def _scenarios(solutions: Solutions) -> list[tuple[Solution, str]]:
-    """Return each scenario of solutions as one of its own, and their names in a legend."""
-    found = []
-    for solution, name in _named(solutions):
-        for one, scenario in zip(solution.by_scenario, solution.scenarios, strict=True):
-            several = len(solution.scenarios) > 1
-            label = re.sub("^_", " _", joined(name, scenario)) if several else name
-            found.append((one, label))
-    return found
-
-
-def beside_start(
-    chosen: Sequence[tuple[Solution, str]], source: str, x: str, y: str
-) -> Iterator[tuple[int | None, np.ndarray, np.ndarray, str]]:
-    """Yield a column over another of each result, and before it that of the blade at the start.
-
-    Parameters
-    ----------
-    chosen : sequence of (Solution, str)
-        Results with their names.
-    source : str
-        The table of a result.
-    x, y : str
-        Its columns.
-
-    Yields
-    ------
-    index : int or None
-        Place of the result; None: it is a start, which is there once if it is the same.
-    x, y : numpy.ndarray, shape (n_rows,)
-        The columns.
-    label : str
-        Name of the curve.
-    """
-    starts: list[np.ndarray] = []
-    for index, (solution, name) in enumerate(chosen):
-        table = getattr(solution, source)
-        if y not in table:
-            continue
-        start = table.get(f"start_{y}")
-        same = np.array_equal(start, table[y])  # the blade is not designed
-        if (
-            start is not None
-            and not same
-            and not any(np.array_equal(start, other) for other in starts)
-        ):
-            starts.append(start)
-            yield None, table[x], start, "blade at the start"
-        yield index, table[x], table[y], name or ("blade" if same else "optimized blade")
-
-
 def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:
     """Plot a column over another, and that of the blade at the start."""
     ax, size = ax or style.new_axes(), 4.5 if source == "blade" else 0.0
-    for index, along, values, label in beside_start(_named(solutions), source, x, y):
+    for index, along, values, label in shown.beside_start(named(solutions), source, x, y):
         look = style.REFERENCE | {"linestyle": ":", "marker": "x", "markersize": size}
         if index is not None:
             look = style.line(index) | style.marker(index, size)

@@ -412,8 +412,8 @@ class Solution:
         Parameters
         ----------
         *names : str
-            Of `hkt_mdo.results.plots.FIGURES`; by default blade, operation, schedule and limits, as
-            far as the result has their data.
+            Of `hkt_mdo.results.figures.FIGURES`; by default blade, operation, schedule and limits,
+            as far as the result has their data.
 
         Returns
         -------
@@ -425,8 +425,8 @@ class Solution:
         InputError
             If there is no figure of a name.
         """
-        plots = import_module("hkt_mdo.results.plots")  # Matplotlib takes its time
-        return plots.figures(self, names or ("blade", "operation", "schedule", "limits"))
+        drawn = import_module("hkt_mdo.results.figures")  # Matplotlib takes its time
+        return drawn.figures(self, names or ("blade", "operation", "schedule", "limits"))
 
     def __repr__(self) -> str:
         outcome = "success" if self.success else "no success"

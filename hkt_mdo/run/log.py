@@ -106,7 +106,13 @@ class _Recorder(om.SqliteRecorder):
     def record_metadata_system(self, system, run_number=None):
         """Record nothing."""
 
-    def _initialize_database(self, comm):
-        super()._initialize_database(comm)
-        if self.connection is not None:
-            self.connection.execute("PRAGMA synchronous=OFF")
+    @property
+    def connection(self):
+        """The connection to the database."""
+        return self._connection
+
+    @connection.setter
+    def connection(self, connection):
+        self._connection = connection
+        if connection is not None:
+            connection.execute("PRAGMA synchronous=OFF")  # before OpenMDAO writes its tables

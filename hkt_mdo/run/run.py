@@ -186,7 +186,7 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
             log.write_summary(summary.model_copy(update={"passes": state.passes}))
     solution = Solution.load(out, extensions=physics.case.extensions)
     if figures:
-        from hkt_mdo.results.plots import save_figures
+        from hkt_mdo.results.figures import save_figures
 
         make_folder(out / "figures")
         save_figures(solution, out / "figures", ("png",) if figures is True else tuple(figures))

@@ -14,6 +14,7 @@ from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.report import rendered, text_page
 from hkt_mdo.results import plots, style
+from hkt_mdo.results.figures import figure_of
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import ScenarioTables
 from hkt_mdo.studies.common import LAWS, SCENARIOS, percent
@@ -226,7 +227,7 @@ def _figures(solutions, ensembles):
     figures = {"Step flow: generator torque and rotor speed": step}
     baseline = _named(solutions["sine_baseline_oloc"], "baseline (Bahaj)")
     for scenario in ("sine", "sine_limited"):
-        curves, draw, flow = three(scenario), plots.figure_of, TITLES[scenario].partition(": ")[2]
+        curves, draw, flow = three(scenario), figure_of, TITLES[scenario].partition(": ")[2]
         over_time = "Flow, generator power, rotor speed, tip speed ratio, generator torque, thrust"
         figures |= {
             f"Twist and chord: {flow}": draw([*curves, baseline], "blade"),

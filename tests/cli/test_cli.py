@@ -405,7 +405,7 @@ def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     [
         ("hkt_mdo.cli", "dymos openmdao wisdem matplotlib numba scipy"),
         ("hkt_mdo.cli, hkt_mdo.results.solution", "dymos openmdao wisdem matplotlib numba"),
-        ("hkt_mdo.results.plots", "dymos openmdao wisdem numba matplotlib.pyplot"),
+        ("hkt_mdo.results.figures", "dymos openmdao wisdem numba matplotlib.pyplot"),
     ],
 )
 def test_imports_are_light(modules: str, absent: str) -> None:

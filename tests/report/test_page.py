@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
-from hkt_mdo.report import blade, charts, page
-from hkt_mdo.results import plots, style
+from hkt_mdo.report import blade, charts, page, panels
+from hkt_mdo.results import style
+from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
 from tests.conftest import make_result
 from tests.exports.made import made
@@ -176,7 +177,7 @@ def test_bounds_and_operation_are_within_the_axes(read):
 def test_texts_are_escaped(texts):
     assert "<script>alert" not in texts["both"]
     assert "&lt;script&gt;alert(1)" in texts["both"]
-    assert charts.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
+    assert panels.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
 
 
 def test_charts_hold_the_numbers_of_the_tables(read, folders):
@@ -202,7 +203,7 @@ def test_charts_hold_the_numbers_of_the_tables(read, folders):
 )
 def test_thinning_keeps_extremes_ends_and_gaps(values, most):
     values = np.array(values)
-    kept = charts.thinned(np.arange(values.size), values, most)
+    kept = panels.thinned(np.arange(values.size), values, most)
     gaps = np.flatnonzero(np.isnan(values))
     assert np.all(np.diff(kept) > 0)
     assert {0, values.size - 1, *gaps} <= set(kept)
@@ -215,7 +216,7 @@ def test_thinning_keeps_extremes_ends_and_gaps(values, most):
 def test_solid_is_the_blade(folders):
     """The volume of the drawn mesh is the integral of the outlines, its normals point outwards."""
     solution = Solution.load(folders[0])
-    found, reasons = blade.bodies([charts.Labelled(solution, "")])
+    found, reasons = blade.bodies([panels.Labelled(solution, "")])
     assert not reasons
     assert [each.name for each in found] == ["optimized blade", "blade at the start"]
     mesh = blade.solid(found)["data"][0]
@@ -234,13 +235,13 @@ def test_solid_is_the_blade(folders):
 
 def test_results_keep_their_colours_where_others_lack_a_scenario(two, folders):
     one = Solution.load(folders[0])
-    both = [charts.Labelled(one, "one"), charts.Labelled(two, "two")]
+    both = [panels.Labelled(one, "one"), panels.Labelled(two, "two")]
     shown = charts.views(both)
     second = style.COLORS[1]
     for name, label in (("phase", "one"), ("slow", "two"), ("all scenarios", "two")):
         lines = {x["name"]: x["line"]["color"] for x in shown[name]["time"]["data"]}
         assert lines[label] == (second if label == "two" else style.COLORS[0])
-    drawn = plots.figures([one, two], ["operation", "limits"])
+    drawn = figures([one, two], ["operation", "limits"])
     for name in ("operation_slow", "limits_slow"):
         told = {x.get_text() for x in drawn[name].axes[0].get_legend().get_texts()}
         assert two.name in told
@@ -257,7 +258,7 @@ def two(tmp_path_factory):
 
 def test_envelope_covers_every_scenario(two):
     solution = two
-    results = [charts.Labelled(solution, "")]
+    results = [panels.Labelled(solution, "")]
     views = charts.views(results)
     assert list(views) == ["all scenarios", "slow", "fast"]
     band = [x for x in views["all scenarios"]["time"]["data"] if x["yaxis"] == "y5"]  # thrust, kN

@@ -3,8 +3,8 @@
 import pytest
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.results.figures import FIGURES
 from hkt_mdo.results.folder import MARKER, check_folder, claim, write_text
-from hkt_mdo.results.plots import FIGURES
 
 OWN = [
     *("case.yaml", "summary.json", "iterate.json", "trajectory.csv", "simulation.csv"),

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.plots import plot_rotor_speed, save_figures
+from hkt_mdo.results.figures import save_figures
+from hkt_mdo.results.plots import plot_rotor_speed
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics

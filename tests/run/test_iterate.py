@@ -34,6 +34,13 @@ def iterate(case):
     return physics, fine, point, json.loads(to_json(as_data(fine, point, 5.0)))
 
 
+@pytest.fixture(scope="module")
+def damaged():
+    """Physics and the data of an iterate, which tests damage."""
+    physics, _, _, data = iterate(ONE)
+    return physics, data
+
+
 def read(folder, physics, data):
     (folder / "iterate.json").write_text(json.dumps(data))
     return read_iterate(folder, physics)
@@ -68,6 +75,38 @@ def test_a_file_without_version_is_read_or_refused(tmp_path):
         read(tmp_path, make_physics(load_case(SEVERAL)), old)
     with pytest.raises(InputError, match=r"newer version.*--force"):
         read(tmp_path, physics, data | {"version": 99})
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"chord_m": "none"},
+        {"chord_m": -1.0},
+        {"rotor_radius_m": 0.0},
+        {"gains": None},
+        {"energy_J": [1.0, 2.0]},
+        {"scenarios": {}},
+    ],
+    ids=str,
+)
+def test_an_iterate_that_cannot_be_of_this_case_is_refused(tmp_path, damaged, damage):
+    physics, data = damaged
+    wrong = {
+        key: [value] * len(data[key]) if key == "chord_m" else value
+        for key, value in damage.items()
+    }
+    with pytest.raises(InputError, match=r"no iterate of this case.*--force"):
+        read(tmp_path, physics, data | wrong)
+
+
+def test_a_mesh_of_an_iterate_that_does_not_go_forward_is_refused(tmp_path, damaged):
+    physics, data = damaged
+    (name,) = data["scenarios"]
+    own = data["scenarios"][name]
+    for ends in (own["segment_ends_s"][::-1], own["segment_ends_s"][1:], [0.0]):
+        wrong = {"scenarios": {name: own | {"segment_ends_s": ends}}}
+        with pytest.raises(InputError, match="no iterate of this case"):
+            read(tmp_path, physics, data | wrong)
 
 
 def test_a_run_of_several_scenarios_is_resumed(tmp_path):

@@ -17,8 +17,9 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.report.charts import Labelled, views
-from hkt_mdo.results.plots import figures
+from hkt_mdo.report.charts import views
+from hkt_mdo.report.panels import Labelled
+from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
