@@ -21,7 +21,8 @@ from hkt_mdo.files.shipped import read_table, shipped_names
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor import ccblade as reference
-from hkt_mdo.rotor.airfoil import KNOTS_PER_DEGREE, Polar, PolarFamily
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.blade import Blade
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
