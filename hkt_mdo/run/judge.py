@@ -311,10 +311,13 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
     """Return the energy stored in rotors by the optimizer's choice, over the captured energy.
 
     Open loop chooses the last speed. Under feedback the last speed follows from the flow: only the
-    energy beyond that at the equilibrium speed counts. A heavy rotor lags behind the flow and ends
-    faster or slower than in equilibrium. Nothing of this counts while its last speed is between
-    speeds at which it has been in balance in its run, those at which it began or turned.
+    energy beyond that at the equilibrium speed counts. A heavy shaft lags behind the flow and ends
+    faster or slower than in equilibrium. While the last speed is between speeds at which the rotor
+    has been in balance in its run, those at which it began or turned, only the energy in the blades
+    counts: their inertia is designed, that of the shaft is given.
     """
+    factor = physics.rotor.inertia_factor
+    blades = 1.0 - physics.rotor.hub_inertia * factor / result.inertia
 
     def stored(flight) -> float:
         flown = flight.simulation
@@ -328,7 +331,9 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
         moves = np.diff(speed)
         balanced = np.append(speed[1:-1][moves[:-1] * moves[1:] <= 0.0], speed[0])
         beyond = abs(speed[-1] - np.clip(speed[-1], np.min(balanced), np.max(balanced)))
-        return flight.plant.inertia * speed[-1] * min(abs(net / slope), beyond)
+        whole, outside = abs(net / slope), min(abs(net / slope), beyond)
+        counted = outside + blades * (whole - outside)
+        return flight.plant.inertia * speed[-1] * counted
 
     return total(flights, stored) / max(abs(total(flights, lambda f: f.simulation.energy)), 1e-9)
 
