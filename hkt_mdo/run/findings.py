@@ -9,10 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.dynamics.flows import ConstantInflow
+from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
@@ -28,12 +30,33 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.start.find import find_start
+from hkt_mdo.start.limited import LimitedSearch
+from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.search import follows_schedule
+from hkt_mdo.start.steady_flow import SteadyFlow
 
 # range over the best tip speed ratio in which a rotor may operate during the design
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to time
 SHORT = 0.05  # s, evaluations shorter than this are timed several times
+
+
+class _Usual(NamedTuple):
+    """What runs usually take; with free cores most end within a factor of two of its estimate.
+
+    Numbers of evaluations, of the problem on its first mesh (finer meshes count for more) and of
+    the search for a start, where a schedule is improved, by runs of the paper's cases, of
+    `cases/limits` and of random turbines. `other`: seconds for everything else, figures included.
+    """
+
+    evaluations: int = 50
+    with_limits: int = 110
+    searched: int = 3500
+    other: float = 5.0
+
+
+USUAL = _Usual()
 
 
 class Stations(NamedTuple):
@@ -353,6 +376,24 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
         for before, after in zip(small, large, strict=True)
     )
     return ProblemSize(unknowns, constraints, nodes, slow + share * max(slow - quick, 0.0))
+
+
+def run_seconds(physics: Physics, best: SteadyOptimum, size: ProblemSize) -> float:
+    """Return an estimate of the time of a run on this machine, s.
+
+    The number of evaluations is that of usual runs; their time is measured.
+    """
+    seconds, searches = USUAL.other, follows_schedule(physics)
+    seconds += size.evaluation_seconds * (USUAL.with_limits if searches else USUAL.evaluations)
+    if searches and physics.case.start.method == "quasi_steady":
+        free = replace(physics, law=OpenLoop(torque_limit=physics.law.torque_limit))
+        steady = SteadyFlow.of(free, QuasiSteady.of(free, best).spline)
+        point = steady.on_branch(StartingPoint(physics.blade, np.empty(0), None), "overspeed")
+        search = LimitedSearch(steady, 0.0)
+        measure = partial(repeat, lambda: search.measured(point), number=1, repeat=5)
+        coarser = 1 + (physics.law.coarser() is not None)  # is searched before the law itself
+        seconds += coarser * physics.case.start.effort * USUAL.searched * min(measure())
+    return seconds
 
 
 def _trial(part: Physics, best) -> tuple[dict[str, int], dict[str, int], float]:
