@@ -50,8 +50,8 @@ class _Usual(NamedTuple):
     `cases/limits` and of random turbines. `other`: seconds for everything else, figures included.
     """
 
-    evaluations: int = 50
-    with_limits: int = 110
+    evaluations: int = 110
+    with_limits: int = 300
     searched: int = 3500
     other: float = 5.0
 

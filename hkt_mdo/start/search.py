@@ -68,7 +68,8 @@ def largest_energy(task: Task) -> StartingPoint:
     chosen = sorted(tried, key=search.rank, reverse=True)[: task.effort]
     ends = {id(point): improve(search, point) if task.improves else point for point in chosen}
     end = max(ends.values(), key=search.rank)
-    starts = [ends.get(id(point), point).record for point in tried]
+    tried = [ends.get(id(point), point) for point in tried]
+    starts = [replace(point.record, law=physics.law.law) for point in tried]
     gained = Candidate(end.strategy, end.blade, end.gains)
     whole = strategies.with_gains(physics, problem, gained)
     return replace(whole, starts=records(starts, end))

@@ -11,11 +11,13 @@ from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
+from hkt_mdo.dynamics.wide_laws import CurveFeedback
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.flight import SAMPLES, fly
-from hkt_mdo.run.judge import explain
+from hkt_mdo.run.flight import SAMPLES, fly, simulated_objective
+from hkt_mdo.run.judge import _behind_open_loop, explain
 from hkt_mdo.run.none_found import nearest_law, none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.sections import Quantity
@@ -312,12 +314,28 @@ def test_every_judge_is_asked(feedback, open_loop):
 
 
 def test_of_what_a_heavy_shaft_keeps_at_the_end_only_the_share_of_the_blades_counts(feedback):
-    """Within the speeds of its run; the inertia of the shaft is given, that of the blades chosen."""
+    """Within the speeds of its run: the shaft is given, the blades are designed."""
     found = wound_up(feedback)
     whole = found.checks()["stored_energy"].value
     rotor = replace(found.physics.rotor, hub_inertia=0.75 * found.result.inertia)
     heavy = replace(found, physics=replace(found.physics, rotor=rotor))
     assert heavy.checks()["stored_energy"].value == pytest.approx(0.25 * whole, rel=1e-9)
+
+
+def test_a_law_far_behind_the_open_loop_of_its_own_search_is_refused(feedback):
+    """A law of many gains can follow its schedule; one that breaks a limit does not count."""
+    energy = simulated_objective(feedback.physics, feedback.flights)
+    kept, broken = (
+        StartRecord("blade as given", "", factor * energy, excess, (), law="open_loop")
+        for factor, excess in ((1.5, 0.0), (3.0, 0.1))
+    )
+    curve = replace(feedback.physics, law=CurveFeedback(torque_limit=700.0))
+    ((name, value, most, _),) = _behind_open_loop(curve, feedback.flights, [kept, broken])
+    assert name == "behind_open_loop"
+    assert value == pytest.approx(1.0 / 3.0)
+    assert value > most
+    assert not [*_behind_open_loop(feedback.physics, feedback.flights, [kept])]  # of one gain
+    assert not [*_behind_open_loop(curve, feedback.flights, [broken])]
 
 
 @pytest.mark.parametrize(

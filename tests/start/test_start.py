@@ -9,6 +9,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.start.build import start_of_case
 from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
 from hkt_mdo.start.quasi_steady import SAFE, sampled_flow
 
@@ -96,3 +97,18 @@ def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
     assert [(record.strategy, record.kept) for record in start.starts] == [("blade as given", True)]
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     assert find_start(case, optimum, improve=False).messages == ()
+
+
+def test_more_effort_improves_more_candidates():
+    """Each is improved from its own blade, and the best of all is kept."""
+    case = {"inflow": "sine", "control": {"law": "quadratic", "torque_limit": 500.0}}
+    usual, more = (
+        start_of_case(load_case(case | {"start": {"effort": effort}}))[1].start for effort in (1, 4)
+    )
+    moved = [
+        after.objective != before.objective
+        for before, after in zip(usual.starts, more.starts, strict=True)
+    ]
+    assert sum(moved) == 3
+    assert more.objective >= usual.objective
+    assert {each.law for each in more.starts} == {"quadratic"}

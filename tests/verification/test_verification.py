@@ -11,9 +11,11 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import START_EXCESS, physics
 from hkt_mdo.run.run import run_case
-from tests.verification import faults, fuzz, study
+from hkt_mdo.start.build import start_of_case
+from hkt_mdo.studies.common import case_file
+from tests.verification import faults, fuzz, reference, study, turbines
 from tests.verification.__main__ import main
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -212,3 +214,56 @@ def test_a_part_is_a_command(tmp_path, capsys):
     assert "<td>3</td>" in shown
     with pytest.raises(SystemExit, match="unknown part"):
         main(["luck", "--out", str(tmp_path / "out")])
+
+
+def test_random_turbines_are_cases_and_the_same_for_a_seed(tmp_path):
+    drawn = [turbines.draw(np.random.default_rng([0, i])) for i in range(12)]
+    again = [turbines.draw(np.random.default_rng([0, i])) for i in range(12)]
+    assert [each["rotor"]["radius"] for each in drawn] == [x["rotor"]["radius"] for x in again]
+    assert {each["inflow"]["profile"] for each in drawn} == {"turbulence", "gust", "sine"}
+    for turbine in drawn:
+        for law in turbines.LAWS:
+            case = load_case(turbines.write(tmp_path, law, turbine))
+            assert case.control.law == law
+    assert physics(case).blade.rotor_radius == pytest.approx(drawn[-1]["rotor"]["radius"])
+
+
+def test_an_open_loop_below_a_law_is_told(tmp_path):
+    def ended(law, objective, seconds=20.0):
+        summary = SimpleNamespace(objective=SimpleNamespace(simulated=objective))
+        result = SimpleNamespace(success=objective > 0.0, summary=summary)
+        return turbines.Run(tmp_path / "0_001" / law, result, seconds, "refused")
+
+    runs = [ended("rated", 99.0), ended("curve", 101.0), ended("quadratic", 0.0, 300.0)]
+    told = "\n".join(turbines.table([*runs, ended("open_loop", 100.0)]))
+    assert "| **all** | 3/4, 75 % | 20 (300) | 1 |" in told
+    assert "`0_001`: curve is 1.00e-02 above" in told
+    assert "`0_001/quadratic`, 300 s: refused" in told
+    assert "rated is" not in told
+
+
+@pytest.mark.slow
+def test_a_global_search_evaluates_designs_as_the_start_does():
+    case = case_file(None, "limits/power_oloc")
+    start = start_of_case(case)[1].start
+    problem = reference.Global(case)
+    unknowns = np.concatenate(problem.physics.shape.control(start.blade)[:2])
+    assert -1e6 * problem(unknowns) == pytest.approx(start.objective, rel=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "law", "known", "within"),
+    [
+        # its fastest equilibrium is a nearly free rotor, at which it once began
+        (1, "curve", 12.07e6, 0.03),
+        # every usual candidate leaves overspeed for an optimum that is 5 % lower
+        (2, "open_loop", 104_824.0, 1e-4),
+    ],
+)
+def test_optima_that_random_turbines_had_missed_are_found(tmp_path, number, law, known, within):
+    """`known` is the best quasi-steady objective of open loop, by the search from many blades."""
+    turbine = turbines.draw(np.random.default_rng([0, number]))
+    start = start_of_case(load_case(turbines.write(tmp_path, law, turbine)))[1].start
+    assert start.excess <= START_EXCESS
+    assert (1.0 - within) * known <= start.objective <= (1.0 + 1e-3) * known

@@ -52,7 +52,7 @@ def turbines(study) -> list[str]:
         tasks += [(folder, law, turbine) for law in LAWS]
     with ThreadPoolExecutor(study.jobs or os.cpu_count()) as pool:
         runs = list(pool.map(lambda task: _run(study, *task), tasks))
-    return _told(runs)
+    return table(runs)
 
 
 @dataclass(frozen=True)
@@ -79,16 +79,7 @@ def _run(study, folder, law, turbine) -> Run:
     """Run a turbine under a law, or return the result that its folder has."""
     out, told = folder / law, folder / f"{law}.json"
     if not told.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        blade = turbine["rotor"]["blade"]
-        rows = np.column_stack([*blade.values()])
-        np.savetxt(folder / "blade.csv", rows, "%.5f", ",", header=",".join(blade), comments="")
-        case = turbine | {
-            "rotor": turbine["rotor"] | {"blade": "blade.csv"},
-            "control": {"law": law, **turbine["control"]},
-        }
-        file = folder / f"{law}.yaml"
-        file.write_text(yaml.safe_dump(case, sort_keys=False), encoding="utf-8")
+        file = write(folder, law, turbine)
         command = [sys.executable, "-m", "hkt_mdo", "run", file, "--out", out, "--force"]
         seconds, message = _in_process([*command, "--no-figures"])
         told.write_text(json.dumps({"seconds": seconds, "message": message}), encoding="utf-8")
@@ -100,6 +91,21 @@ def _run(study, folder, law, turbine) -> Run:
         result = None
     message = known["message"] or (result.message if result else "no result")
     return Run(out, result, known["seconds"], message)
+
+
+def write(folder, law, turbine) -> Path:
+    """Write the blade and the case of a turbine under a law, and return the case's file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    blade = turbine["rotor"]["blade"]
+    rows = np.column_stack([*blade.values()])
+    np.savetxt(folder / "blade.csv", rows, "%.5f", ",", header=",".join(blade), comments="")
+    case = turbine | {
+        "rotor": turbine["rotor"] | {"blade": "blade.csv"},
+        "control": {"law": law, **turbine["control"]},
+    }
+    file = folder / f"{law}.yaml"
+    file.write_text(yaml.safe_dump(case, sort_keys=False), encoding="utf-8")
+    return file
 
 
 def _in_process(command) -> tuple[float, str]:
@@ -119,7 +125,7 @@ def _in_process(command) -> tuple[float, str]:
     return used.ru_utime + used.ru_stime, errors[-1] if wrong else ""
 
 
-def _told(runs) -> list[str]:
+def table(runs) -> list[str]:
     """Return a table of the laws, of the turbines, and the runs that are not verified."""
     groups = [(law, [run for run in runs if run.folder.name == law]) for law in LAWS]
     rows = []
@@ -133,7 +139,7 @@ def _told(runs) -> list[str]:
                 str(sum(run.seconds >= LONGEST for run in group)),
             ]
         )
-    table = markdown_table(("law", "verified", "time, median (longest), s", "ended"), rows)
+    lines = markdown_table(("law", "verified", "time, median (longest), s", "ended"), rows)
     below = []
     for *laws, ceiling in zip(*(group for _, group in groups), strict=True):
         for run in laws:
@@ -146,7 +152,7 @@ def _told(runs) -> list[str]:
         if not run.verified
     ]
     line = f"A law's objective is more than {BELOW:g} above that of open loop in {len(below)} runs."
-    return [*table, "", line, "", *below, "", "Not verified:", "", *failed]
+    return [*lines, "", line, "", *below, "", "Not verified:", "", *failed]
 
 
 def draw(rng: np.random.Generator) -> dict:
