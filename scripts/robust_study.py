@@ -396,7 +396,10 @@ def drawn(designs):
         seconds = f"{summary.wall_seconds:.0f}"
         rows.append([law, name, *cells, ", ".join(limits) or "none", seconds])
     header = ["law", "design", "mean power, W", "least, W", "inertia, kg m²", "binding", "run, s"]
-    words = "Designs in the minutes that they were made for. A power is that of a minute."
+    words = (
+        "Designs in the minutes that they were made for. A power is that of a minute; times are "
+        "wall times, of some runs beside other work."
+    )
     asked = (f"{law} {name}" for law, name in product(LAWS, MEASURES) if (law, name) not in designs)
     if missing := "; ".join(asked):
         words += f" Without a result so far are: {missing}."
