@@ -159,11 +159,13 @@ def _contradicted(physics, flights, before) -> list[np.ndarray]:
     coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     if not is_false(flights):
         return coarse
+    # where only the energies differ, speeds differ less than the judges allow
+    worst = max(np.max(flight.speed_errors) for flight in flights)
     for marks, flight in zip(coarse, flights, strict=True):
         if flight.scenario.steady:
             continue
         errors = flight.speed_errors.reshape(marks.size, -1)
-        marks |= np.max(errors, axis=1) > RULES.speed * SPEED_ERROR
+        marks |= np.max(errors, axis=1) > RULES.speed * min(SPEED_ERROR, worst)
     # the second time it is another trajectory, which no mesh corrects; Radau's ends are free
     radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
     if radau or (before and np.mean(np.concatenate(coarse)) > 0.5):

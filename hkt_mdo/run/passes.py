@@ -17,7 +17,7 @@ from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
-from hkt_mdo.run.judge import STORED, most_between, sells, sold
+from hkt_mdo.run.judge import SPEED_ERROR, STORED, most_between, sells, sold
 from hkt_mdo.run.mesh import held
 from hkt_mdo.run.optimization import point_of, solve
 from hkt_mdo.run.state import RunState
@@ -105,6 +105,8 @@ def farther_from_stall(attempt: Attempt) -> Begin | None:
     if not attempt.is_false or attempt.few_contradicted:
         return None
     error = max(np.max(flight.speed_errors) for flight in attempt.flights)
+    if error <= SPEED_ERROR:  # only the energies differ, which is not another branch
+        return None
     return attempt.begin_again(
         f"integrated and collocated speed differ by {100.0 * error:.2g} %", slowed=slowed
     )
