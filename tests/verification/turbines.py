@@ -43,7 +43,8 @@ def turbines(study) -> list[str]:
     mostly cavitation, scaled to the turbine. Each run is a process of `hkt run` without figures,
     which is ended after 300 s of processor time; times are those of the processor. Goals: 95 %
     verified, the median below a minute, no run over five; the objective of open loop never more
-    than 1e-4 below that of a law.
+    than 1e-4 below that of a law. An open loop of electrical energy ends at its first speed, as one
+    of captured energy that would store much does; a law may end slower than it began.
     """
     tasks = []
     for i in range(study.count):
