@@ -47,6 +47,8 @@ def first_remedy(physics: Physics, result: Optimized) -> str:
     """Return the one thing to try first where an optimizer did not converge."""
     case, points = physics.case, physics.shape.points
     stations = physics.blade.r.size
+    if physics.law.is_feedback and case.phase.transcription == "radau":  # has free last speeds
+        return "try phase.transcription=gauss-lobatto"
     if physics.shape.designs_chord and stations > POINTS + 1:
         free = [name for name, count in points.items() if count > POINTS + 1]
         if free:
