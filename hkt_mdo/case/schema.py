@@ -245,6 +245,10 @@ class Case(Section):
             problem = "compares mean powers, and the objective is no energy that is maximized"
             remedy = "give robustness: expected, or an objective such as captured"
             raise refusal(problem, remedy, key="robustness.measure", value=self.robustness.measure)
+        if design.hub_inertia_price and not self.objective.is_energy:
+            problem = "is a price in J, and the objective is no energy that is maximized"
+            remedy, key = "leave it out, or give an objective such as captured", "hub_inertia_price"
+            raise refusal(problem, remedy, key=f"design.{key}", value=design.hub_inertia_price)
         limited = {each.name for each in self.limits.given}
         if (
             isinstance(control, RatedFeedback)
