@@ -272,6 +272,7 @@ class Case(Section):
         start = [
             ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
             ("rotor.radius", rotor.radius, "radius_bounds"),
+            ("rotor.hub_inertia", rotor.hub_inertia or None, "hub_inertia_bounds"),
         ]
         if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
