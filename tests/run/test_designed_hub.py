@@ -22,8 +22,12 @@ RISING = {  # a flow that rises, and a gain with which the rotor turns too fast
 }
 SHORT = {
     "inflow": "sine",
-    "control": {"law": "quadratic", "torque_limit": 550},
+    "control": {"law": "quadratic", "torque_limit": 700},
     "inflow_dynamics": "oye",
+    "rotor": {  # as designed under that limit
+        "chord": [0.104, 0.083, 0.065, 0.053, 0.045, 0.039, 0.033, 0.028, 0.02],
+        "twist": [12.7, 7.5, 4.0, 1.8, 0.3, -1.0, -1.7, -2.4, -5.6],
+    },
     "phase": {"duration": 20.0, "segments": 20},
     "start": {"method": "blade"},
 }
