@@ -211,15 +211,18 @@ def _lowered(physics, setup, flights):
                 continue
             most = most_between(limit)
             over, _ = flight.between_nodes(limit)
-            share = setup.share(limit, flight.scenario)
+            share = reached = setup.share(limit, flight.scenario)
+            if flight.two_filters is not None:
+                # all stations may exceed a limit that the two filters of the nodes do not reach
+                own = 1.0 + limit.excess(flight.at_nodes)
+                reached = np.minimum(share, own.reshape(share.size, -1).max(axis=1))
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
             helps = (share > lowest) & (over < MOST_EXCEEDED)
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
-                shares[limit.name, flight.scenario.name] = share * (
-                    1.0 - np.where(over > 0.5 * most, over, 0.0)
-                )
+                lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
+                shares[limit.name, flight.scenario.name] = lower
     return shares, worst
 
 
