@@ -96,7 +96,7 @@ class Design(Section):
             value = list(self.thickness_bounds)
             raise refusal(problem, remedy, key="thickness_bounds", value=value)
         if self.hub_inertia_price and self.hub_inertia_bounds is None:
-            problem, remedy = "is paid for an inertia that is not designed", "give hub_inertia_bounds"
+            problem, remedy = "prices an inertia that is not designed", "give hub_inertia_bounds"
             raise refusal(problem, remedy, key="hub_inertia_price", value=self.hub_inertia_price)
         bounds = self.set_angle_bounds
         if self.blade == "optimized" and bounds is not None:

@@ -244,12 +244,15 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
     if physics.designs_hub:
         low, high = physics.case.design.hub_inertia_bounds
-        low, hub = max(low, setup.least_hub), start.blade.hub_inertia
-        about = {"val": np.clip(hub, low, high), "units": "kg*m**2", "desc": DESIGNED["hub_inertia"]}
-        (kept if setup.moves == HELD else designed)["hub_inertia"] = about
+        low, name = max(low, setup.least_hub), "hub_inertia"
+        hub, units = np.clip(start.blade.hub_inertia, low, high), {"units": "kg*m**2"}
+        (kept if setup.moves == HELD else designed)[name] = {
+            "val": hub,
+            "desc": DESIGNED[name],
+        } | units
         if setup.moves != HELD:
             ref = physics.mass_and_inertia(start.blade)[1]
-            model.add_design_var("hub_inertia", lower=low, upper=high, ref=ref, units="kg*m**2")
+            model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
     for scenario in physics.scenarios:
         name = named("density", physics.variants[scenario.turbine])
         kept[name] = {"val": physics.of(scenario).density, **QUANTITIES["density"].meta}

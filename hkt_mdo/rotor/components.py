@@ -284,8 +284,9 @@ class InertiaComp(BladeComp):
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad) where the inertia of the water counts,
     thickness[n_stations] (over chord) and hub_inertia (kg*m**2) where they are designed,
-    rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the blades' inertia to its cube. Outputs
-    mass (kg), inertia (kg*m**2). The option rotor is a `RotorModel`.
+    rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the
+    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2). The option rotor is a
+    `RotorModel`.
     """
 
     def setup(self):

@@ -80,9 +80,9 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     """Return a quasi-steady start with the operation in which its rotor and wake follow the flow.
 
     Under feedback in a case with memory it is integrated, with the rotor's inertia, where the loop
-    is stable; a designed hub is made heavy enough for that. The start is unchanged without memory, in open loop, where the rotor stops, and where
-    its speed is that of the quasi-steady start but for `FAR`: that start then needs fewer
-    iterations.
+    is stable; a designed hub is made heavy enough for that. The start is unchanged without memory,
+    in open loop, where the rotor stops, and where its speed is that of the quasi-steady start but
+    for `FAR`: that start then needs fewer iterations.
 
     Raises
     ------

@@ -99,5 +99,5 @@ def test_with_memory_the_hub_ends_at_the_inertia_that_the_run_needs(tmp_path):
     _, earlier = read_iterate(tmp_path / "run", physics(case))
     assert earlier.start.blade.hub_inertia == pytest.approx(summary.hub_inertia_kg_m2, rel=1e-9)
     few = load_case(SHORT | {"design": design | {"hub_inertia_bounds": [0, 2]}})
-    with pytest.raises(InputError, match="an upper bound in design.hub_inertia_bounds"):
+    with pytest.raises(InputError, match=r"an upper bound in design\.hub_inertia_bounds"):
         run_case(few, tmp_path / "few", figures=False, records=False)
