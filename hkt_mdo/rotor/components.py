@@ -293,9 +293,9 @@ class InertiaComp(BladeComp):
         super().setup()
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
-        if self.options["blade"].hub_inertia is not None:
+        if (hub := self.options["blade"].hub_inertia) is not None:
             text = "inertia of all that is not a blade"
-            self.add_input("hub_inertia", units="kg*m**2", desc=text)
+            self.add_input("hub_inertia", val=hub, units="kg*m**2", desc=text)
         self.declare_partials("*", "*")
 
     @property
