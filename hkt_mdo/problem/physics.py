@@ -60,7 +60,6 @@ MOST_PERIODS = 1_000_000  # most periods of the flow's highest frequency that ca
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 # m/s and kg/m**3: values beyond are probably in another unit
 CURRENT, WATER = 10.0, (900.0, 1300.0)
-WORKED = 33  # tip speed ratios between which a mean induction is compared
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
 CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
@@ -364,15 +363,13 @@ class Physics:
     def band(self, setup) -> Band | None:
         """Return the tables of a wake with memory at a setup; None without memory.
 
-        Its weights are those of the setup's blade at its tip speed ratios.
+        Its weights are those of the setup's blade at the mean of its tip speed ratios.
         """
         if not self.remembers:
             return None
         ratios = [known["tip_speed_ratio"] for known in self.on_start(setup.start)]
-        blade, ratios = setup.start.blade, np.concatenate(ratios)
-        worked = np.linspace(0.9 * np.min(ratios), 1.1 * np.max(ratios), WORKED)
-        mean = float(np.mean(ratios))
-        return Band.of(self.rotor.as_built(blade), blade, mean, setup.nodes, worked)
+        mean = float(np.mean(np.concatenate(ratios)))
+        return Band.of(self.rotor.as_built(setup.start.blade), setup.start.blade, mean, setup.nodes)
 
     def split(self, operation):
         """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""
