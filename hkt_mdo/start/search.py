@@ -185,7 +185,8 @@ class ScheduleSearch:
             groups = [[self._own(candidate)] for candidate in known]
         else:
             solid = strategies.constant_torque(task) if task.improves else ()
-            groups = [list(solid), [self._own(candidate) for candidate in task.candidates]]
+            groups = [[each] for each in solid]
+            groups.append([self._own(candidate) for candidate in task.candidates])
         if task.improves or fitted_only:
             guides, strategy = self._guides(law.coarser() if free else None)
             groups += [[strategies.fitted(self.task, guide, strategy)] for guide in guides]
