@@ -347,7 +347,6 @@ def test_coefficients_follow_from_sections_that_are_known(blade, polar, cone):
         np.testing.assert_array_equal(found, expected)
 
 
-
 def test_points_do_not_depend_on_their_company(blade, polar):
     """Sampling ends early for fast rotors; the roots are the same to the last digits."""
     ratio = np.array([0.3, 2.0, 5.0, 9.0, 14.0])
