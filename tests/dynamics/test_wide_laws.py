@@ -88,7 +88,7 @@ def test_a_curve_is_a_natural_spline_of_the_logarithms():
     ],
 )
 def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
-    """Of the spline's exponents, but no torque rises in slower flow or falls below constant power."""
+    """With the spline's exponents, at least 2 in slower flow and -1, constant power, in faster."""
     law, gains = CurveFeedback(knots=5), np.append(KNOTS, torques)
     spline = CubicSpline(np.log(KNOTS), np.log(torques), bc_type="natural")
     for end, beyond, fixed in zip((0, -1), ([0.5, 3.0], [13.0, 40.0]), least, strict=True):
