@@ -55,6 +55,7 @@ DESIGNED = {  # name: case, overrides
         ),
     ),
 }
+SHAFT = "design.hub_inertia_bounds=[0, 400]", "design.hub_inertia_price=20", *OYE
 REAL = {  # kg m², radius in m
     "Reference Model 1": (92_169.0, 10.0),
     "with its generator": (484_000.0, 10.0),
@@ -336,7 +337,26 @@ def designed(out):
         "designed with, kJ", "all stations over two filters", "speed, at most", "verdict",
         "iterations without and with",
     )  # fmt: skip
-    return [*markdown_table(header, rows), "", *pulses()]
+    return [*markdown_table(header, rows), "", *pulses(), "", *shaft(out)]
+
+
+def shaft(out):
+    """Return what a shaft ends at that is designed at a price, under 700 N m."""
+    found = Solution.load(solved(out / "designed_shaft_oye", "sine_limited_quadratic", SHAFT))
+    told, memory, goal = found.summary, found.summary.memory, found.summary.objective
+    needed = [f"{float(x.why.split('= ')[1].split()[0]):.1f}" for x in told.passes if x.remedy]
+    verdict = "verified" if found.success else "refused"
+    row = (
+        f"{told.hub_inertia_kg_m2:.1f}", f"{told.inertia_kg_m2:.1f}",
+        f"{memory.least_inertia_kg_m2:.1f}", f"{told.simulated_energy_J / 1e3:.2f}",
+        f"{goal.price:.0f}", f"{goal.simulated / 1e3:.2f}", ", ".join(needed), verdict,
+    )  # fmt: skip
+    header = (
+        "shaft, kg m²", "rotor", "stable from", "captured, kJ", "price paid, J", "objective, kJ",
+        "least shaft after each optimization but the last, kg m²", "verdict",
+    )  # fmt: skip
+    about = "Quadratic feedback under 700 N m, with a shaft from 0 to 400 kg m² at 20 J/(kg m²):"
+    return [about, "", *markdown_table(header, [row])]
 
 
 def place_of(name, overrides, ending=""):

@@ -24,6 +24,7 @@ _Gains = Annotated[
     tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]],
     AfterValidator(ordered),
 ]
+_Inertias = Pair[Annotated[float, Quantity("kg*m**2", ge=0)]]
 _Thicknesses = Pair[Annotated[float, Quantity(gt=0, le=1)]]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]
 
@@ -71,6 +72,13 @@ class Design(Section):
     radius_bounds: _Lengths | None = None
     """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
     with it; a fixed blade is scaled as a whole."""
+    hub_inertia_bounds: _Inertias | None = None
+    """Bounds on `rotor.hub_inertia`, [lower, upper], which is then the start, or the nearer bound;
+    null: it is not designed. Where the wake has memory, a run raises the lower bound to the inertia
+    from which the loop is stable (docs/memory.md)."""
+    hub_inertia_price: Annotated[float, Quantity("J/(kg*m**2)", ge=0)] = 0.0
+    """Price of the designed `hub_inertia`, subtracted from the objective, which must be an energy.
+    The energies of a result are without it; the objective is what remains."""
     gain_bounds: _Gains | None = None
     """Bounds on the feedback gain, [lower, upper], plain numbers in the unit of `control.gain`;
     null: scaled from the gain at the start."""
@@ -87,6 +95,9 @@ class Design(Section):
             problem, remedy = "bounds a thickness that is not designed", "give thickness_points"
             value = list(self.thickness_bounds)
             raise refusal(problem, remedy, key="thickness_bounds", value=value)
+        if self.hub_inertia_price and self.hub_inertia_bounds is None:
+            problem, remedy = "prices an inertia that is not designed", "give hub_inertia_bounds"
+            raise refusal(problem, remedy, key="hub_inertia_price", value=self.hub_inertia_price)
         bounds = self.set_angle_bounds
         if self.blade == "optimized" and bounds is not None:
             problem = "bounds a set angle, which the designed twist includes already"

@@ -245,6 +245,10 @@ class Case(Section):
             problem = "compares mean powers, and the objective is no energy that is maximized"
             remedy = "give robustness: expected, or an objective such as captured"
             raise refusal(problem, remedy, key="robustness.measure", value=self.robustness.measure)
+        if design.hub_inertia_price and not self.objective.is_energy:
+            problem = "is a price in J, and the objective is no energy that is maximized"
+            remedy, key = "leave it out, or give an objective such as captured", "hub_inertia_price"
+            raise refusal(problem, remedy, key=f"design.{key}", value=design.hub_inertia_price)
         limited = {each.name for each in self.limits.given}
         if (
             isinstance(control, RatedFeedback)
@@ -268,6 +272,7 @@ class Case(Section):
         start = [
             ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
             ("rotor.radius", rotor.radius, "radius_bounds"),
+            ("rotor.hub_inertia", rotor.hub_inertia or None, "hub_inertia_bounds"),
         ]
         if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]

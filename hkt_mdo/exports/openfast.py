@@ -181,7 +181,7 @@ class _Rotor:
             "overhang": repr(-float(blade.rotor_radius)),
             "tower_diameter": repr(TOWER_DIAMETER * float(blade.rotor_radius)),
             "rotor_speed": repr(speed * REVOLUTIONS),
-            "hub_inertia": self.world.case.rotor.hub_inertia,
+            "hub_inertia": self.world.rotor.hub_of(blade),
             "inertia": repr(float(self.design.inertia)),
             "blade_files": _named(names[0], "ADBlFile"),
             "elastic_blade_files": _named(names[1], "BldFile"),

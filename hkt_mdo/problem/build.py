@@ -32,6 +32,7 @@ DESIGNED = {
     "rotor_radius": "radius of the swept disc",
     "chord_control": "chord at the stations, or control points of its spline",
     "twist_control": "twist at the stations, control points of its spline, or the set angle",
+    "hub_inertia": "inertia of all that turns besides the blades",
     "thickness_control": "thickness over chord at the stations, or control points of its spline",
 }
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
@@ -146,9 +147,10 @@ def _add_variants(group, physics, setup):
             band=band,
         )
         inputs = rotor_inputs(setup.start.blade)
+        shaft = ["hub_inertia"] * physics.designs_hub
         outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
         group.add_subsystem(
-            f"rotor{variant}", rotor, promotes_inputs=inputs, promotes_outputs=outputs
+            f"rotor{variant}", rotor, promotes_inputs=inputs + shaft, promotes_outputs=outputs
         )
         if physics.asks_for("weight_stress"):
             weight = WeightComp(rotor=own.rotor, blade=setup.start.blade)
@@ -240,6 +242,17 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         low, high = bounds[name]
         designed[name] = about
         model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+    if physics.designs_hub:
+        low, high = physics.case.design.hub_inertia_bounds
+        low, name = max(low, setup.least_hub), "hub_inertia"
+        hub, units = np.clip(start.blade.hub_inertia, low, high), {"units": "kg*m**2"}
+        (kept if setup.moves == HELD else designed)[name] = {
+            "val": hub,
+            "desc": DESIGNED[name],
+        } | units
+        if setup.moves != HELD:
+            ref = physics.mass_and_inertia(start.blade)[1]
+            model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
     for scenario in physics.scenarios:
         name = named("density", physics.variants[scenario.turbine])
         kept[name] = {"val": physics.of(scenario).density, **QUANTITIES["density"].meta}

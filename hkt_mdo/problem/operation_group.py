@@ -242,11 +242,17 @@ class OperationGroup(om.Group):
 
     def _add_objective(self):
         """Add the objective: an aggregate of scenarios' mean rates, or a value of the design."""
-        physics = self._physics
-        if not physics.objective.is_rate:
-            return self._add_formula(
-                "objective_value", physics.objective, 1, [("value", "objective")]
+        physics, name = self._physics, "objective"
+        if price := physics.case.design.hub_inertia_price:
+            name = "objective_without_price"
+            units = {"units": physics.objective.unit}
+            priced = om.ExecComp(
+                f"objective = {name} - {price!r} * hub_inertia",
+                **{"objective": units, name: units, "hub_inertia": {"units": "kg*m**2"}},
             )
+            self.add_subsystem("price", priced, promotes=["*"])
+        if not physics.objective.is_rate:
+            return self._add_formula("objective_value", physics.objective, 1, [("value", name)])
         groups, scenarios = list(physics.shares), physics.scenarios
         rows = {each.name: groups.index(each.group) for each in scenarios}
         factors = dict(zip(groups, physics.rate_factors, strict=True))
@@ -265,5 +271,7 @@ class OperationGroup(om.Group):
             n_unknowns=unknowns.size,
             n_rows=n_rows,
         )
-        self.add_subsystem("aggregate", component, promotes=["*"])
+        outputs = [("objective", name), *["rows"] * bool(n_rows)]
+        about = {"promotes_inputs": ["*"], "promotes_outputs": outputs}
+        self.add_subsystem("aggregate", component, **about)
         return None

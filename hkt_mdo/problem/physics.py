@@ -60,6 +60,7 @@ MOST_PERIODS = 1_000_000  # most periods of the flow's highest frequency that ca
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 # m/s and kg/m**3: values beyond are probably in another unit
 CURRENT, WATER = 10.0, (900.0, 1300.0)
+WORKED = 33  # tip speed ratios between which a mean induction is compared
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
 CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
@@ -339,6 +340,15 @@ class Physics:
         return self.case.hydrodynamics.torque == "curve" and not self.rotor.follows_reynolds
 
     @property
+    def designs_hub(self) -> bool:
+        """Whether the inertia of all that is not a blade is designed."""
+        return self.blade.hub_inertia is not None
+
+    def price_of(self, blade: Blade) -> float:
+        """Return the price of a designed `hub_inertia`, J, which lowers the objective."""
+        return self.case.design.hub_inertia_price * (blade.hub_inertia or 0.0)
+
+    @property
     def remembers(self) -> bool:
         """Whether the wake has memory."""
         return self.case.inflow_dynamics.remembers
@@ -354,13 +364,15 @@ class Physics:
     def band(self, setup) -> Band | None:
         """Return the tables of a wake with memory at a setup; None without memory.
 
-        Its weights are those of the setup's blade at the mean of its tip speed ratios.
+        Its weights are those of the setup's blade at its tip speed ratios.
         """
         if not self.remembers:
             return None
         ratios = [known["tip_speed_ratio"] for known in self.on_start(setup.start)]
-        mean = float(np.mean(np.concatenate(ratios)))
-        return Band.of(self.rotor.as_built(setup.start.blade), setup.start.blade, mean, setup.nodes)
+        blade, ratios = setup.start.blade, np.concatenate(ratios)
+        worked = np.linspace(0.9 * np.min(ratios), 1.1 * np.max(ratios), WORKED)
+        mean = float(np.mean(ratios))
+        return Band.of(self.rotor.as_built(blade), blade, mean, setup.nodes, worked)
 
     def split(self, operation):
         """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""
@@ -471,12 +483,12 @@ class Physics:
         return bool(np.all(angle[fence.stations] <= fence.highest + NEAR_STALL))
 
     def objective_at(self, point) -> float:
-        """Return the objective of a quasi-steady starting point, in its unit."""
-        starts = self.on_start(point)
+        """Return the objective of a quasi-steady starting point, in its unit, less its price."""
+        starts, price = self.on_start(point), self.price_of(point.blade)
         if not self.objective.is_rate:
-            return float(self.objective.value_of(starts[0]))
+            return float(self.objective.value_of(starts[0])) - price
         shares = np.array(list(self.shares.values()))
-        return self.duration * self.aggregate.of(self.mean_rates(starts), shares)
+        return self.duration * self.aggregate.of(self.mean_rates(starts), shares) - price
 
     @property
     def start_objective(self) -> Objective:
@@ -817,6 +829,9 @@ def build_shape(
 ) -> Shape:
     """Return the design variables of a case's blade."""
     design, cosine = case.design, np.cos(blade.cone)
+    if design.hub_inertia_bounds is not None:
+        hub = float(np.clip(case.rotor.hub_inertia, *design.hub_inertia_bounds))
+        blade = replace(blade, hub_inertia=hub)
     radius_bounds = None
     if design.radius_bounds is not None:
         radius_bounds = tuple(float(bound * cosine) for bound in design.radius_bounds)
@@ -851,6 +866,7 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
     elif case.design.set_angle_bounds is not None:
         bounds["set_angle"] = shape.twist_bounds
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
+    bounds["hub_inertia"] = case.design.hub_inertia_bounds
     return (
         TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
         ForwardRotation(),

@@ -104,7 +104,8 @@ class Setup:
     rotor under feedback must be able to lose (`DistanceFromStall`; 0: no condition). `shares` has,
     by the names of limit and scenario, the share of the limit's upper bound to which the nodes of
     each segment are held, so that the limit holds between the nodes as well; a lower bound is
-    raised there by as much.
+    raised there by as much. `least_hub` (kg*m**2) raises the lower bound of a designed
+    `hub_inertia`.
     """
 
     start: StartingPoint
@@ -112,6 +113,7 @@ class Setup:
     moves: MoveLimits = MoveLimits()
     slowed: float = 0.0
     shares: dict = field(default_factory=dict)
+    least_hub: float = 0.0
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""

@@ -5,7 +5,7 @@ Nothing else in this package needs the rotor, its files or the optimization's mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,7 @@ class Design:
             remedy = "give rotor.stations or rotor.station_count of the run, or run the case again"
             raise InputError(problem + str(len(summary.chord_m)), remedy, file="case.yaml")
         blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
+        blade = replace(blade, hub_inertia=summary.hub_inertia_kg_m2)
         twist = np.deg2rad(summary.twist_deg)
         blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
         polars, turbine = world.built(blade), world.turbine

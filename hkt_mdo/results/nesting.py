@@ -137,6 +137,8 @@ def _allows_blade(result, other) -> bool:
     own, theirs = result.case.design, other.case.design
     if own == theirs:
         return own.blade == "optimized" or _same_blade(result, other)
+    if own.hub_inertia_bounds or theirs.hub_inertia_bounds:
+        return False
     if own.blade == "fixed" or own.chord_points or own.twist_points or own.thickness_points:
         return False
     chord, twist = other.summary.chord_m, other.summary.twist_deg

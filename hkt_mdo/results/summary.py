@@ -278,13 +278,17 @@ class ObjectiveEntry(_Entry):
     value: _Number = Field(None, validation_alias=AliasChoices("value", "value_J"))
     simulated: _Number = Field(None, validation_alias=AliasChoices("simulated", "simulated_J"))
     bound: _Number = Field(None, validation_alias=AliasChoices("bound", "bound_J"))
+    price: _Number = None
+    """What value and simulated are less for the price of the shaft's inertia, J."""
     measure: str | None = None
     """How the scenarios are combined; None: the result is older, or has one scenario."""
 
     def rows(self, scenarios: dict[str, ScenarioEntry]) -> Iterator[Row]:
         """Yield the objective, unless it is the captured energy, and which scenarios decide it."""
-        if self.kind != "captured":
-            yield Row(f"objective, {self.kind}", self.simulated, self.unit)
+        if self.kind != "captured" or self.price:
+            price = measured(self.price or 0.0, "J")
+            note = f"less {price} for the inertia besides the blades" if self.price else ""
+            yield Row(f"objective, {self.kind}", self.simulated, self.unit, note)
         deciding = [name for name, entry in scenarios.items() if entry.decides]
         if deciding:
             named = f"decided by {', '.join(deciding)}"
@@ -501,6 +505,8 @@ class Summary(_Entry, Mapping[str, Any]):
     """Distance of the blade's tip from the axis, along the blade."""
     set_angle_deg: _Number = None
     inertia_kg_m2: _Number = None
+    hub_inertia_kg_m2: _Number = None
+    """The part of it that is not the blades', where that is designed."""
     mass_kg: _Number = None
     r_m: _Column = None
     chord_m: _Column = None
@@ -638,7 +644,9 @@ class Summary(_Entry, Mapping[str, Any]):
             yield Row("tip radius", self.tip_radius_m, "m", digits=4)
         if case.design.set_angle_bounds:
             yield Row("set angle", self.set_angle_deg, "deg", digits=4)
-        yield Row("inertia", self.inertia_kg_m2, "kg*m**2", digits=4)
+        besides = f"of which {measured(self.hub_inertia_kg_m2)} kg m^2 designed besides the blades"
+        besides = "" if self.hub_inertia_kg_m2 is None else besides
+        yield Row("inertia", self.inertia_kg_m2, "kg*m**2", besides, 4)
         if self.water_inertia_kg_m2 is not None and self.inertia_kg_m2:
             model = case.rotor.added_inertia
             yield water_inertia(self.water_inertia_kg_m2, self.inertia_kg_m2, model)

@@ -76,8 +76,11 @@ class Band:
     direction: float = 1.0
 
     @classmethod
-    def of(cls, rotor, blade, tip_speed_ratio, nodes):
+    def of(cls, rotor, blade, tip_speed_ratio, nodes, worked=()):
         """Return the band of a blade; its weights are the effects of the inductions on the torque.
+
+        Where the mean induction turns among the tip speed ratios of the run, so that it would not
+        determine the wake, the weights are multiplied by (r/R)²: outer stations' inductions rise.
 
         Parameters
         ----------
@@ -89,6 +92,8 @@ class Band:
             Of the disc, at which the weights are made.
         nodes : array_like of shape (n_nodes,)
             Tip speed ratios of the tables.
+        worked : array_like of shape (n_ratios,)
+            Tip speed ratios of the disc at which the rotor works, rising.
 
         Returns
         -------
@@ -107,6 +112,11 @@ class Band:
         beside = rotor.sections(blade, tip_speed_ratio * np.array([0.95, 1.05]))
         slower, faster = _induction(blade, weights, beside).values
         direction = 1.0 if faster >= slower else -1.0
+        if len(worked):
+            along = rotor.sections(blade, np.asarray(worked, dtype=float))
+            if np.min(direction * np.diff(_induction(blade, weights, along).values)) < 0.0:
+                weights = weights * (blade.r / blade.tip_radius) ** 2
+                weights, direction = weights / np.sum(weights), 1.0
         return cls(np.asarray(nodes, dtype=float), weights, places, direction)
 
     def outputs(self, names):

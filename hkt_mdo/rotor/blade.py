@@ -11,7 +11,8 @@ class Blade:
 
     Stations r increase strictly between hub and tip, twist is the angle between the section's chord
     and the rotor plane, set angle included, and cone the angle of the blades to that plane; radii
-    are measured along the blade. thickness, over the chord, is None where it is not designed.
+    are measured along the blade. thickness, over the chord, is None where it is not designed, and
+    so is hub_inertia (kg*m**2), that of all that turns besides the blades.
     """
 
     r: np.ndarray
@@ -22,6 +23,7 @@ class Blade:
     blade_count: int
     cone: float = 0.0
     thickness: np.ndarray | None = None
+    hub_inertia: float | None = None
 
     @property
     def rotor_radius(self):

@@ -283,15 +283,19 @@ class InertiaComp(BladeComp):
     """Mass and inertia of the rotor from its chord and radius; see `mass_and_inertia`.
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad) where the inertia of the water counts,
-    thickness[n_stations] (over chord) where it is designed, rotor_radius (m), with which hub,
-    stations and tip move: mass is proportional to it and the blades' inertia to its cube. Outputs
-    mass (kg), inertia (kg*m**2). The option rotor is a `RotorModel`.
+    thickness[n_stations] (over chord) and hub_inertia (kg*m**2) where they are designed,
+    rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the
+    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2). The option rotor is a
+    `RotorModel`.
     """
 
     def setup(self):
         super().setup()
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
+        if (hub := self.options["blade"].hub_inertia) is not None:
+            text = "inertia of all that is not a blade"
+            self.add_input("hub_inertia", val=hub, units="kg*m**2", desc=text)
         self.declare_partials("*", "*")
 
     @property
@@ -311,15 +315,15 @@ class InertiaComp(BladeComp):
         """Return the blades' `RotorMass` at the start's radius, and the radius over the start's."""
         start, (*sizes, _) = self.options["blade"], self.inputs_of_blade
         blade = replace(start, **{name: inputs[name] for name in sizes})
-        blades = replace(self.options["rotor"], hub_inertia=0.0)
-        return blades.mass_and_inertia(blade), inputs["rotor_radius"][0] / start.rotor_radius
+        blades = self.options["rotor"].blades_alone(blade)
+        return blades, inputs["rotor_radius"][0] / start.rotor_radius
 
     def compute(self, inputs, outputs):
         blades, stretch = self._evaluate(inputs)
         outputs["mass"] = blades.mass * stretch
         rotor = self.options["rotor"]
-        hub = rotor.hub_inertia * rotor.inertia_factor
-        outputs["inertia"] = blades.inertia * stretch**3 + hub
+        hub = inputs["hub_inertia"][0] if "hub_inertia" in inputs else rotor.hub_inertia
+        outputs["inertia"] = blades.inertia * stretch**3 + hub * rotor.inertia_factor
 
     def compute_partials(self, inputs, partials):
         blades, stretch = self._evaluate(inputs)
@@ -330,6 +334,8 @@ class InertiaComp(BladeComp):
                 partials[name, by] = slope * stretch**power
             slope = power * getattr(blades, name) * stretch ** (power - 1) / radius
             partials[name, "rotor_radius"] = slope
+        if "hub_inertia" in inputs:
+            partials["inertia", "hub_inertia"] = self.options["rotor"].inertia_factor
 
 
 class WeightComp(BladeComp):

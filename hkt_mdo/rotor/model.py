@@ -1,6 +1,6 @@
 """A rotor as one object: hydrodynamics, loads, mass and best operation of any of its blades."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -26,7 +26,8 @@ class RotorModel(Hydrodynamics):
     material_density : float
         Density of the blades' material (kg/m**3).
     hub_inertia : float
-        Inertia about the rotor's axis of all that is not a blade (kg*m**2).
+        Inertia about the rotor's axis of all that is not a blade (kg*m**2), where a blade does not
+        have its own, which is designed.
     water_density : float
         Density of the water (kg/m**3).
     structure : Structure or StructureByThickness, optional
@@ -77,11 +78,41 @@ class RotorModel(Hydrodynamics):
             The mass is that of the blades, the inertia that of blades, hub and water times the
             factor.
         """
-        about = self.section_area, self.material_density, self.hub_inertia
+        about = self.section_area, self.material_density, self.hub_of(blade)
         found = mass_and_inertia(blade, *about)
         if self.added_inertia != "none":
             found = RotorMass(*map(np.add, found, self.water_inertia(blade, self.added_inertia)))
         return found.heavier(self.inertia_factor)
+
+    def hub_of(self, blade):
+        """Return the inertia of all that is not a blade, designed or not.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+
+        Returns
+        -------
+        float
+            Inertia (kg*m**2), without the factor.
+        """
+        return self.hub_inertia if blade.hub_inertia is None else blade.hub_inertia
+
+    def blades_alone(self, blade):
+        """Return mass and inertia of the rotor without hub, as `mass_and_inertia`.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+
+        Returns
+        -------
+        RotorMass
+            That of blades and water, times the factor.
+        """
+        return self.mass_and_inertia(replace(blade, hub_inertia=0.0))
 
     def water_inertia(self, blade, model):
         """Return the inertia of the water that a turning blade accelerates; see `water_inertia`.

@@ -11,7 +11,7 @@ from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, Setup, curve_nodes
-from hkt_mdo.results.summary import CheckEntry, PassEntry
+from hkt_mdo.results.summary import CheckEntry, MemoryEntry, PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.flight import Flight, Optimized, fly, may_tabulate, simulated_objective
 from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
@@ -201,12 +201,15 @@ class Attempt:
         return bool(self.setup.slowed) or recovers(self.physics, self.result)
 
     @cached_property
+    def memory(self) -> MemoryEntry | None:
+        """Stability of an optimum's loop in a case with memory of the wake."""
+        remembers = self.physics.remembers and self.converged
+        return stability_of(self.physics, self.result) if remembers else None
+
+    @property
     def runs_away(self) -> bool:
         """Whether the loop is unstable with memory of the wake, in a case with memory."""
-        if not (self.physics.remembers and self.converged):
-            return False
-        found = stability_of(self.physics, self.result)
-        return found is not None and not found.stable
+        return self.memory is not None and not self.memory.stable
 
     @cached_property
     def flights(self) -> tuple[Flight, ...]:

@@ -23,12 +23,12 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     """Return an upper bound on the captured energy under the case's law and torque limit, J.
 
     `bound` is the quasi-steady one, which it never exceeds. Of a law that is not the package's own,
-    only the torque limit is regarded. None where polars follow the Reynolds number, the radius or
-    the thickness is designed, the turbine differs between scenarios, the inertia is not that of
-    blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
+    only the torque limit is regarded. None where polars follow the Reynolds number, the radius,
+    the thickness or the hub's inertia is designed, the turbine differs between scenarios, the
+    inertia is not that of blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
-    if physics.rotor.follows_reynolds or shape.radius_bounds is not None:
+    if physics.rotor.follows_reynolds or shape.radius_bounds is not None or physics.designs_hub:
         return None
     if shape.designs_thickness:
         return None

@@ -162,7 +162,8 @@ def _turbine(found: Findings) -> Rows:
     if found.case.start.from_ is not None:
         source = f"design of {found.case.start.from_}"
     material = f"{_kind(rotor)}blades of {rotor.blade_material.density:g} kg/m^3"
-    besides = f"of which {rotor.hub_inertia:g} kg m^2 besides the blades"
+    shaft = found.physics.rotor.hub_of(blade)
+    besides = f"of which {shaft:g} kg m^2 besides the blades"
     yield Row("blades", blade.blade_count)
     yield Row("tip radius", blade.tip_radius, "m", digits=4)
     hub = f"{blade.hub_radius / blade.tip_radius:.3g} R"
@@ -174,7 +175,7 @@ def _turbine(found: Findings) -> Rows:
     yield Row("chord", blade.chord, "m", digits=4)
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
-    yield Row("inertia", inertia, "kg*m**2", besides if rotor.hub_inertia else "", 4)
+    yield Row("inertia", inertia, "kg*m**2", besides if shaft else "", 4)
     yield water_inertia(found.physics.water_inertias(blade), inertia, rotor.added_inertia)
 
 

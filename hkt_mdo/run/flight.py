@@ -388,10 +388,11 @@ def _flown(plant, scenario, controller, start, max_step) -> Simulation:
 
 
 def simulated_objective(physics: Physics, flights: tuple[Flight, ...]) -> float:
-    """Return the objective of the integrations, in its unit."""
+    """Return the objective of the integrations, in its unit, less the price of the shaft."""
+    price = physics.price_of(flights[0].plant.blade) if physics.designs_hub else 0.0
     if physics.objective.is_rate:
-        return physics.united(flight.objective(physics.objective) for flight in flights)
-    return float(physics.objective.value_of(design_and_result(flights)))
+        return physics.united(flight.objective(physics.objective) for flight in flights) - price
+    return float(physics.objective.value_of(design_and_result(flights))) - price
 
 
 def design_and_result(flights: tuple[Flight, ...]) -> dict[str, Any]:

@@ -60,6 +60,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "twist_rad": point.blade.twist,
         "thickness_over_chord": point.blade.thickness,
         "rotor_radius_m": point.blade.rotor_radius,
+        "hub_inertia_kg_m2": point.blade.hub_inertia,
         "gains": point.gains,
         "energy_J": point.operation.energy,
         "reference_energy_J": reference,
@@ -163,4 +164,9 @@ def _design(physics, data):
     if shape.radius_bounds is not None:
         blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
     gains = _numbers(data["gains"], len(physics.gain_units))
-    return shape.nearest(blade.with_shape(*found)), gains, reference
+    blade = shape.nearest(blade.with_shape(*found))
+    if physics.designs_hub:
+        hub = float(_numbers(data["hub_inertia_kg_m2"], 1)[0])
+        hub = float(np.clip(hub, *physics.case.design.hub_inertia_bounds))
+        blade = replace(blade, hub_inertia=hub)
+    return blade, gains, reference

@@ -317,7 +317,11 @@ def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> fl
     counts: their inertia is designed, that of the shaft is given.
     """
     factor = physics.rotor.inertia_factor
-    blades = 1.0 - physics.rotor.hub_inertia * factor / result.inertia
+    given = hub = physics.rotor.hub_of(result.point.blade)
+    if physics.designs_hub:  # what is above its lower bound is the optimizer's choice
+        low, _ = physics.case.design.hub_inertia_bounds
+        given = min(hub, max(low, result.setup.least_hub))
+    blades = 1.0 - given * factor / result.inertia
 
     def stored(flight) -> float:
         flown = flight.simulation
@@ -430,7 +434,7 @@ def most_between(limit: Limit) -> float:
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
-    """Return the quantities of `DesignBounds`: shape, set angle, radius and gains, SI."""
+    """Return the quantities of `DesignBounds`: shape, set angle, radius, hub and gains, SI."""
     _, angle, _ = physics.shape.control(point.blade)
     return {
         "chord": point.blade.chord,
@@ -438,6 +442,7 @@ def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
         "thickness": point.blade.thickness,
         "set_angle": angle,
         "radius": np.array([point.blade.rotor_radius]),
+        "hub_inertia": np.array([point.blade.hub_inertia]),
         "gain": point.gains,
     }
 
@@ -447,7 +452,7 @@ def in_case(blade: Blade) -> dict[str, tuple[str, float]]:
     metres, degrees, plain = ("m", 1.0), ("deg", np.rad2deg(1.0)), ("", 1.0)
     radius = "m", 1.0 / np.cos(blade.cone)  # that of the tip, in place of the disc's
     units = {"chord": metres, "twist": degrees, "set_angle": degrees, "radius": radius}
-    return units | {"thickness": plain, "gain": plain}
+    return units | {"hub_inertia": ("kg*m**2", 1.0), "thickness": plain, "gain": plain}
 
 
 def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:

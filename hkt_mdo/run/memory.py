@@ -19,12 +19,15 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
+from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.flight import Flown, HeldSpeeds, Optimized, controller_of, plant_of
 
 HOPELESS = 0.5
 """Share of the least stable inertia below which a case with memory is not optimized."""
 SAFE = 2.0
 """The same of the inertia that is recommended: an optimum is nearer to instability than a start."""
+MARGIN = 1.05
+"""The same of the inertia to which that of a designed hub is raised."""
 FAR = 0.1
 """Relative change of the rotor's speed by its inertia and its wake from which a start has it."""
 INSTANTS = 50
@@ -77,9 +80,9 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     """Return a quasi-steady start with the operation in which its rotor and wake follow the flow.
 
     Under feedback in a case with memory it is integrated, with the rotor's inertia, where the loop
-    is stable. The start is unchanged without memory, in open loop, where the rotor stops, and where
-    its speed is that of the quasi-steady start but for `FAR`: that start then needs fewer
-    iterations.
+    is stable; a designed hub is made heavy enough for that. The start is unchanged without memory,
+    in open loop, where the rotor stops, and where its speed is that of the quasi-steady start but
+    for `FAR`: that start then needs fewer iterations.
 
     Raises
     ------
@@ -89,25 +92,60 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     """
     if not (physics.remembers and physics.law.is_feedback and start.operation.running):
         return start
-    inertia, along = physics.mass_and_inertia(start.blade)[1], []
+    found, along = _at_start(physics, start)
+    if found is None or found.stable:
+        return _followed(physics, start, along)
+    heavier = stable_hub(physics, start.blade, found, SAFE)
+    if heavier is not None:
+        return with_memory(physics, replace(start, blade=replace(start.blade, hub_inertia=heavier)))
+    inertia, least = physics.mass_and_inertia(start.blade)[1], found.least_inertia_kg_m2
+    if least is not None and inertia >= HOPELESS * least:
+        return start
+    remedy = "give another control.law, or inflow_dynamics: quasi_steady"
+    if least is not None:
+        more, key = physics.rotor.hub_of(start.blade) + SAFE * least - inertia, "rotor.hub_inertia"
+        key = "an upper bound in design.hub_inertia_bounds" if physics.designs_hub else key
+        remedy = f"give {key} of about {more:.3g} kg*m**2 or more, {remedy[5:]}"
+    problem = f"has a start whose loop with memory is {found.text}"
+    value = physics.case.inflow_dynamics.model
+    raise InputError(problem, remedy, key="inflow_dynamics", value=value)
+
+
+def stable_hub(
+    physics: Physics, blade: Blade, found: MemoryEntry | None, margin: float = MARGIN
+) -> float | None:
+    """Return the designed `hub_inertia` with which a loop is stable, kg*m**2, by a margin.
+
+    That is `margin` times the least inertia of the rotor, less that of its blades, within the
+    case's bounds. None where the hub is not designed, where no inertia makes the loop stable, and
+    where even `MARGIN` needs more than the upper bound.
+    """
+    if not physics.designs_hub or found is None or found.least_inertia_kg_m2 is None:
+        return None
+    least, rotor = found.least_inertia_kg_m2, physics.rotor
+    blades = float(rotor.blades_alone(blade).inertia)
+    hub, needed = ((x * least - blades) / rotor.inertia_factor for x in (margin, MARGIN))
+    low, high = physics.case.design.hub_inertia_bounds
+    return float(np.clip(hub, low, high)) if needed <= high else None
+
+
+def first_hub(physics: Physics, start: StartingPoint) -> float:
+    """Return the lower bound on a designed `hub_inertia` in the first optimization, kg*m**2."""
+    if not (physics.designs_hub and physics.remembers and physics.law.is_feedback):
+        return 0.0
+    found, _ = _at_start(physics, start)
+    return stable_hub(physics, start.blade, found, SAFE) or 0.0
+
+
+def _at_start(physics, start):
+    """Return the verdict along a quasi-steady start, and the series of each scenario."""
+    along = []
     for scenario, known in zip(physics.scenarios, physics.on_start(start), strict=True):
         own, names = physics.of(scenario), ("time", "rotor_speed", "inflow_speed", *physics.states)
         plant = plant_of(own, start.blade, own.mass_and_inertia(start.blade)[1])
         controller = FeedbackTorque(own.law, start.gains)
         along.append((plant, controller, [known[name] for name in names]))
-    found = _verdict(along)
-    if found is None or found.stable:
-        return _followed(physics, start, along)
-    least = found.least_inertia_kg_m2
-    if least is not None and inertia >= HOPELESS * least:
-        return start
-    remedy = "give another control.law, or inflow_dynamics: quasi_steady"
-    if least is not None:
-        more = physics.case.rotor.hub_inertia + SAFE * least - inertia
-        remedy = f"give rotor.hub_inertia of about {more:.3g} kg*m**2 or more, {remedy[5:]}"
-    problem = f"has a start whose loop with memory is {found.text}"
-    value = physics.case.inflow_dynamics.model
-    raise InputError(problem, remedy, key="inflow_dynamics", value=value)
+    return _verdict(along), along
 
 
 def _followed(physics, start, along) -> StartingPoint:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -139,6 +141,8 @@ def point_of(physics: Physics, problem) -> StartingPoint:
     speed, torque = (np.concatenate(values) for values in sampled.values())
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
+    if physics.designs_hub:
+        blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))
     names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]
     return StartingPoint(
         blade.with_shape(*map(problem.get_val, names)),

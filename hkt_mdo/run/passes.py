@@ -18,6 +18,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import SPEED_ERROR, STORED, most_between, sells, sold
+from hkt_mdo.run.memory import first_hub, stable_hub
 from hkt_mdo.run.mesh import held
 from hkt_mdo.run.optimization import point_of, solve
 from hkt_mdo.run.state import RunState
@@ -27,6 +28,8 @@ MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
+SETTLED = 0.05
+"""Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
 NEAR_STALL = 0.022
 """Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
 MOST_LOWERED = 5e-3
@@ -208,15 +211,18 @@ def _lowered(physics, setup, flights):
                 continue
             most = most_between(limit)
             over, _ = flight.between_nodes(limit)
-            share = setup.share(limit, flight.scenario)
+            share = reached = setup.share(limit, flight.scenario)
+            if flight.two_filters is not None:
+                # all stations may exceed a limit that the two filters of the nodes do not reach
+                own = 1.0 + limit.excess(flight.at_nodes)
+                reached = np.minimum(share, own.reshape(share.size, -1).max(axis=1))
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
             helps = (share > lowest) & (over < MOST_EXCEEDED)
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
-                shares[limit.name, flight.scenario.name] = share * (
-                    1.0 - np.where(over > 0.5 * most, over, 0.0)
-                )
+                lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
+                shares[limit.name, flight.scenario.name] = lower
     return shares, worst
 
 
@@ -238,6 +244,22 @@ def closed_cycle(attempt: Attempt) -> Begin | None:
     return replace(attempt.begin, physics=physics, setup=first_setup(physics, start), why=why)
 
 
+def stable_shaft(attempt: Attempt) -> Begin | None:
+    """Bound a designed hub from below by the inertia from which the loop with memory is stable.
+
+    The optimization does not see an instability whose growth is faster than its segments. A bound
+    that is too high is lowered again.
+    """
+    point, bound = attempt.result.point, attempt.setup.least_hub
+    hub = stable_hub(attempt.physics, point.blade, attempt.memory)
+    if hub is None or not (attempt.runs_away or hub < bound - SETTLED * attempt.result.inertia):
+        return None
+    why = f"the loop with memory is stable from design.hub_inertia = {hub:.4g} kg m^2"
+    heavier = replace(point.blade, hub_inertia=max(hub, point.blade.hub_inertia))
+    start, nodes = replace(point, blade=heavier), curve_nodes(attempt.physics, point)
+    return attempt.begin_again(why, start=start, nodes=nodes, least_hub=hub)
+
+
 def other_branch(attempt: Attempt) -> Begin | None:
     """Begin on the start's other branch where a judge refuses the end on the first one."""
     physics, optimum = attempt.state.first, attempt.state.optimum
@@ -255,12 +277,14 @@ def other_branch(attempt: Attempt) -> Begin | None:
 def first_setup(physics, start) -> Setup:
     """Return the setup of the first optimization from a start."""
     slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
-    return Setup(start, curve_nodes(physics, start), slowed=slowed)
+    least = first_hub(physics, start)
+    return Setup(start, curve_nodes(physics, start), slowed=slowed, least_hub=least)
 
 
 REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     smaller_moves,
     closed_cycle,
+    stable_shaft,
     distance_from_stall,
     finer_torque_curve,
     recentred_moves,
@@ -279,7 +303,8 @@ def next_begin(attempt: Attempt) -> Begin | None:
     memory of the wake is refused: no mesh helps, and its integration runs away.
     """
     if attempt.runs_away:
-        return None
+        begin = stable_shaft(attempt) if attempt.before.passes + 1 < MAX_PASSES else None
+        return begin and replace(begin, remedy="stable shaft")
     enough = attempt.before.passes + 1 >= MAX_PASSES
     *others, another_start = REMEDIES
     for remedy in (

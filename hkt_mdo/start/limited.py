@@ -177,7 +177,7 @@ class LimitedSearch(Search):
             rest = np.zeros((len(by), ratio_by.shape[1] - by.shape[1]))
             return np.hstack((by, rest)) + np.reshape(by_ratio, (-1, 1)) * ratio_by
 
-        mass = replace(physics.rotor, hub_inertia=0.0).mass_and_inertia(blade)
+        mass = physics.rotor.blades_alone(blade)
         values = {
             "ratio": ratio,
             "rotor_radius": blade.rotor_radius,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
@@ -76,7 +78,11 @@ def _blade(physics: Physics, summary) -> Blade:
     if shape.designs_thickness and summary.thickness_over_chord is not None:
         thickness = at_stations(summary.thickness_over_chord)
     chord, twist = scale * at_stations(summary.chord_m), np.deg2rad(at_stations(summary.twist_deg))
-    return shape.nearest(blade.with_shape(chord, twist, thickness))
+    found = shape.nearest(blade.with_shape(chord, twist, thickness))
+    if not physics.designs_hub or summary.hub_inertia_kg_m2 is None:
+        return found
+    hub = np.clip(summary.hub_inertia_kg_m2, *physics.case.design.hub_inertia_bounds)
+    return replace(found, hub_inertia=float(hub))
 
 
 def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:

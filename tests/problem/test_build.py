@@ -77,6 +77,11 @@ def test_totals_with_a_designed_set_angle():
     check_totals(assembled(coarse_physics(VARIANTS["linear"], more))[0])
 
 
+def test_totals_with_a_designed_hub_at_a_price():
+    more = "inflow_dynamics: oye\ndesign: {hub_inertia_bounds: [1, 9], hub_inertia_price: 2e3}"
+    check_totals(assembled(coarse_physics(VARIANTS["linear"], more, segments=2))[0])
+
+
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_start_is_nearly_feasible(name):
     """At the shipped second a segment; from an infeasible start optimizers wander off."""
