@@ -59,9 +59,9 @@ class _SolidBlade:
     """Blades for a constant torque.
 
     `ratio`: their tip speed ratio over the optimum's. `widths`: their chords over that of the best
-    blade at this ratio; each leads to an optimum of its own. `jump`: factor of the chord from one control point to the next at which the
-    solid part ends. `saturated`: demand over the limit of the torque at which a law's torque is
-    constant.
+    blade at this ratio; each leads to an optimum of its own. `jump`: factor of the chord from one
+    control point to the next at which the solid part ends. `saturated`: demand over the limit of
+    the torque at which a law's torque is constant.
     """
 
     ratio: float = 0.45
