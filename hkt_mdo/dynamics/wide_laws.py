@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
+from scipy.optimize import lsq_linear
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.sections import Quantity, refusal
@@ -13,6 +14,8 @@ from hkt_mdo.sections import Quantity, refusal
 REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitted to
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
+STEEPEST = 20.0  # exponent between neighbouring knots: a torque that doubles within 3.5 % of speed
+SLOWER, FASTER = 2.0, -1.0  # least exponents of a curve below its first and above its last knot
 COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
 STILL = 1e-3  # rad/s, slower than any rotor turns
 
@@ -145,8 +148,10 @@ class CurveFeedback(FeedbackLaw):
     """A smooth curve of the torque over the speed through knots, whose torques are designed.
 
     The logarithm of the torque is a natural cubic spline of the logarithm of the speed: between the
-    knots it may rise and fall; beyond them it is a power of the speed. The start chooses the speeds
-    of the knots; from there they are fixed.
+    knots it may rise and fall. Beyond them the torque is a power of the speed whose exponent is the
+    spline's at the end, but below the first knot at least 2, with which a rotor keeps turning in
+    any slower flow, and above the last one at least -1, constant power. The start chooses the
+    speeds of the knots; from there they are fixed.
     """
 
     law: Literal["curve"] = "curve"
@@ -189,12 +194,27 @@ class CurveFeedback(FeedbackLaw):
 
     def demand(self, speed, gains):
         place, height = np.log(gains).reshape(2, -1)
-        return np.exp(_natural_spline(place, np.log(_forward(speed))) @ height)
+        at, (below, above) = np.log(_forward(speed)), self.beyond(gains)
+        slower, faster = np.real(at) < place[0].real, np.real(at) > place[-1].real
+        inside = np.where(slower, place[0], np.where(faster, place[-1], at))
+        outside = np.where(slower, below, above) * (at - inside)
+        return np.exp(_natural_spline(place, inside) @ height + outside)
+
+    def beyond(self, gains):
+        """Return the exponents of the torque below the first knot and above the last one."""
+        place, height = np.log(gains).reshape(2, -1)
+        ends = place[[0, 0, -1, -1]] + np.array([-1.0, 0.0, 0.0, 1.0])
+        exponents = np.diff(_natural_spline(place, ends) @ height)[::2]
+        least = np.array([SLOWER, FASTER])
+        return np.where(exponents.real < least, least, exponents)
 
     def fit(self, speed, torque):
         speed, torque = np.log(speed), np.log(_positive(torque))
         place = self._spread(speed, torque)
-        height = np.linalg.lstsq(_natural_spline(place, speed), torque, rcond=None)[0]
+        # the height of the first knot and the exponents between neighbours, which are bounded
+        sums = np.tri(self.knots) * np.append(1.0, np.diff(place))
+        most = np.append(np.inf, np.full(self.knots - 1, STEEPEST))
+        height = sums @ lsq_linear(_natural_spline(place, speed) @ sums, torque, (-most, most)).x
         # knots that no speed is near have torques of the same size as the others
         height = np.clip(height, np.min(torque) - 1.0, np.max(torque) + 1.0)
         return np.exp(np.append(place, height))
@@ -213,9 +233,16 @@ class CurveFeedback(FeedbackLaw):
         return np.interp(np.linspace(0.0, share[-1], self.knots), share, fine)
 
     def moves(self, gains, factor):
-        low, high = super().moves(gains, factor)
-        low[: self.knots] = high[: self.knots] = gains[: self.knots]
-        return np.array((low, high))
+        speeds, torques = gains.reshape(2, -1)
+        low, high = super().moves(torques, factor)
+        if np.isfinite(factor):  # each of two neighbours may take half of what is left to STEEPEST
+            rise, most = np.diff(np.log(torques)), STEEPEST * np.diff(np.log(speeds))
+            apart, closer = (np.exp(0.5 * np.maximum(x, 0.0)) for x in (most - rise, most + rise))
+            low[:-1] = np.maximum(low[:-1], torques[:-1] / apart)
+            high[1:] = np.minimum(high[1:], torques[1:] * apart)
+            low[1:] = np.maximum(low[1:], torques[1:] / closer)
+            high[:-1] = np.minimum(high[:-1], torques[:-1] * closer)
+        return np.array(((*speeds, *low), (*speeds, *high)))
 
     def eased(self, gains, share):
         return np.append(gains[: self.knots], share * gains[self.knots :])

@@ -136,10 +136,14 @@ def _rated(design: Design) -> Code:
 
 
 def _curve(design: Design) -> Code:
+    law: Any = design.law
     place, height = np.log(design.gains).reshape(2, -1)
     constants = {"STILL": (STILL, "slowest speed that counts, rad/s")}
     steps = (("demand", "exp(curve(log(fmax(w, STILL))))"),)
-    return Code(constants, steps, {"curve": CubicSpline(place, height, bc_type="natural")})
+    curve, (below, above) = CubicSpline(place, height, bc_type="natural"), law.beyond(design.gains)
+    curve.extend(np.array([[0.0], [0.0], [below], [height[0] - below]]), place[:1] - 1.0)
+    curve.extend(np.array([[0.0], [0.0], [above], height[-1:]]), place[-1:] + 1.0)
+    return Code(constants, steps, {"curve": curve})
 
 
 def _tracking(design: Design) -> Code:

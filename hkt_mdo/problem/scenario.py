@@ -6,10 +6,12 @@ import warnings
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar
+from unittest.mock import patch
 
 import numpy as np
+import openmdao.api as om
 from openmdao.utils.om_warnings import OMDeprecationWarning
-from scipy.sparse import block_diag, csr_array, diags_array, kron
+from scipy.sparse import block_diag, csr_array, diags_array, kron, lil_array
 
 from hkt_mdo.case import Condition, Phase
 from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
@@ -22,6 +24,7 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", OMDeprecationWarning)
     import dymos as dm
+    from dymos.transcriptions.common import control_comp
     from dymos.utils.hermite import hermite_matrices
     from dymos.utils.lagrange import lagrange_matrices
     from dymos.utils.lgl import lgl
@@ -253,6 +256,17 @@ def _blocks(grid, given, wanted, matrices, sparse):
     return tuple(each if sparse else each.toarray() for each in found)
 
 
+class _Numpy:
+    """Numpy with sparse matrices of zeros, for one of Dymos' that takes gigabytes for an hour."""
+
+    def __getattr__(self, name):
+        return getattr(np, name)
+
+    @staticmethod
+    def zeros(shape, **options):
+        return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
+
+
 class _Lean:
     """Allows phases of thousands of segments, of unequal ones, and phases without states.
 
@@ -298,7 +312,8 @@ class _Lean:
         reference for all nodes; where they are equally spaced, it is the one that holds.
         """
         self._begin(phase, phase.control_options)
-        super().configure_controls(phase)
+        with patch.object(control_comp, "np", _Numpy()):
+            super().configure_controls(phase)
         grid = self.grid_data
         spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])
         for name, options in phase.control_options.items():
@@ -314,12 +329,34 @@ class _Lean:
         numbers have.
         """
         super().configure_defects(phase)
+        ends = self.grid_data.subset_node_indices["segment_ends"]
+        for name in phase.control_options if ends.size > 2 else ():
+            for end, nodes in (("before", ends[1:-1:2]), ("after", ends[2:-1:2])):
+                source = f"control_rates:{name}_rate"
+                phase.connect(source, f"{name}_kinks.{end}", src_indices=om.slicer[nodes, :])
         grid, long = self.grid_data, np.diff(self.options["segment_ends"]) / LONG
         factor = np.repeat(np.maximum(long, 1.0), grid.subset_num_nodes_per_segment["col"])
         for name, options in phase.state_options.items():
             phase.collocation_constraint.set_constraint_options(
                 f"defects:{name}", ref=options["defect_ref"] * factor
             )
+
+    def setup_defects(self, phase):
+        """Make the rates of controls continuous between segments.
+
+        Dymos first makes the pattern of this constraint as a dense matrix, gigabytes for an hour.
+        """
+        super().setup_defects(phase)
+        known, n = self.options["start"]["time"], self.grid_data.num_segments - 1
+        for name, options in phase.control_options.items() if n else ():
+            half = 0.5 * (known[-1] - known[0])
+            kinks = om.AddSubtractComp(
+                *("kink", ["after", "before"], n),
+                units=f"{options['units']}/s",
+                scaling_factors=[half, -half],
+            )
+            phase.add_subsystem(f"{name}_kinks", kinks)
+            kinks.add_constraint("kink", equals=0.0, ref=options["ref"])
 
     def setup_states(self, phase):
         """Skip the component where there are no states."""
@@ -411,14 +448,13 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
 
 
 def _add_control(phase, name, ref, **options):
-    """Add a control whose value and rate are continuous."""
+    """Add a control whose value is continuous; `_Lean` makes its rate so."""
     phase.add_control(
         name,
         targets=[name],
         units=QUANTITIES[name].unit,
-        continuity=True,
-        rate_continuity=True,
-        rate_continuity_ref=ref,
+        continuity=False,
+        rate_continuity=False,
         ref=ref,
         **options,
     )

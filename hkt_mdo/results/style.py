@@ -15,7 +15,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.layout_engine import TightLayoutEngine
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import make_folder, write_files
@@ -41,7 +41,7 @@ DPI = 150
 """Dots per inch of a PNG."""
 
 
-class _Layout(ConstrainedLayoutEngine):
+class _Layout(TightLayoutEngine):
     """A layout in which the labels of the vertical axes are aligned.
 
     `Figure.align_ylabels` measures all vertical axes again for each of them.

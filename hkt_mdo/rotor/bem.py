@@ -729,7 +729,7 @@ def torque_weights(blade):
     return blade.blade_count * spacing * blade.r / (np.pi * blade.tip_radius**3)
 
 
-def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
+def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=None):
     """Return the `Coefficients` of a rotor, and the torque's derivatives if asked.
 
     Coned blades meet V cos(cone) at Omega r cos(cone) (CCBlade): a section sees the ratio of blade
@@ -749,6 +749,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         Omega R / V of the disc, positive.
     derivatives : bool
         Whether the derivatives are computed.
+    flow : Sections, optional
+        The flow at the points, if it is known, with its derivatives if they are asked for.
 
     Returns
     -------
@@ -765,7 +767,11 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
     # Only the derivatives of the tangential load by tip speed ratio, chord and twist are needed.
     follows = isinstance(polar, LocalReynolds | ByThickness)
     n_inputs = (len(INPUTS) if follows else 3) if derivatives else 0
-    state, branch, gradient = _solve(along, *_arguments(blade, polar, along), 1, n_inputs)
+    if flow is None:
+        state, branch, gradient = _solve(along, *_arguments(blade, polar, along), 1, n_inputs)
+    else:
+        state, branch = [values.T for values in flow[:8]], flow.branch.T
+        gradient = flow.derivatives.swapaxes(-1, -2)
     if np.min(branch) < 0:
         warnings.warn(
             f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "

@@ -172,7 +172,7 @@ class Hydrodynamics:
         points = np.asarray(tip_speed_ratio, dtype=float) / np.cos(blade.cone)
         return bem.sections(blade, self.polar, points, derivatives)
 
-    def coefficients(self, blade, tip_speed_ratio, derivatives=False):
+    def coefficients(self, blade, tip_speed_ratio, derivatives=False, flow=None):
         """Return torque, power and thrust coefficient of the rotor.
 
         Parameters
@@ -183,6 +183,8 @@ class Hydrodynamics:
             Omega R / V of the disc, positive.
         derivatives : bool
             Whether the derivatives of the torque coefficient are computed.
+        flow : Sections, optional
+            What `sections` returns for the same, if it is known; not for CCBlade.
 
         Returns
         -------
@@ -196,7 +198,8 @@ class Hydrodynamics:
         InputError
             If the solver is CCBlade and WISDEM is not installed.
         """
-        return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives)
+        known = {"flow": flow} if self.solver == "vectorized" else {}
+        return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives, **known)
 
     def suction(self, angle_of_attack, *thickness):
         """Return the largest -Cp of the sections of a blade and its slopes.

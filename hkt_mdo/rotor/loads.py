@@ -178,7 +178,8 @@ class LoadModel:
         names : sequence of str, optional
             Names of the loads; by default all of `names`.
         flow : Sections, optional
-            The flow at the points, where its wake is not in equilibrium; without derivatives.
+            The flow at the points, if it is known, or where its wake is not in equilibrium; with
+            its derivatives if they are asked for.
 
         Returns
         -------

@@ -26,6 +26,7 @@ WIDE = MoveLimits(
 )  # of one SLSQP whose limits are elastic, which finds back from a poor linearization
 SCHEDULES, GAIN = 3, 1e-5  # most schedules chosen anew, and the relative gain that is worth one
 LOSS = 2.0  # share of the objective lost, over the excess at the beginning, that is too much
+HOPELESS = 0.2  # share of a rival's objective that no second way makes up for
 _PARTS = "chord_control", "twist_control", "thickness_control", "rotor_radius", "gain"
 
 
@@ -237,6 +238,8 @@ def _with_schedule_anew(search, best, rival) -> StartingPoint:
         again = search.with_schedule_anew(best)
         if again is None or again.objective <= (1.0 + GAIN) * best.objective:
             break
+        if _hopeless(again, rival):
+            break
         end = _improved(search, search.second, again, rival)[0]
         if search.rank(end) <= search.rank(best):
             break
@@ -268,8 +271,13 @@ def _improved(search, settings, point, rival) -> tuple[StartingPoint, bool]:
             return best, False  # it does not reach points that keep the limits
         elastic = settings.price and point.excess > START_EXCESS
         if not elastic and missing > max(settings.behind * abs(rival), settings.last * gained):
-            return best, best.excess <= START_EXCESS
+            return best, best.excess <= START_EXCESS or _hopeless(best, rival)
     return best, False
+
+
+def _hopeless(point, rival) -> bool:
+    """Tell whether a point that has been given up is too far behind a rival for another way."""
+    return rival - point.objective > HOPELESS * abs(rival)
 
 
 def _maximized(

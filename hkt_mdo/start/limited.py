@@ -195,12 +195,13 @@ class LimitedSearch(Search):
             weight = physics.loads.weight_stress(blade)
             by = weight.by_chord, weight.by_twist, weight.by_thickness, weight.by_rotor_radius
             values["weight_stress"], slopes["weight_stress"] = weight.values[0], by_all(by)[:1]
-        rotor = physics.rotor.coefficients(blade, ratio, derivatives=True)
+        flow = physics.rotor.sections(blade, ratio, True) if names else None
+        rotor = physics.rotor.coefficients(blade, ratio, True, flow)
         values["torque"] = rotor.torque
         by = rotor.torque_by_chord, rotor.torque_by_twist, rotor.torque_by_thickness
         by = *by, rotor.torque_by_rotor_radius
         slopes["torque"] = by_all(by, rotor.torque_by_tip_speed_ratio)
-        loads = physics.loads.coefficients(blade, ratio, True, names) if names else {}
+        loads = physics.loads.coefficients(blade, ratio, True, names, flow) if names else {}
         for name, load in loads.items():
             largest = load.envelope(physics.loads.exponent)
             by = largest.by_chord, largest.by_twist, largest.by_thickness, largest.by_rotor_radius

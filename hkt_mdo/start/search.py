@@ -162,16 +162,15 @@ class ScheduleSearch:
         there = [end for end in ended if self.steady.side(end) == branch]
         if there or not self.task.improves:
             return there or ended
-        search = LimitedSearch(self.steady, self.task.problem.slowed)
         begin = [self.steady.on_branch(point, branch) for point in points]
         first, *others = sorted(begin, key=MERIT, reverse=True)
         others = others[self.task.effort :: SCHEDULE.apart_by][: SCHEDULE.others]
-        ends = [improve_widely(search, first), *(improve(search, point) for point in others)]
-        self._note(*ends)
-        there = [
-            end for end in ends if end.excess <= START_EXCESS and self.steady.side(end) == branch
+        ends = [
+            end
+            for end in self._improved([first, *others], first=improve_widely)
+            if end.excess <= START_EXCESS
         ]
-        return there or ended
+        return [end for end in ends if self.steady.side(end) == branch] or ended
 
     def _of_law(self) -> list[StartingPoint]:
         """Return the improved candidates of a feedback law."""
@@ -185,7 +184,8 @@ class ScheduleSearch:
             groups = [[self._own(candidate)] for candidate in known]
         else:
             solid = strategies.constant_torque(task) if task.improves else ()
-            groups = [list(solid), [self._own(candidate) for candidate in task.candidates]]
+            groups = [[each] for each in solid]
+            groups.append([self._own(candidate) for candidate in task.candidates])
         if task.improves or fitted_only:
             guides, strategy = self._guides(law.coarser() if free else None)
             groups += [[strategies.fitted(self.task, guide, strategy)] for guide in guides]
@@ -232,20 +232,23 @@ class ScheduleSearch:
 
         Improved are the best ones, as many as `start.effort` says.
         """
-        chosen = sorted(points, key=MERIT, reverse=True)[: self.task.effort]
-        ends = {id(point): point for point in chosen}
+        ranked, effort = sorted(points, key=MERIT, reverse=True), self.task.effort
+        asked = self.physics.case.start.branch != "best"  # which is not given up
+        rivals = [x.objective for x in others if x.excess <= START_EXCESS and not asked]
+        ends = self._improved(ranked[:effort], max(rivals, default=-np.inf))
+        self._note(*ranked[effort:])
+        return max(ends, key=MERIT)
+
+    def _improved(self, points, rival=-np.inf, first=improve) -> list[StartingPoint]:
+        """Return points improved, the first one by a function of its own, and note them."""
         if self.task.improves:
-            asked = self.physics.case.start.branch != "best"  # which is not given up
-            rivals = [
-                other.objective for other in others if other.excess <= START_EXCESS and not asked
-            ]
             search = LimitedSearch(self.steady, self.task.problem.slowed)
-            best = max(rivals, default=-np.inf)
-            ends = {id(point): improve(search, point, best) for point in chosen}
+            ways = first, *[improve] * len(points)
+            points = [way(search, *x, rival) for way, *x in zip(ways, points, strict=False)]
         if self.physics.law.is_static:
-            ends = {key: self._fastest(end) for key, end in ends.items()}
-        self._note(*(ends.get(id(point), point) for point in points))
-        return max(ends.values(), key=MERIT)
+            points = [self._fastest(point) for point in points]
+        self._note(*points)
+        return points
 
     def _note(self, *points) -> None:
         """Add points to the outcomes of the search."""
@@ -255,10 +258,11 @@ class ScheduleSearch:
         """Return a law's point, or that of its fastest equilibrium where this counts or is better.
 
         A law may have several equilibria in a flow. In a steady scenario the rotor is at the
-        fastest; over time it begins at the one that is chosen.
+        fastest; over time it begins at the one that is chosen. Its operation is the fastest one.
         """
         operating = self.task.operating(point)
         real = self.steady.in_balance(operating)
+        point = replace(point, operation=operating.operation)
         if operating.operation.running and _is_close(real.ratio, point.ratio):
             return point
         steady = any(scenario.steady for scenario in self.physics.scenarios)
@@ -306,13 +310,11 @@ def start_of(
 def _of_static_law(steady, problem, best) -> Operation:
     """Return a static law's operation: at its fastest equilibria, unless others were designed."""
     table = steady.curves(best.blade).values["torque"]
-    coarse = SteadyFlow.of(steady.physics, steady.spline)
-    few = replace(problem, inflow_speed=coarse.speeds, weights=coarse.weights)
-    ratio = few.operate(table, best.gains).rotor_speed * problem.rotor_radius / coarse.speeds
-    if _is_close(ratio, best.ratio):
+    coarse, radius = SteadyFlow.of(steady.physics, steady.spline).speeds, problem.rotor_radius
+    if _is_close(best.operation.rotor_speed * radius / coarse, best.ratio):
         return problem.operate(table, best.gains)
     flow = problem.inflow_speed
-    speed = np.interp(flow, coarse.speeds, best.ratio) * flow / problem.rotor_radius
+    speed = np.interp(flow, coarse, best.ratio) * flow / radius
     return problem.held(table, speed)
 
 

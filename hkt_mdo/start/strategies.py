@@ -58,12 +58,14 @@ class _Fit:
 class _SolidBlade:
     """Blades for a constant torque.
 
-    `ratio`: their tip speed ratio over the optimum's. `jump`: factor of the chord from one station
-    to the next at which the solid part ends. `saturated`: demand over the limit of the torque at
-    which a law's torque is constant.
+    `ratio`: their tip speed ratio over the optimum's. `widths`: their chords over that of the best
+    blade at this ratio; each leads to an optimum of its own. `jump`: factor of the chord from one
+    control point to the next at which the solid part ends. `saturated`: demand over the limit of
+    the torque at which a law's torque is constant.
     """
 
     ratio: float = 0.45
+    widths: tuple[float, ...] = (1.0, 3.0)
     jump: float = 2.0
     saturated: float = 10.0
 
@@ -225,7 +227,7 @@ def fitted(task: Task, guide: StartingPoint, strategy: str) -> StartingPoint:
 
 
 def constant_torque(task: Task) -> Iterator[StartingPoint]:
-    """Yield a law's point at its torque limit, if any, with a solid blade for a slow rotor.
+    """Yield a law's points at its torque limit, if any, with solid blades for a slow rotor.
 
     At a constant torque the power is proportional to the rotor speed, which varies little with the
     flow if the torque falls steeply with the tip speed ratio: that of solid, slow blades does.
@@ -243,21 +245,22 @@ def constant_torque(task: Task) -> Iterator[StartingPoint]:
     if law.torque_limit is None or not shape.designs_chord:
         return
     ratio = SOLID_BLADE.ratio * optimum.tip_speed_ratio
-    blade = task.physics.rotor.best_blade(shape, ratio, optimum.blade).blade
-    blade = shape.nearest(blade)
-    torque = task.steady.curves(blade).values["torque"]
-    held = replace(task.problem, law=OpenLoop(torque_limit=law.torque_limit)).operate(torque)
-    demand = np.full(held.rotor_speed.shape, SOLID_BLADE.saturated * law.torque_limit)
-    gains = np.clip(law.fit(held.rotor_speed, demand), *gain_bounds(task.physics))
-    point = StartingPoint(blade, gains, held, strategy=CONSTANT_TORQUE)
-    yield task.steady.in_balance(task.operating(point))
+    best = task.physics.rotor.best_blade(shape, ratio, optimum.blade).blade
+    for width in SOLID_BLADE.widths:
+        blade = shape.nearest(replace(best, chord=width * best.chord))
+        torque = task.steady.curves(blade).values["torque"]
+        held = replace(task.problem, law=OpenLoop(torque_limit=law.torque_limit)).operate(torque)
+        demand = np.full(held.rotor_speed.shape, SOLID_BLADE.saturated * law.torque_limit)
+        gains = np.clip(law.fit(held.rotor_speed, demand), *gain_bounds(task.physics))
+        point = StartingPoint(blade, gains, held, strategy=CONSTANT_TORQUE)
+        yield task.steady.in_balance(task.operating(point))
 
 
 def longer_solid_part(task: Task, point: StartingPoint) -> Iterator[StartingPoint]:
-    """Yield a law's point with the solid inner part of its blade a station longer, if any.
+    """Yield a law's point with the solid part of its blade a control point longer, if any.
 
-    A rotor at a constant torque is solid inboard and slender outboard. How many of its stations are
-    solid is a choice between optima: none follows from another by small changes.
+    A rotor at a constant torque is solid inboard and slender outboard. How many of its control
+    points are solid is a choice between optima: none follows from another by small changes.
 
     Parameters
     ----------
@@ -270,14 +273,17 @@ def longer_solid_part(task: Task, point: StartingPoint) -> Iterator[StartingPoin
     ------
     StartingPoint
     """
-    blade, shape = point.blade, task.physics.shape
-    chord, twist = blade.chord.copy(), blade.twist.copy()
-    jump = chord[1:-2] / chord[2:-1]  # the last station may be as slender as its bounds allow
-    if not shape.designs_chord or np.max(jump, initial=0.0) < SOLID_BLADE.jump:
+    shape = task.physics.shape
+    if not shape.designs_chord:
+        return
+    chord, twist, *others = (each.copy() for each in shape.control(point.blade))
+    jump = chord[1:-2] / chord[2:-1]  # the last one may be as slender as its bounds allow
+    if np.max(jump, initial=0.0) < SOLID_BLADE.jump:
         return
     last = 1 + int(np.argmax(jump))
-    chord[last + 1] = chord[last] ** 2 / chord[last - 1]
-    twist[last + 1] = 2.0 * twist[last] - twist[last - 1]
-    blade = shape.nearest(blade.with_shape(chord, twist, blade.thickness))
+    chord[last + 1] = min(chord[last] ** 2 / chord[last - 1], shape.chord_bounds[1])
+    if twist.size == chord.size:
+        twist[last + 1] = 2.0 * twist[last] - twist[last - 1]
+    blade = shape.nearest(shape.at(chord, twist, *others, point.blade.rotor_radius))
     longer = replace(point, blade=blade, strategy=LONGER)
     yield task.steady.in_balance(task.operating(longer))

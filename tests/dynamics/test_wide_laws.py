@@ -9,7 +9,13 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
+from hkt_mdo.dynamics.wide_laws import (
+    STEEPEST,
+    STILL,
+    CurveFeedback,
+    PowerLawFeedback,
+    RatedFeedback,
+)
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -74,19 +80,38 @@ def test_a_curve_is_a_natural_spline_of_the_logarithms():
     np.testing.assert_allclose(law.torque(KNOTS, np.append(KNOTS, TORQUES)), TORQUES, rtol=1e-12)
 
 
-@pytest.mark.parametrize(("end", "beyond"), [(0, [0.5, 3.0]), (-1, [13.0, 40.0])])
-def test_a_curve_goes_on_as_a_power_of_the_speed(end, beyond):
-    law, gains = CurveFeedback(knots=5), np.append(KNOTS, TORQUES)
-    exponent = law.torque_by_speed(KNOTS[[end]], gains) * KNOTS[end] / TORQUES[end]
-    expected = TORQUES[end] * (np.array(beyond) / KNOTS[end]) ** exponent
-    np.testing.assert_allclose(law.torque(np.array(beyond), gains), expected, rtol=1e-11)
+@pytest.mark.parametrize(
+    ("torques", "least"),
+    [
+        ([150.0, 330.0, 400.0, 300.0, 250.0], (None, None)),
+        ([900.0, 600.0, 500.0, 80.0, 20.0], (2, -1)),
+    ],
+)
+def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
+    """With the spline's exponents, at least 2 in slower flow and -1, constant power, in faster."""
+    law, gains = CurveFeedback(knots=5), np.append(KNOTS, torques)
+    spline = CubicSpline(np.log(KNOTS), np.log(torques), bc_type="natural")
+    for end, beyond, fixed in zip((0, -1), ([0.5, 3.0], [13.0, 40.0]), least, strict=True):
+        exponent = spline(np.log(KNOTS[end]), 1) if fixed is None else fixed
+        expected = torques[end] * (np.array(beyond) / KNOTS[end]) ** exponent
+        np.testing.assert_allclose(law.torque(np.array(beyond), gains), expected, rtol=1e-11)
 
 
 @pytest.mark.parametrize("exponent", [2.0, 0.0, -1.0])
 def test_a_curve_holds_every_power_of_the_speed_exactly(exponent):
-    law = CurveFeedback(knots=4)
+    law, speed = CurveFeedback(knots=4), SPEED[(SPEED > KNOTS[0]) | (exponent == 2.0)]
     gains = law.fit(KNOTS, 30.0 * KNOTS**exponent)
-    np.testing.assert_allclose(law.torque(SPEED, gains), 30.0 * SPEED**exponent, rtol=1e-10)
+    np.testing.assert_allclose(law.torque(speed, gains), 30.0 * speed**exponent, rtol=1e-10)
+
+
+def test_neighbouring_knots_stay_within_the_steepest_exponent():
+    """In a fit to a wall, and after any number of moves that are as far apart as allowed."""
+    law, steepest = CurveFeedback(knots=5), STEEPEST + 1e-9
+    gains = law.fit(np.array([5.0, 5.01, 6.0]), np.array([1.0, 500.0, 500.0]))
+    for _ in range(9):
+        exponents = np.diff(np.log(gains[5:])) / np.diff(np.log(gains[:5]))
+        assert np.max(np.abs(exponents)) <= steepest
+        gains = np.where(np.arange(10) % 2, *law.moves(gains, 1.2))
 
 
 def test_a_schedule_that_drives_the_rotor_is_fitted_without_its_sign():

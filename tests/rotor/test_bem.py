@@ -13,6 +13,7 @@ from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 
 POLARS = [PolarFamily.from_file(name).polars[0] for name in shipped_names("polar")]
 
@@ -335,6 +336,15 @@ def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
         blade.r[::-1], blade.chord[::-1], blade.twist[::-1], blade.hub_radius, blade.tip_radius, 3
     )
     assert np.array_equal(bem.sections(back, polar, ratio).normal_load[:, ::-1], whole.normal_load)
+
+
+@pytest.mark.parametrize("cone", [0.0, 0.1])
+def test_coefficients_follow_from_sections_that_are_known(blade, polar, cone):
+    rotor, ratio = Hydrodynamics(polar), np.array([5.0, 8.0, 11.0])
+    coned = replace(blade, cone=cone)
+    known = rotor.coefficients(coned, ratio, True, rotor.sections(coned, ratio, True))
+    for found, expected in zip(known, rotor.coefficients(coned, ratio, True), strict=True):
+        np.testing.assert_array_equal(found, expected)
 
 
 def test_points_do_not_depend_on_their_company(blade, polar):

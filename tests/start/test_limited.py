@@ -8,6 +8,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.find import steady_optimum
+from hkt_mdo.start.improve import improve
 from hkt_mdo.start.limited import LimitedSearch
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from hkt_mdo.start.steady_flow import SteadyFlow
@@ -39,3 +40,17 @@ def test_slopes_of_objective_and_constraints(law):
     for unit in np.eye(z.size):
         numeric.append((values(z / units + step * unit) - values(z / units - step * unit)) / 2e-6)
     assert np.allclose(slopes, np.transpose(numeric), rtol=1e-5, atol=1e-5)
+
+
+def test_a_point_far_behind_another_branch_has_no_second_search(monkeypatch):
+    """Which would find a blade that keeps the limit of its stress."""
+    limits = {"power": "5 kW", "stress": "100 MPa"}
+    case = physics(load_case({"inflow": "sine", "control": "open_loop", "limits": limits}))
+    problem = QuasiSteady.of(case, steady_optimum(case, case.blade))
+    flow = SteadyFlow.of(case, TorqueSpline(problem.spline.nodes[::10]), 3)
+    point = flow.on_branch(StartingPoint(case.blade, np.empty(0), None), "overspeed")
+    assert point.excess > 0.5
+    search, ahead = LimitedSearch(flow, 0.0), 10.0 * point.objective
+    assert improve(search, point, ahead).excess > 0.01
+    monkeypatch.setattr("hkt_mdo.start.improve.HOPELESS", np.inf)
+    assert improve(search, point, ahead).excess < 1e-3

@@ -122,7 +122,7 @@ def test_a_solid_blade_keeps_its_speed_at_a_constant_torque(monkeypatch):
     solid = strategies.SOLID_BLADE
     for ratio in (solid.ratio, 0.6):
         monkeypatch.setattr(strategies, "SOLID_BLADE", replace(solid, ratio=ratio))
-        (point,) = strategies.constant_torque(task)
+        point, _ = strategies.constant_torque(task)
         operation = task.operating(point).operation
         assert operation.running
         assert np.allclose(operation.hydrodynamic_torque, 700.0, rtol=1e-4)

@@ -229,10 +229,11 @@ def test_random_turbines_are_cases_and_the_same_for_a_seed(tmp_path):
 
 
 def test_an_open_loop_below_a_law_is_told(tmp_path):
-    def ended(law, objective, seconds=20.0):
-        summary = SimpleNamespace(objective=SimpleNamespace(simulated=objective))
-        result = SimpleNamespace(success=objective > 0.0, summary=summary)
-        return turbines.Run(tmp_path / "0_001" / law, result, seconds, "refused")
+    def ended(law, delivered, seconds=20.0):
+        result = SimpleNamespace(success=delivered > 0.0)
+        run = turbines.Run(tmp_path / "0_001" / law, result, seconds, "refused")
+        run.__dict__["delivered"] = delivered or np.nan
+        return run
 
     runs = [ended("rated", 99.0), ended("curve", 101.0), ended("quadratic", 0.0, 300.0)]
     told = "\n".join(turbines.table([*runs, ended("open_loop", 100.0)]))
