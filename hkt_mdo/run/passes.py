@@ -192,8 +192,8 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
         return None
     why = _exceeded(worst)
     setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
-    if attempt.converged and attempt.is_dated:
-        setup = replace(setup, moves=MoveLimits())
+    if _may_hold(physics):
+        setup = replace(setup, moves=MoveLimits() if attempt.is_dated else HELD)
     return replace(attempt.begin, physics=physics, setup=setup, why=why)
 
 

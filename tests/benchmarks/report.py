@@ -136,11 +136,7 @@ The exponent is that of the evaluation over the last step of each table.
             ]
             header = (what, "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
             text += f"\n{word}{table(header, rows)}\nExponent {of['slope']:.2f}.\n"
-    return f"""{text}
-Set-up and its memory grow faster than linearly at thousands of segments: Dymos makes the patterns
-of a control's continuity dense before it takes their nonzeros. This
-happens once, not in every iteration.
-"""
+    return text
 
 
 def many(found):
