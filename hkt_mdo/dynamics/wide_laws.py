@@ -6,7 +6,6 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.optimize import lsq_linear
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.sections import Quantity, refusal
@@ -209,6 +208,8 @@ class CurveFeedback(FeedbackLaw):
         return np.where(exponents.real < least, least, exponents)
 
     def fit(self, speed, torque):
+        from scipy.optimize import lsq_linear  # reading a case does not need SciPy
+
         speed, torque = np.log(speed), np.log(_positive(torque))
         place = self._spread(speed, torque)
         # the height of the first knot and the exponents between neighbours, which are bounded
