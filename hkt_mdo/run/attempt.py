@@ -27,8 +27,8 @@ WORTHWHILE = 1e-6
 DATED = 5e-4
 """Change of the objective by finer meshes after which a held design is optimized again.
 
-After a change of 4e-4, in one and in ten minutes of turbulence, a held design had lost 2e-6 to 3e-6,
-a third of the error that a mesh may have.
+After a change of 4e-4, in one and in ten minutes of turbulence, a held design had lost 2e-6 to
+3e-6, a third of the error that a mesh may have.
 """
 
 FEW = 0.1
