@@ -448,12 +448,16 @@ def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_
 
 
 def _add_control(phase, name, ref, **options):
-    """Add a control whose value is continuous; `_Lean` makes its rate so."""
+    """Add a control whose value is continuous; `_Lean` makes its rate so.
+
+    With the Radau transcription the last value of a segment is extrapolated, so that Dymos has to
+    make it equal to the first of the next one; with the other one it is the same unknown.
+    """
     phase.add_control(
         name,
         targets=[name],
         units=QUANTITIES[name].unit,
-        continuity=False,
+        continuity=isinstance(phase.options["transcription"], Radau),
         rate_continuity=False,
         ref=ref,
         **options,
