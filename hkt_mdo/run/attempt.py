@@ -24,11 +24,11 @@ from hkt_mdo.start.find import bounding_optimum, find_start
 WORTHWHILE = 1e-6
 """Relative gain of the objective for which a move limit is re-centred again."""
 
-DATED = 5e-4
+DATED = 1e-4
 """Change of the objective by finer meshes after which a held design is optimized again.
 
-After a change of 4e-4, in one and in ten minutes of turbulence, a held design had lost 2e-6 to
-3e-6, a third of the error that a mesh may have.
+After a change of 4e-4 a held design had lost 2e-6 to 3e-6 in one and in ten minutes of turbulence,
+and 1.4e-5, more than a mesh may, in a short sine.
 """
 
 FEW = 0.1

@@ -254,7 +254,7 @@ def stable_shaft(attempt: Attempt) -> Begin | None:
     hub = stable_hub(attempt.physics, point.blade, attempt.memory)
     if hub is None or not (attempt.runs_away or hub < bound - SETTLED * attempt.result.inertia):
         return None
-    why = f"the loop with memory is stable from design.hub_inertia = {hub:.4g} kg m^2"
+    why = f"the loop with memory is stable from {hub:.4g} kg m^2 besides the blades"
     heavier = replace(point.blade, hub_inertia=max(hub, point.blade.hub_inertia))
     start, nodes = replace(point, blade=heavier), curve_nodes(attempt.physics, point)
     return attempt.begin_again(why, start=start, nodes=nodes, least_hub=hub)
