@@ -244,13 +244,13 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
     if physics.designs_hub:
         low, high = physics.case.design.hub_inertia_bounds
-        low, name = max(low, setup.least_hub), "hub_inertia"
-        hub, units = np.clip(start.blade.hub_inertia, low, high), {"units": "kg*m**2"}
-        (kept if setup.moves == HELD else designed)[name] = {
-            "val": hub,
-            "desc": DESIGNED[name],
-        } | units
-        if setup.moves != HELD:
+        low, name, units = max(low, setup.least_hub), "hub_inertia", {"units": "kg*m**2"}
+        hub = np.clip(start.blade.hub_inertia, low, high)
+        about = {"val": hub, "desc": DESIGNED[name], **units}
+        if setup.moves == HELD:
+            kept[name] = about
+        else:
+            designed[name] = about
             ref = physics.mass_and_inertia(start.blade)[1]
             model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
     for scenario in physics.scenarios:

@@ -343,6 +343,11 @@ class Physics:
         """Whether the inertia of all that is not a blade is designed."""
         return self.blade.hub_inertia is not None
 
+    def with_hub(self, blade: Blade, inertia: float) -> Blade:
+        """Return a blade with a designed `hub_inertia`, kg*m**2, within its bounds."""
+        inertia = float(np.clip(inertia, *self.case.design.hub_inertia_bounds))
+        return replace(blade, hub_inertia=inertia)
+
     def price_of(self, blade: Blade) -> float:
         """Return the price of a designed `hub_inertia`, J, which lowers the objective."""
         return self.case.design.hub_inertia_price * (blade.hub_inertia or 0.0)

@@ -166,7 +166,5 @@ def _design(physics, data):
     gains = _numbers(data["gains"], len(physics.gain_units))
     blade = shape.nearest(blade.with_shape(*found))
     if physics.designs_hub:
-        hub = float(_numbers(data["hub_inertia_kg_m2"], 1)[0])
-        hub = float(np.clip(hub, *physics.case.design.hub_inertia_bounds))
-        blade = replace(blade, hub_inertia=hub)
+        blade = physics.with_hub(blade, _numbers(data["hub_inertia_kg_m2"], 1)[0])
     return blade, gains, reference

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
@@ -81,8 +79,7 @@ def _blade(physics: Physics, summary) -> Blade:
     found = shape.nearest(blade.with_shape(chord, twist, thickness))
     if not physics.designs_hub or summary.hub_inertia_kg_m2 is None:
         return found
-    hub = np.clip(summary.hub_inertia_kg_m2, *physics.case.design.hub_inertia_bounds)
-    return replace(found, hub_inertia=float(hub))
+    return physics.with_hub(found, summary.hub_inertia_kg_m2)
 
 
 def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
