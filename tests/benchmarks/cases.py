@@ -72,10 +72,10 @@ class TimedBEM:
     def __init__(self, name):
         self.seconds, self._solve = 0.0, BEM[name]
 
-    def __call__(self, *arguments):
+    def __call__(self, *arguments, **options):
         """Solve."""
         began = time.perf_counter()
         try:
-            return self._solve(*arguments)
+            return self._solve(*arguments, **options)
         finally:
             self.seconds += time.perf_counter() - began
