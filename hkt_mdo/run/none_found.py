@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import ElectricalPowerLimit, PowerLimit
-from hkt_mdo.dynamics.tracking import Tracking
-from hkt_mdo.dynamics.wide_laws import CurveFeedback, RatedFeedback
 from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.start.find import find_start, steady_optimum
 
 NONE_FOUND = (
     "no design that keeps the limits was found from {starts}: the smallest violation was "
     "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
     "{key}, or wider design bounds)"
 )
-LAWS = RatedFeedback, CurveFeedback, Tracking
-"""Laws that keep more limits than one gain can, the simplest first."""
 
 
 def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
@@ -38,8 +31,8 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
-    law = nearest_law(physics)
-    law = law and f"control.law: {law}, which keeps them in quasi-steady operation, "
+    one_gain = physics.law.is_feedback and len(physics.gain_units) == 1
+    law = "control.law: curve, which can keep more limits, " * one_gain
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
     return NONE_FOUND.format(starts=starts(start), **about)
 
@@ -56,27 +49,6 @@ def _in_flow(physics, start, name) -> str:
     if over.size != flow.size:  # a limit on the design alone
         return "in any flow"
     return f"in a flow of {flow[np.argmax(over)]:.4g} m/s"
-
-
-def nearest_law(physics: Physics) -> str:
-    """Return the name of the simplest other law whose start keeps the limits; empty if none does.
-
-    Open loop has none: if it cannot keep a limit, no law can.
-    """
-    if not physics.law.is_feedback:
-        return ""
-    case, optimum = physics.case, steady_optimum(physics, physics.blade)
-    given = {"torque_limit": case.control.torque_limit, "cut_out": case.control.cut_out}
-    powers = any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in physics.all_limits)
-    for kind in LAWS:
-        if isinstance(physics.law, kind) or (kind is RatedFeedback and not powers):
-            continue
-        design = case.design.model_copy(update={"gain_bounds": None})
-        other = make_physics(case.model_copy(update={"control": kind(**given), "design": design}))
-        start = find_start(other, optimum)
-        if start.operation.running and max(other.excesses(start).values()) <= START_EXCESS:
-            return other.law.law
-    return ""
 
 
 def _is_of(check: CheckEntry, limit: str) -> bool:

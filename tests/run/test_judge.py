@@ -6,19 +6,17 @@ from typing import Annotated, ClassVar
 import numpy as np
 import pytest
 
-from hkt_mdo.case import Phase, load_case
+from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
-from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.dynamics.wide_laws import CurveFeedback
-from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.flight import SAMPLES, fly, simulated_objective
 from hkt_mdo.run.judge import _behind_open_loop, explain
-from hkt_mdo.run.none_found import nearest_law, none_found
+from hkt_mdo.run.none_found import none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.sections import Quantity
 
@@ -439,14 +437,6 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
     assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
     assert told(1.1 * steepest, 0.5) == ""  # the start does
-
-
-def test_the_simplest_law_that_keeps_the_limits_is_reported():
-    """Constant power needs a limit of the power; what open loop cannot keep, no law can."""
-    control = {"law": "quadratic", "torque_limit": 700.0}
-    world = physics(load_case({"inflow": "sine", "control": control, "limits": {"power": 5000.0}}))
-    assert nearest_law(world) == "rated"
-    assert nearest_law(replace(world, law=OpenLoop())) == ""
 
 
 class LargestInertia(Limit):
