@@ -73,8 +73,7 @@ def _pass_on(found, cases, jobs, done, run) -> None:
         with tempfile.TemporaryDirectory(dir=next(iter(pairs)).parent) as scratch:
             again = {}
             for number, (folder, source) in enumerate(pairs.items()):
-                start = cases[folder].start.model_copy(update={"from_": str(source)})
-                case = cases[folder].model_copy(update={"start": start})
+                case = passed_on(cases[folder], str(source))
                 again[folder] = partial(run, case, Path(scratch, str(number)))
 
             def ended(folder, future):
@@ -89,6 +88,15 @@ def _pass_on(found, cases, jobs, done, run) -> None:
                 done(folder, "better from another's design" if better else "not better")
 
             in_processes(again.items(), jobs, ended)
+
+
+def passed_on(case: Case, source: str) -> Case:
+    """Return a case that begins at the design of another result.
+
+    It is not searched for a start again: of several optima that search may choose another one.
+    """
+    start = case.start.model_copy(update={"from_": source, "method": "blade"})
+    return case.model_copy(update={"start": start})
 
 
 def take_if_better(before: Solution, after: Solution, least: float = 0.0) -> bool:
@@ -128,7 +136,7 @@ def finished_result(folder: Path, case: Case) -> Solution | None:
         case = complete(case)  # as a run writes it
     except InputError:
         return None
-    start = solution.case.start.model_copy(update={"from_": case.start.from_})
-    same = solution.case.model_copy(update={"start": start}) == case
+    source = solution.case.start.from_
+    same = solution.case == case or (source and solution.case == passed_on(case, source))
     ended = solution.summary.checks is not None
     return solution if ended and same and solution.summary.digest == digest(case) else None
