@@ -44,7 +44,7 @@ LINE = 100  # characters of a list that is written in one line
 NUMBER = r"(?<![\w.])[-+−]?\d+(?:[.\u202f]\d+)*(?:e[-+]?\d+| ?·10[⁻⁰¹²³⁴-⁹]+)?(?: %)?"
 RESULT = re.compile(r"[.e%·\u202f]")  # of a sentence's numbers, those that are no mere counts
 APART = re.compile(r"`[^`\n]*`|<!--.*?-->|\]\([^)]*\)", re.DOTALL)  # what holds no results
-COMMAND = re.compile(r"`((?:python )?(?:scripts/|-m )[^`\n]*|make \w+[^`\n]*|hkt paper[^`\n]*)`")
+COMMAND = re.compile(r"`((?:python )?(?:scripts/|-m )[^`\n]*|make \w+[^`\n]*)`")
 
 
 def numbers_of(page):

@@ -1,9 +1,9 @@
-"""Results of `hkt paper` that docs/reproduction.md and docs/theory.md quote: data.
+"""Results of `scripts/paper.py` that docs/reproduction.md and docs/theory.md quote: data.
 
 python scripts/reproduction_page.py results/paper
 
-Writes docs/data/reproduction.json from the paper.json in a folder of `hkt paper`, and prints the
-words in which the page, written by hand, gives the numbers (`shown`), and the rows of the table of
+Writes docs/data/reproduction.json from the paper.json in a folder of `scripts/paper.py`, and prints
+the words in which the page, written by hand, gives the numbers (`shown`), and the rows of the table of
 certificates in docs/theory.md (`certificates`).
 """
 

@@ -9,14 +9,11 @@ ENOUGH = 90.0  # %
 
 KERNELS = "kernels compiled by numba run as machine code, which coverage does not see"
 FOREIGN = "needs a package that the tests do not install: NeuralFoil or pyoptsparse"
-PAPER = "`hkt paper` makes twenty optimizations, for minutes: the tests run parts of it"
 REASONS = {
     "compiled": "the choice between numba with and without its cache is made once, at import",
     "rotor/bem": KERNELS,
     "rotor/best_section": KERNELS,
     "rotor/strength": KERNELS,
-    "cli/studies": PAPER,
-    "studies/paper": PAPER,
     "rotor/neuralfoil": FOREIGN,
     "rotor/ccblade": FOREIGN,
     "solve/drivers": FOREIGN,

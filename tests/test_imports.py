@@ -55,7 +55,6 @@ ALLOWED = {
         "files",
         "problem",
         "quantities",
-        "report",
         "results",
         "rotor",
         "run",

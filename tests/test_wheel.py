@@ -121,6 +121,5 @@ def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
 
 
 @of_the_wheel
-def test_page_and_paper(hkt):
+def test_page_of_the_schema(hkt):
     assert hkt("schema", "--markdown").startswith("# The case file")
-    assert "--cases" in hkt("paper", "--help")

@@ -19,7 +19,7 @@ from typing import Annotated
 
 import typer
 
-from hkt_mdo.cli import case, resource, results, run, studies, sweep
+from hkt_mdo.cli import case, resource, results, run, sweep
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code, program_version
 
@@ -37,7 +37,7 @@ for _command in (
     *(run.run, sweep.sweep, case.check, case.n2),
     *(results.plot, results.report, results.show, results.simulate, results.compare),
     results.export,
-    *(studies.paper, case.schema, case.new, case.polar, resource.resource),
+    *(case.schema, case.new, case.polar, resource.resource),
 ):
     # the docstring is the help, and a line end within a paragraph is a blank
     _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")

@@ -56,10 +56,6 @@ NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
 _OUT = Option("--out", metavar="DIR", help="Folder to write to; created if needed.")
 Folder = Annotated[Path, _OUT]
 OutFolder = Annotated[Path | None, _OUT]
-CaseFolder = Annotated[
-    Path | None,
-    Option("--cases", metavar="DIR", help="Folder of cases.", show_default="the shipped ones"),
-]
 Seed = Annotated[int, Option(min=0, help="Seed of the random numbers.")]
 Jobs = Annotated[
     int | None, Option(min=1, max=256, help="Parallel processes.", show_default="one a core")

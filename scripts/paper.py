@@ -1,17 +1,24 @@
-"""Everything that the paper's tables and figures need, from the shipped cases.
+"""Reproduce the paper: Tables II to V and Figs. 3 to 12 of Amini et al. (ACC 2023).
 
-No model is built here. Finished cases and ensembles are reused, so an interrupted reproduction goes
-on where it stopped.
+python scripts/paper.py --out results/paper    # some minutes
+
+Writes paper.json, report.md and report.html with the results of the shipped cases beside the
+paper's numbers; exits with 3 if a check does not hold. Finished cases and ensembles are reused, so
+an interrupted reproduction goes on where it stopped.
 """
 
+import argparse
 import hashlib
 import json
+import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+from paper_report import FLOWS, SENSORS, ensemble_key, write_report
 
 from hkt_mdo.errors import InputError, program_version
 from hkt_mdo.problem.physics import physics
@@ -22,7 +29,6 @@ from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
 from hkt_mdo.start.find import steady_optimum
 from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_blade
-from hkt_mdo.studies.paper_report import FLOWS, SENSORS, ensemble_key, write_report
 from hkt_mdo.studies.uncertainty import Design, flow_named, fly_noisy
 
 
@@ -132,3 +138,30 @@ def _one_ensemble(source, flow, sensor, repeats, seed):
     names = ("time", "inflow_speed", "rotor_speed", "control_torque", "hydrodynamic_torque")
     series = {QUANTITIES[name].column: getattr(run, name)[thin].tolist() for name in names}
     return result | {"series": series}
+
+
+def main():
+    """Reproduce the paper and print the checks that do not hold."""
+    parser = argparse.ArgumentParser(description="Reproduce the paper's tables and figures.")
+    parser.add_argument("--out", type=Path, default=Path("results/paper"), help="result folder")
+    parser.add_argument("--cases", type=Path, help="folder of the case files; default: shipped")
+    parser.add_argument("--jobs", type=int, help="processes; default: one a core")
+    parser.add_argument("--repeats", type=int, default=20, help="noisy runs of each design")
+    parser.add_argument("--seed", type=int, default=1, help="of their random numbers")
+    given, began = parser.parse_args(), time.perf_counter()
+
+    def report(line):
+        print(f"[{time.perf_counter() - began:7.1f} s] {line}", flush=True)
+
+    data = reproduce(given.out, given.cases, given.jobs, given.repeats, given.seed, report)
+    failed = [check for check in data["checks"] if not check["passed"]]
+    print(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
+    for check in failed:
+        expected = f"expected {check['low']} to {check['high']}"
+        print(f"  not: {check['statement']} = {check['value']}, {expected}")
+    print(f"Report: {given.out / 'report.html'}")
+    sys.exit(3 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()

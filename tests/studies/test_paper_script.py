@@ -1,15 +1,15 @@
-"""The reproduction's report and its bookkeeping; the reproduction itself is `hkt paper`."""
+"""The reproduction's report and its bookkeeping; the reproduction itself is `scripts/paper.py`."""
 
 import json
 from concurrent.futures import Future
 
+import paper
 import pytest
+from paper_report import FLOWS, SENSORS, ensemble_key, write_report
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import to_json
-from hkt_mdo.studies import paper
 from hkt_mdo.studies.common import LAWS, SCENARIOS
-from hkt_mdo.studies.paper_report import FLOWS, SENSORS, ensemble_key, write_report
 
 
 @pytest.fixture(scope="module")

@@ -106,7 +106,7 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
     about = {"title": TITLE, "titles": TITLES, "labels": LABELS, "figures": shown} | data
-    text = rendered(Path(__file__).with_name("report.md"), **about)
+    text = rendered(Path(__file__).with_name("paper_report.md"), **about)
     write_json(out / "paper.json", data)
     write_text(out / "report.md", text)
     write_text(out / "report.html", text_page(TITLE, text, out))
