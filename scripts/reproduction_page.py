@@ -3,8 +3,8 @@
 python scripts/reproduction_page.py results/paper
 
 Writes docs/data/reproduction.json from the paper.json in a folder of `scripts/paper.py`, and prints
-the words in which the page, written by hand, gives the numbers (`shown`), and the rows of the table of
-certificates in docs/theory.md (`certificates`).
+the words in which the page, written by hand, gives the numbers (`shown`), and the rows of the table
+of certificates in docs/theory.md (`certificates`).
 """
 
 import json
