@@ -29,7 +29,8 @@ def built(tmp_path_factory):
     """Return the folder with the source distribution, and the wheel that is built from it."""
     place = tmp_path_factory.mktemp("built")
     source = place / "source"
-    for name in ("hkt_mdo", "cases", "docs", "requirements", "scripts", "tests"):  # a copy: building leaves files
+    folders = "hkt_mdo", "cases", "docs", "requirements", "scripts", "tests"
+    for name in folders:  # a copy: building leaves files
         ignored = shutil.ignore_patterns("__pycache__", "images")
         shutil.copytree(ROOT / name, source / name, ignore=ignored)
     for name in ("pyproject.toml", "environment.yml", *PAGES.split()):
