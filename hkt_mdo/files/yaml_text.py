@@ -368,18 +368,11 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
         if not mark and hasattr(error, "position"):
             place = f"line {text.count(chr(10), 0, error.position) + 1}"
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or error
-        problem, remedy = f"cannot be read as YAML: {reason}", "correct it there"
-        if "nesting depth" in problem:  # libyaml of PyYAML 6.0.4 looks ahead and has a limit too
-            problem, remedy = _too_deep(case)
-        raise InputError(problem, remedy, file=file, key=place) from None
+        problem = f"cannot be read as YAML: {reason}"
+        raise InputError(problem, "correct it there", file=file, key=place) from None
     if root is not None:
         _check_keys(Place(root, key, file), case, set())
     return root
-
-
-def _too_deep(case: bool) -> tuple[str, str]:
-    """Return what is wrong with a text that is nested too deeply, and the remedy."""
-    return f"is nested deeper than {CASE_DEPTH if case else DEPTH} levels", "write fewer levels"
 
 
 def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
@@ -395,7 +388,7 @@ def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
         if documents > 1:
             problem, remedy = "begins a second YAML document", "keep one in a file"
         elif depth > deepest:
-            problem, remedy = _too_deep(case)
+            problem, remedy = f"is nested deeper than {deepest} levels", "write fewer levels"
         elif count > MAX_NODES:
             problem, remedy = f"holds more than {MAX_NODES} values", "give a smaller file"
         elif case and getattr(event, "anchor", None) is not None:

@@ -92,8 +92,10 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
     scales, blade = _scales(physics, setup), setup.start.blade
-    lowest, fence = physics.stall_fence(setup.start)
-    attached = setup.attached and bool(fence.stations.size)
+    ratios = [series["tip_speed_ratio"] for series in physics.on_start(setup.start)]
+    lowest = float(min(map(np.min, ratios)))
+    fence = physics.rotor.stall_fence(physics.shape, blade, lowest)
+    attached = bool(fence.stations.size)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _lowest_ratio(group, lowest) if attached else {}
     designed |= _unknowns(group, physics, setup)

@@ -105,8 +105,7 @@ class Setup:
     by the names of limit and scenario, the share of the limit's upper bound to which the nodes of
     each segment are held, so that the limit holds between the nodes as well; a lower bound is
     raised there by as much. `least_hub` (kg*m**2) raises the lower bound of a designed
-    `hub_inertia`. `attached` tells whether sections that are attached at the start must stay so
-    (`StallFence`).
+    `hub_inertia`.
     """
 
     start: StartingPoint
@@ -115,7 +114,6 @@ class Setup:
     slowed: float = 0.0
     shares: dict = field(default_factory=dict)
     least_hub: float = 0.0
-    attached: bool = False
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""

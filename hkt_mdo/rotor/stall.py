@@ -29,9 +29,7 @@ def stall_fence(rotor, shape, blade, tip_speed_ratio):
     Beyond stall lift falls, and the balance of momentum and lift has several solutions: where the
     attached one ends, the load jumps, by a third or more where a section is thick. Thick sections
     are best right at that point, where no optimizer converges. The optimum of a blade with one
-    section for all stations is far from it, so such a blade is not constrained. An optimization is
-    constrained only after one without the fence was refused, since good blades may stall in part:
-    the best one of a turbine of 25 kW at its torque limit delivers a tenth more than within it.
+    section for all stations is far from it, so such a blade is not constrained.
 
     Parameters
     ----------

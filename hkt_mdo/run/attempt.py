@@ -40,9 +40,6 @@ FALLEN = 1e-4
 AT_OPTIMUM = "finer mesh", "lowered limits"
 """Remedies that follow an optimum on its mesh."""
 
-ANEW = "attached sections", "other branch"
-"""Remedies that begin another series of passes, after an end that is refused."""
-
 
 @dataclass(frozen=True, eq=False)
 class Judged:
@@ -414,9 +411,7 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     if len(physics.variants) > 1:  # its operation is that of the case's own turbine
         return 0.0
     state = start.operation
-    kept = (
-        state.running and bool(np.all(state.margin >= LEAST)) and not physics.broken_limits(start)
-    )
+    kept = state.running and bool(np.all(state.margin >= LEAST)) and not physics.start_breaks(start)
     return physics.objective_at(start) if kept else 0.0
 
 

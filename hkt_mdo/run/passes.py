@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
-from hkt_mdo.run.attempt import ANEW, FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
+from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import SPEED_ERROR, STORED, most_between, sells, sold
 from hkt_mdo.run.memory import first_hub, stable_hub
 from hkt_mdo.run.mesh import held
@@ -260,36 +260,18 @@ def stable_shaft(attempt: Attempt) -> Begin | None:
     return attempt.begin_again(why, start=start, nodes=nodes, least_hub=hub)
 
 
-def attached_sections(attempt: Attempt) -> Begin | None:
-    """Hold the sections off stall where a judge refuses the end without this condition.
-
-    It excludes good blades, so it is not required before: the loads of thick sections jump where
-    they stall, and an optimizer that is led there does not converge.
-    """
-    physics, start = attempt.state.first, attempt.begin.start
-    held = attempt.setup.attached or not physics.stall_fence(start)[1].stations.size
-    if held or not (why := _refusal(attempt)):
-        return None
-    setup = replace(first_setup(physics, start), attached=True)
-    return replace(attempt.begin, physics=physics, setup=setup, why=why)
-
-
 def other_branch(attempt: Attempt) -> Begin | None:
     """Begin on the start's other branch where a judge refuses the end on the first one."""
     physics, optimum = attempt.state.first, attempt.state.optimum
-    why = _refusal(attempt)
-    start = start_on_other_branch(physics, optimum, attempt.begin.start) if why else None
+    refused = [check.name for check in attempt.end.checks if not check.passed]
+    if not set(refused) - {"loads_resolved"}:  # for which another start does not help
+        return None
+    start = start_on_other_branch(physics, optimum, attempt.begin.start)
     if start is None:
         return None
     reference = quasi_steady_reference(physics, start)
-    why = f"{why} on branch {attempt.begin.start.branch}"
+    why = f"{len(refused)} checks refuse the result on branch {attempt.begin.start.branch}"
     return Begin(start, physics, first_setup(physics, start), reference, why=why)
-
-
-def _refusal(attempt) -> str:
-    """Return why the judges refuse an end; empty where they do not, or no other series helps."""
-    refused = [check.name for check in attempt.end.checks if not check.passed]
-    return f"{len(refused)} checks refuse the result" if set(refused) - {"loads_resolved"} else ""
 
 
 def first_setup(physics, start) -> Setup:
@@ -310,7 +292,6 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     finer_mesh,
     lowered_limits,
     design_again,
-    attached_sections,
     other_branch,
 )
 
@@ -318,19 +299,21 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
 def next_begin(attempt: Attempt) -> Begin | None:
     """Return the start of the next optimization by the first remedy that applies.
 
-    After `MAX_PASSES` of one series, only another series is left. A loop that is unstable with
+    After `MAX_PASSES` from one start, only another start is left. A loop that is unstable with
     memory of the wake is refused: no mesh helps, and its integration runs away.
     """
     if attempt.runs_away:
         begin = stable_shaft(attempt) if attempt.before.passes + 1 < MAX_PASSES else None
         return begin and replace(begin, remedy="stable shaft")
     enough = attempt.before.passes + 1 >= MAX_PASSES
-    for remedy in REMEDIES:
-        name = remedy.__name__.replace("_", " ")
-        if attempt.approximate if name in ANEW else enough:  # the judges decide on another series
-            continue
-        if begin := remedy(attempt):
-            return replace(begin, remedy=name)
+    *others, another_start = REMEDIES
+    for remedy in (
+        *(() if enough else others),
+        *(() if attempt.approximate else [another_start]),  # for which the judges decide
+    ):
+        begin = remedy(attempt)
+        if begin is not None:
+            return replace(begin, remedy=remedy.__name__.replace("_", " "))
     return None
 
 
@@ -349,7 +332,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
     Returns
     -------
     Judged
-        The end of the last series of passes that the judges accept, else of the first; on its mesh.
+        The end, on its mesh: of the start's other branch where only that one passes.
     """
     begin: Begin | None = Begin(start, state.first, first_setup(state.first, start), reference)
     before, ends = Before(), []
@@ -366,7 +349,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
             attempt = replace(attempt, exact=True)
             again = next_begin(attempt)
         state.note_pass(attempt.entry(time.perf_counter() - began, again))
-        if again is None or again.remedy in ANEW:
+        if again is None or again.start is not begin.start:
             ends.append(attempt.end)
             before = Before()
         else:

@@ -397,7 +397,7 @@ def _real(study):
 
     Reference Model 1 and the files of `tests/data/blades`, each with and without a torque limit, in
     the sine flow. Goal: every run succeeds, at no less energy than its start has. In brackets:
-    the start exceeds a limit.
+    sections of the start are closer to stall than a result may have them.
     """
     plan = {f"real/{name}": case for name, case in real_cases().items()}
     found, rows = study.run(plan), []
