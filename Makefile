@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 
-.PHONY: run test check docs fuzz coverage verify cases bench lint clean
+.PHONY: run test check docs fuzz coverage verify cases bench lint lock newest oldest clean
 
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
@@ -60,15 +60,38 @@ bench: $(STAMP)-test
 	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; \
 	$(BIN)/python scripts/page_data.py performance; exit $$status
 
-# a run needs the package alone; tests bring their own packages, lint those of the developers
-$(STAMP)-run: pyproject.toml
+# the versions that everything above installs, in requirements: again as new as pyproject.toml allows
+LOCK = .venv-lock/bin/uv pip compile --quiet --no-config --upgrade --universal --python-version 3.11 \
+    --fork-strategy fewest --annotation-style line \
+    --custom-compile-command 'make lock' pyproject.toml --group build
+lock:
+	$(PYTHON) -m venv .venv-lock
+	.venv-lock/bin/pip install --quiet --upgrade uv
+	$(LOCK) --extra dev --output-file requirements/dev.txt
+	$(LOCK) --extra report --constraint requirements/dev.txt --output-file requirements/run.txt
+
+# the fast tests with the newest and with the lowest versions that pyproject.toml allows
+newest: RESOLUTION = highest
+oldest: RESOLUTION = lowest-direct
+newest oldest:
+	$(PYTHON) -m venv --clear .venv-$@
+	.venv-$@/bin/pip install --quiet uv
+	.venv-$@/bin/uv pip install --quiet --no-config --python .venv-$@/bin/python \
+	    --resolution $(RESOLUTION) --editable '.[test]'
+	.venv-$@/bin/python -m pytest -n 2 -m "not slow"
+
+# a run and its report need little; tests bring their own packages, lint those of the developers;
+# older releases of pip pin the packages of the build by the first variable, newer ones by the second
+INSTALL = PIP_CONSTRAINT=$(1) PIP_BUILD_CONSTRAINT=$(1) $(BIN)/pip install --quiet --editable
+
+$(STAMP)-run: pyproject.toml requirements/run.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable .
+	$(call INSTALL,requirements/run.txt) '.[report]'
 	touch $@
 
-$(STAMP)-test $(STAMP)-dev $(STAMP)-docs: $(STAMP)-%: $(STAMP)-run
-	$(BIN)/pip install --quiet --editable '.[$*]'
+$(STAMP)-test $(STAMP)-dev $(STAMP)-docs: $(STAMP)-%: $(STAMP)-run requirements/dev.txt
+	$(call INSTALL,requirements/dev.txt) '.[$*]'
 	touch $@
 
 clean:
-	rm -rf $(VENV) build results *.egg-info
+	rm -rf $(VENV) .venv-lock .venv-newest .venv-oldest build results *.egg-info

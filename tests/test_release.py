@@ -6,13 +6,18 @@ from pathlib import Path
 
 import pytest
 import yaml
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import hkt_mdo
 from hkt_mdo.cli import main
 from hkt_mdo.errors import program_version
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PROJECT = SETTINGS["project"]
+PINNED = {"run": {"report"}, "dev": set(PROJECT["optional-dependencies"]) - {"neuralfoil"}}
+"""The extras whose versions each file of `requirements` pins."""
 
 
 def test_one_version_everywhere():
@@ -47,3 +52,37 @@ def test_links_of_the_front_pages_lead_somewhere(name):
         assert target.startswith("https:") or (ROOT / target).exists(), target
     for path in re.findall(r"`((?:hkt_mdo|tests|docs|scripts)/[\w/.]+\w)`", text):
         assert (ROOT / path).exists(), path
+
+
+def pins(name):
+    """Return the version of each package that a file of `requirements` pins on this machine."""
+    text = (ROOT / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
+    assert "://" not in text  # a file for every index
+    assert "--" not in text
+    read = [Requirement(line) for line in re.findall(r"^\w[^#\n]*", text, re.MULTILINE)]
+    here = [each for each in read if each.marker is None or each.marker.evaluate()]
+    return {each.name: str(each.specifier).removeprefix("==") for each in here}
+
+
+@pytest.mark.parametrize("name", PINNED)
+def test_the_pinned_versions_are_those_that_the_package_allows(name):
+    """`make lock` renews them, such as after a change of the requirements."""
+    asked = [*PROJECT["dependencies"], *SETTINGS["dependency-groups"]["build"]]
+    for extra in PINNED[name]:
+        asked += PROJECT["optional-dependencies"][extra]
+    found = pins(name)
+    for each in map(Requirement, asked):
+        if each.name != PROJECT["name"]:
+            assert each.specifier.contains(found[canonicalize_name(each.name)]), each
+    assert found.items() <= pins("dev").items()
+
+
+def test_the_packages_of_the_build_are_pinned_too():
+    assert SETTINGS["dependency-groups"]["build"] == SETTINGS["build-system"]["requires"]
+
+
+def test_every_requirement_names_a_lowest_version():
+    """`make oldest` runs the tests with these."""
+    optional = [each for extra in PROJECT["optional-dependencies"].values() for each in extra]
+    for each in map(Requirement, [*PROJECT["dependencies"], *optional]):
+        assert each.name == PROJECT["name"] or ">=" in str(each.specifier), each

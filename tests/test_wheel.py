@@ -29,7 +29,8 @@ def built(tmp_path_factory):
     """Return the folder with the source distribution, and the wheel that is built from it."""
     place = tmp_path_factory.mktemp("built")
     source = place / "source"
-    for name in ("hkt_mdo", "cases", "docs", "scripts", "tests"):  # a copy: building leaves files
+    folders = "hkt_mdo", "cases", "docs", "requirements", "scripts", "tests"
+    for name in folders:  # a copy: building leaves files
         ignored = shutil.ignore_patterns("__pycache__", "images")
         shutil.copytree(ROOT / name, source / name, ignore=ignored)
     for name in ("pyproject.toml", "environment.yml", *PAGES.split()):
@@ -77,8 +78,9 @@ def hkt(installed, tmp_path):
     return run
 
 
-def test_it_has_every_case_and_its_files(installed):
+def test_it_has_its_types_and_every_case_with_its_files(installed):
     _, library = installed
+    assert (library / "hkt_mdo" / "py.typed").is_file()  # type checkers read its annotations
     for path in CASES:
         assert (library / "hkt_mdo" / path).read_bytes() == (ROOT / path).read_bytes()
 

@@ -18,6 +18,7 @@ STAGES = 5
 MOST_ITERATIONS = 12  # of Newton's method
 SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
 FAR = 0.01  # relative change of the values above which the iteration diverges
+LOST = 1e4  # times the speed of the guess: no rotor turns so much faster, the iteration diverges
 
 
 def _method() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -252,7 +253,7 @@ def solve_stages(
     tuple or None
         Values at the stages, and the system; None if the method does not converge.
     """
-    change = np.inf
+    change, fastest = np.inf, LOST * np.max(size_of(stages)[..., 0])
     for iteration in range(MOST_ITERATIONS):
         size = size_of(stages)
         rates = rates_at(stages)
@@ -267,7 +268,8 @@ def solve_stages(
         change = np.max(np.abs(correction) / size)
         if change <= enough:
             return stages, system
-        if not np.all(np.isfinite(stages)) or (iteration >= system.patience and change > FAR):
+        lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
+        if lost or (iteration >= system.patience and change > FAR):
             return None
     return None
 

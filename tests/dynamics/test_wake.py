@@ -8,7 +8,14 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.radau import MATRIX, DenseSystem, FilteredSystem, Slopes
+from hkt_mdo.dynamics.radau import (
+    LOST,
+    MATRIX,
+    DenseSystem,
+    FilteredSystem,
+    Slopes,
+    solve_stages,
+)
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake
@@ -254,6 +261,23 @@ def test_eliminated_filters_are_those_of_the_full_system(n):
     miss = random.normal(size=(steps, 5, n + 2 * m))
     np.testing.assert_allclose(parts.correction(miss), whole.correction(miss), atol=1e-11)
     np.testing.assert_allclose(parts.filtered(miss[:, 0]), whole.filtered(miss[:, 0]), atol=1e-12)
+
+
+def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
+    """The slope by which the system of a step is singular: what makes up for a miss is endless."""
+    inverse = np.linalg.eigvals(np.linalg.inv(MATRIX))
+    slope, step, seen = inverse[np.isreal(inverse)].real[0], np.ones((1, 1)), []
+
+    def rates_at(stages):
+        seen.append(np.max(np.abs(stages)))
+        return slope * stages
+
+    def system_at(stages, _rates):
+        return DenseSystem(step, np.full((1, 5, 1, 1), slope))
+
+    guess = np.ones((1, 5, 1))
+    assert solve_stages(rates_at, system_at, np.ones(1), step, guess, np.abs, 1e-9) is None
+    assert max(seen) < LOST
 
 
 def test_torque_rises_with_the_speed_while_the_wake_stays(paper):

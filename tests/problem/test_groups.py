@@ -154,7 +154,7 @@ def test_a_point_without_a_tip_speed_ratio_is_one_that_a_driver_may_leave(given,
     problem.set_val("inflow_speed", flow)
     problem.set_val(given, [2.0, -1.0 if flow else 2.0])
     with (
-        np.errstate(divide="ignore"),
+        np.errstate(divide="ignore", invalid="ignore"),
         pytest.raises(om.AnalysisError, match="tip speed ratio is not positive"),
     ):
         problem.run_model()
