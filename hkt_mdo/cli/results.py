@@ -137,22 +137,22 @@ def compare(
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, the best objective first: successful results,
-    then results that failed a check, then those of interrupted runs, which are not in the figures.
-    Notes below the table name interrupted runs, and results to which another result of the same
-    turbine in the same flow is superior: it keeps the limits of their case and has a better
-    objective.
+    The table has the figures of merit side by side, the best objective first, over the duration
+    where durations differ: successful results, then results that failed a check, then those of
+    interrupted runs, which are not in the figures. Notes below the table name interrupted runs, and
+    results to which another result of the same turbine in the same flow is superior: it keeps the
+    limits of their case and has a better objective.
     """
     from hkt_mdo.results.nesting import beaten, ranked
     from hkt_mdo.results.words import Row, texts
 
     for_program = parts.one_form(as_json, as_csv)
-    solutions, shares = ranked(read_result(result) for result in results)
+    solutions, shares, measure = ranked(read_result(result) for result in results)
     rows = []
     for solution, share in zip(solutions, shares, strict=True):
         rows.append(solution.summary.rows(solution.case))
         if share is not None:
-            best = Row("objective, relative to the best", f"{100.0 * share:+.4f} %")
+            best = Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %")
             rows[-1].insert(3, best)  # below case, success and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:

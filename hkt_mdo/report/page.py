@@ -96,7 +96,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
     offline = import_module("plotly.offline")
     from hkt_mdo.report import blade, charts, panels
 
-    order, shares = ranked(solutions)
+    order, shares, measure = ranked(solutions)
     labelled = [panels.Labelled(*each) for each in zip(order, labels(order), strict=True)]
     found, reasons = blade.bodies(labelled)
     drawn, views = charts.designs(labelled), charts.views(labelled)
@@ -109,7 +109,10 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
         headline=_aligned(
-            [_behind(share, order) | _headline(x) for x, share in zip(order, shares, strict=True)]
+            [
+                _behind(share, order, measure) | _headline(x)
+                for x, share in zip(order, shares, strict=True)
+            ]
         ),
         merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
         checks=_checks(order),
@@ -176,11 +179,11 @@ def _aligned(columns: Sequence[dict[str, str]]) -> list[tuple[str, list[str]]]:
     return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
-def _behind(share: float | None, order: Sequence[Solution]) -> dict[str, str]:
+def _behind(share: float | None, order: Sequence[Solution], measure: str) -> dict[str, str]:
     """Return by how much the objective of one of several results differs from the best."""
     if share is None or len(order) == 1:
         return {}
-    return {f"objective, {order[0].case.objective.kind}, to the best": f"{100.0 * share:+.4f} %"}
+    return {f"{measure}, {order[0].case.objective.kind}, to the best": f"{100.0 * share:+.4f} %"}
 
 
 def _headline(solution: Solution) -> dict[str, str]:

@@ -68,8 +68,11 @@ def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
     return found
 
 
-def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | None]]:
+def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | None], str]:
     """Return results by their objectives, as simulated: successes, refused ones, unfinished ones.
+
+    Results of different durations are compared by the objective over the duration, of an energy the
+    mean power, where the objective is an integral over time.
 
     Parameters
     ----------
@@ -81,9 +84,15 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | 
         The best first; results of different objectives keep their order.
     shares : list of float or None
         By which share each objective differs from the best success; None where that is not known.
+    measure : str
+        What is compared.
     """
-    known = list(solutions)
+    known, measure = list(solutions), "objective"
     values = [_objective(each) if each.finished else None for each in known]
+    durations = [each.case.phase.duration for each in known]
+    if len({*durations}) > 1 and known[0].case.objective.is_rate:
+        measure = "objective over duration"
+        values = [x and t and x / t for x, t in zip(values, durations, strict=True)]
     kinds = {x.case.objective.kind for x, value in zip(known, values, strict=True) if value}
     sign = known[0].case.objective.sign if len(kinds) == 1 else 0.0
 
@@ -96,7 +105,7 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | 
     for value in (values[index] for index in order):
         comparable = best is not None and value is not None
         shares.append(0.0 - first.case.objective.behind(value, best) if comparable else None)
-    return [known[index] for index in order], shares
+    return [known[index] for index in order], shares, measure
 
 
 def _objective(solution: Solution) -> float | None:

@@ -331,6 +331,22 @@ def test_compare_ranks_by_the_objective_and_cuts_no_name(
     )
 
 
+def test_compare_ranks_by_mean_power_where_durations_differ(
+    tmp_path: Path, result_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, seconds, joules in (("long", 20, 3.0e5), ("short", 10, 2.0e5)):
+        shutil.copytree(result_folder, tmp_path / name)
+        energy(tmp_path / name, joules)
+        case = Path(tmp_path / name, "case.yaml")
+        text = re.sub(r"duration: null", f"duration: {seconds}", case.read_text(), count=1)
+        case.write_text(text)
+    assert main(["compare", "long", "short"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["short", "long"]
+    (shares,) = (line for line in lines if "objective over duration, relative" in line)
+    assert re.findall(r"[+-][\d.]+ %", shares) == ["+0.0000 %", "-25.0000 %"]
+
+
 def test_compare_divides_what_is_too_wide_for_a_terminal(
     tmp_path: Path,
     result_folder: Path,
