@@ -252,6 +252,8 @@ class StartEntry(_Entry):
     """Whether the optimization began with it."""
     law: str = ""
     """The control law under which it was tried."""
+    side: str = ""
+    """The branch of which it is the best, where limits make branches."""
 
 
 class PassEntry(_Entry):

@@ -20,6 +20,11 @@ ONE = {
     "design": {"blade": "fixed"},
     "phase": {"duration": 20.0, "segments": 40},
 }
+LIMITED = ONE | {
+    "limits": {"power": "4 kW"},
+    "control": {"law": "open_loop"},
+    "start": {"method": "blade"},
+}
 SEVERAL = ONE | {"control": {"law": "quadratic", "cut_out": 1.42}}
 
 
@@ -109,17 +114,27 @@ def test_a_mesh_of_an_iterate_that_does_not_go_forward_is_refused(tmp_path, dama
             read(tmp_path, physics, data | wrong)
 
 
-def test_a_run_of_several_scenarios_is_resumed(tmp_path):
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(SEVERAL, id="several scenarios"),
+        pytest.param(LIMITED, id="two branches", marks=pytest.mark.slow),
+    ],
+)
+def test_a_run_is_resumed_with_its_branches(tmp_path, case):
     def progress(count, *_):
         if count == 5:
             raise KeyboardInterrupt
 
     how = {"figures": False, "records": False}
     with pytest.raises(KeyboardInterrupt):
-        run_case(load_case(SEVERAL), tmp_path / "out", progress=progress, **how)
+        run_case(load_case(case), tmp_path / "out", progress=progress, **how)
     resumed = resume_case(tmp_path / "out", **how)
     assert resumed.success, resumed.message
-    again = run_case(load_case(SEVERAL), tmp_path / "whole", **how)
+    again = run_case(load_case(case), tmp_path / "whole", **how)
     assert resumed.summary.simulated_energy_J == pytest.approx(
         again.summary.simulated_energy_J, rel=1e-6
     )
+    assert resumed.summary.branches == again.summary.branches
+    names = [(each.name, each.taken) for each in again.summary.branches]
+    assert names == ([("overspeed", True), ("underspeed", False)] if case is LIMITED else [])
