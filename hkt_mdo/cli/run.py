@@ -69,6 +69,10 @@ def run(
         raise BadParameter("give a CASE, or --resume DIR")
     loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
     folder = resume or out or Path("results") / loaded.name
+    if resume is None:
+        from hkt_mdo.results.folder import check_folder
+
+        check_folder(folder, force)  # which takes no time, unlike what a run imports
     before = _written(folder)
     try:
         with _live(loaded.name, quiet) as live:
