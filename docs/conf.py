@@ -58,14 +58,11 @@ COLLAPSED = ("Case", "Quantity")
 def commands_page():
     """Return the help of every command as a page; what all of them repeat stands once."""
     from hkt_mdo.cli import app
-    from hkt_mdo.cli.parts import EXIT_CODES
 
     command = get_command(app)
     context = command.context_class(command, info_name="hkt")
     page = get_docs_for_click(obj=command, ctx=context, title="Commands")
-    first, codes, rest = page.partition(EXIT_CODES)
-    page = first + codes + rest.replace(f"{EXIT_CODES}\n\n", "")
-    return re.sub(r"(?m)^\* `--help`.*\n", "", page)
+    return re.sub(r"(?m)^\* `-h, --help`.*\n", "", page)
 
 
 def api_page():

@@ -60,13 +60,7 @@ def check(
         error.file = error.file or str(case)
         raise
     found = {"Notes": report.notes, "Warnings": report.warnings}
-    told = report.tables | found
-    if for_program:
-        records = (parts.plain_rows(rows, part=title) for title, rows in told.items())
-        parts.print_records([each for several in records for each in several], as_json)
-    for title, rows in told.items():
-        if rows and not for_program:
-            parts.print_rows(rows, title)
+    parts.print_tables(report.tables | found, as_json, as_csv)
     if out and not no_figures:
         from hkt_mdo.results import check_plots, style
 

@@ -61,11 +61,8 @@ def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> 
     Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
     value, the upper end if it is a range, unit and note.
     """
-    for_program, rows = parts.one_form(as_json, as_csv), parts.rows_of(read_result(result))
-    if for_program:
-        parts.print_records(parts.plain_rows(rows), as_json)
-    else:
-        parts.print_rows(rows)
+    parts.one_form(as_json, as_csv)
+    parts.print_tables(parts.tables_of(read_result(result)), as_json, as_csv)
 
 
 def plot(
@@ -153,7 +150,7 @@ def compare(
         rows.append(solution.summary.rows(solution.case))
         if share is not None:
             best = Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %")
-            rows[-1].insert(3, best)  # below case, success and message
+            rows[-1].insert(3, best)  # below case, verdict and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
@@ -292,7 +289,8 @@ def simulate(
     if for_program:
         parts.print_records(records(told), as_json)
     elif rows := [entry.row(name) for name, entry in largest(told).items()]:
-        parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
+        of = f" of {len(told)} simulations" if several else ""
+        parts.print_tables({f"Largest values{of}": rows})
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
     if strict:

@@ -162,7 +162,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "message": solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
-        "cautions": _cautions(solution),
+        "cautions": summary.warnings(solution.case),
         "notes": solution.notes,
         "bounds": [str(each.row()) for each in summary.at_bounds or ()],
         "passes": summary.passes or (),
@@ -260,17 +260,6 @@ def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
         refused = any(x is not None and not x.passed for x in known)
         rows.append({"name": limit_words(name), "cells": cells, "refused": refused})
     return sorted(rows, key=lambda row: not row["refused"])
-
-
-def _cautions(solution: Solution) -> list[str]:
-    """Return what is to be said of an unstable loop, and of large loads that have no limit."""
-    limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
-    free = {name: entry for name, entry in loads.items() if name not in limits}
-    labelled = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
-    large = [f"{x.label} {measured(x.value, x.unit, 4)}: {text}" for x, text in labelled if text]
-    memory = solution.summary.memory
-    unstable = [] if memory is None or memory.stable else [f"in water with memory {memory.text}"]
-    return [*unstable, *filter(None, ["; ".join(large)])]
 
 
 def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
