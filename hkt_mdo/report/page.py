@@ -40,6 +40,7 @@ LONGEST_CASE = 1024**2
 
 BADGES = {
     "verified": "converged and verified by every judge",
+    "breaks": "verified, but the blade would break",
     "refused": "no success",
     "unfinished": "the run did not come to its end",
 }
@@ -140,7 +141,8 @@ def _title(solutions: Sequence[Solution]) -> str:
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
     summary = solution.summary
-    state = "verified" if solution.success else "refused" if solution.finished else "unfinished"
+    good = "breaks" if summary.breaks(solution.case) else "verified"
+    state = good if solution.success else "refused" if solution.finished else "unfinished"
     folder = solution.folder.resolve().name
     seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
     work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
@@ -159,7 +161,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "folder": folder,
         "state": state,
         "badge": BADGES[state],
-        "message": solution.message,
+        "message": "" if solution.success else solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
         "cautions": summary.warnings(solution.case),
@@ -194,7 +196,7 @@ def _headline(solution: Solution) -> dict[str, str]:
     duration = sum(spans)
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
-    rows: dict[str, str] = {}
+    rows = {"verdict": summary.verdict(solution.case)}
     for year in (entry.year for entry in entries if entry.year and len(entries) == 1):
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
         doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""

@@ -429,8 +429,7 @@ class Solution:
         return drawn.figures(self, names or ("blade", "operation", "schedule", "limits"))
 
     def __repr__(self) -> str:
-        outcome = "success" if self.success else "no success"
-        energy = self.summary.energy_J
+        outcome, energy = self.summary.verdict(self.case), self.summary.energy_J
         known = "" if energy is None else f", {measured(energy, 'J')}"
         return f"<Solution {self.name}: {outcome}{known}, {str(self.folder)!r}>"
 

@@ -50,6 +50,9 @@ BLADE = (
 )
 """Fields that hold one value for each blade station; thickness where it is designed."""
 
+BENT = 0.1
+"""Deflection of a tip over the radius above which a blade counts as broken."""
+
 FAST = 14.1
 """Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
 
@@ -525,6 +528,8 @@ class Summary(_Entry, Mapping[str, Any]):
     checks: list[CheckEntry] | None = None
     notes: list[str] | None = None
     """What was converted, repaired or left out of the case's files."""
+    doubts: list[str] | None = None
+    """What is probably a mistake in the case, as `hkt check` warns."""
 
     package: str | None = None
     optimizer: str | None = None
@@ -608,18 +613,37 @@ class Summary(_Entry, Mapping[str, Any]):
         return found
 
     def warnings(self, case: Case) -> list[str]:
-        """Return what may be wrong beside the checks: an unstable loop, large unlimited loads."""
+        """Return what may be wrong beside the checks.
+
+        A blade that would break, an unstable loop, large unlimited loads, mistakes in the case.
+        """
         loads = {k: x for k, x in (self.loads or {}).items() if k not in (self.limits or {})}
+        loads.pop("stress", None)  # is told by what breaks the blade
         asked = [(x.row(name), unasked(name, x.value, case)) for name, x in loads.items()]
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable
-        return large if stable else [f"with memory of the wake, {self.memory.text}", *large]
+        loop = [] if stable else [f"with memory of the wake, {self.memory.text}"]
+        return [*self.breaks(case), *loop, *large, *(self.doubts or ())]
+
+    def breaks(self, case: Case) -> list[str]:
+        """Return what would break the blade: its stress, and a deflection out of a beam's range."""
+        most, stress = case.rotor.blade_material.allowable_stress, (self.loads or {}).get("stress")
+        bent, radius, found = self.tip_deflection_m, self.tip_radius_m, []
+        if most and stress and (stress.value or 0.0) > most:
+            told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
+            found.append(f"the largest stress in a blade, {told}, is above its material's, {limit}")
+        if bent and radius and bent > BENT * radius:
+            share = f"{100.0 * bent / radius:.3g} % of the radius"
+            found.append(f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %")
+        return found
 
     def verdict(self, case: Case) -> str:
-        """Return whether the result is verified, and the number of its warnings."""
+        """Return whether the result is verified and its blade holds, and how many warnings."""
         count = len(self.warnings(case))
-        told = f"{count} warning{'s' * (count != 1)}" if count else ""
-        return joined("verified" if self.success else "not verified", told)
+        word = "verified" if self.success else "not verified"
+        if self.breaks(case):
+            word += f", {'but' if self.success else 'and'} the blade would break"
+        return joined(word, f"{count} warning{'s' * (count != 1)}" if count else "")
 
     def _outcome(self, case: Case) -> Iterator[Row]:
         """Yield the rows of verdict and energy."""

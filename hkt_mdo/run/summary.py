@@ -154,6 +154,7 @@ def summarize(finished: Finished) -> Summary:
         "max_speed_error": max(np.max(flight.speed_errors) for flight in finished.flights),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
+        "doubts": list(finished.physics.warnings),
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
@@ -398,7 +399,6 @@ def _notes(finished):
     met = Stations.of(blade, physics.built(blade), working).messages("found blade")
     return [
         *physics.messages,
-        *physics.warnings,
         *finished.start.messages,
         *(text for _, text in met),
         *_unresolved(physics, blade, finished.flights),

@@ -274,6 +274,18 @@ def test_envelope_covers_every_scenario(two):
     }
 
 
+def test_a_blade_that_would_break_is_in_the_headline(folders, tmp_path):
+    solution = Solution.load(folders[0])
+    summary = solution.summary.model_copy(update={"tip_deflection_m": 5.1})
+    text = page.write_report([replace(solution, summary=summary)], tmp_path / "broken.html")
+    told = text.read_text("utf-8")
+    assert (
+        '<p class="verdict breaks"><strong>verified, but the blade would break</strong></p>' in told
+    )
+    assert "<dt>verdict</dt><dd>verified, but the blade would break, 1 warning</dd>" in told
+    assert "the largest deflection of a tip is 364 % of the radius, above 10 %" in told
+
+
 def test_an_unfinished_result_is_reported(folders, tmp_path):
     solution = Solution.load(folders[0])
     summary = solution.summary.model_copy(

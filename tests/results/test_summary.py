@@ -150,10 +150,16 @@ def test_the_table_has_units(result_folder: Path) -> None:
 def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     loads = {"stress": {"unit": "Pa", "value": 3.5e9}, "tip_speed": {"unit": "m/s", "value": 12.0}}
     told = edit(result_folder, loads=loads)
-    assert told.summary.verdict(told.case) == "verified, 1 warning"
+    breaks = "the blade would break"
+    assert told.summary.verdict(told.case) == f"verified, but {breaks}, 1 warning"
     (warning,) = told.summary.warnings(told.case)
-    assert warning.startswith("largest stress 3.5 GPa: more than the material allows")
-    refused = edit(result_folder, success=False, loads=None)
+    assert warning == "the largest stress in a blade, 3.5 GPa, is above its material's, 240 MPa"
+    bent = edit(result_folder, success=False, loads=None, tip_deflection_m=0.15, doubts=["x"])
+    assert bent.summary.verdict(bent.case) == f"not verified, and {breaks}, 2 warnings"
+    deflection, doubt = bent.summary.warnings(bent.case)
+    assert deflection == "the largest deflection of a tip is 10.7 % of the radius, above 10 %"
+    assert doubt == "x"
+    refused = edit(result_folder, success=False, tip_deflection_m=0.13, doubts=None)
     assert refused.summary.verdict(refused.case) == "not verified"
 
 
