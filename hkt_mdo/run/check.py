@@ -14,6 +14,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
+from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.results.words import (
@@ -37,11 +38,9 @@ from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
-POOR = 0.2  # largest power coefficient below which a blade is probably a mistake
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
-OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is missing
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
 KEPT = 1e-6  # share of their size by which the bounds of the design may be exceeded
 
@@ -136,14 +135,8 @@ def _warning(label: str, text: str, severity: str = "warning") -> Row:
 
 
 def _turbine(found: Findings) -> Rows:
-    """Yield rotor and blade; warn of a blade that ends early or differs from its splines."""
+    """Yield rotor and blade; warn of a blade that differs from its splines."""
     rotor, blade, given = found.case.rotor, found.plant.blade, found.given
-    if blade.r[-1] < OUTERMOST * blade.tip_radius:
-        yield _warning(
-            "rotor.stations",
-            f"the outermost station is at {found.places([-1])}, and the load falls to zero "
-            "from there to the tip: give stations farther out, or check rotor.radius",
-        )
     for name, scale, unit in (
         ("chord", 100.0 / given.chord.max(), "% of the largest"),
         ("twist", np.rad2deg(1.0), "deg"),
@@ -346,12 +339,8 @@ def _gain_bounds(found: Findings) -> str:
 def _start(found: Findings) -> Rows:
     """Yield the operation of the starting blade; warn if it captures little or does not turn."""
     best, mean = found.best, found.mean
-    if best.power_coefficient < POOR:
-        yield _warning(
-            "rotor.blade",
-            f"the starting blade's power coefficient is {best.power_coefficient:.3g} at most: "
-            "check the sign and unit of its twist, rotor.set_angle and the polar",
-        )
+    for text in implausible({"largest power coefficient": best.power_coefficient}):
+        yield _warning("rotor.blade", text)
     speed = best.tip_speed_ratio * mean / found.plant.blade.rotor_radius
     torque = found.torque(speed, mean)
     ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"
