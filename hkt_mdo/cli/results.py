@@ -141,16 +141,13 @@ def compare(
     limits of their case and has a better objective.
     """
     from hkt_mdo.results.nesting import beaten, ranked
-    from hkt_mdo.results.words import Row, texts
+    from hkt_mdo.results.words import texts
 
     for_program = parts.one_form(as_json, as_csv)
-    solutions, shares, measure = ranked(read_result(result) for result in results)
-    rows = []
-    for solution, share in zip(solutions, shares, strict=True):
-        rows.append(solution.summary.rows(solution.case))
-        if share is not None:
-            best = Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %")
-            rows[-1].insert(3, best)  # below case, verdict and message
+    solutions, behind = ranked(read_result(result) for result in results)
+    rows = [solution.summary.rows(solution.case) for solution in solutions]
+    for known, row in zip(rows, behind, strict=True):
+        known[3:3] = row  # below case, verdict and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))

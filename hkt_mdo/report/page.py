@@ -38,13 +38,6 @@ PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
-BADGES = {
-    "verified": "converged and verified by every judge",
-    "breaks": "verified, but the blade would break",
-    "refused": "no success",
-    "unfinished": "the run did not come to its end",
-}
-
 
 def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "") -> Path:
     """Write the report of results as one HTML file that needs no network.
@@ -97,7 +90,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
     offline = import_module("plotly.offline")
     from hkt_mdo.report import blade, charts, panels
 
-    order, shares, measure = ranked(solutions)
+    order, behind = ranked(solutions)
     labelled = [panels.Labelled(*each) for each in zip(order, labels(order), strict=True)]
     found, reasons = blade.bodies(labelled)
     drawn, views = charts.designs(labelled), charts.views(labelled)
@@ -110,10 +103,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
         headline=_aligned(
-            [
-                _behind(share, order, measure) | _headline(x)
-                for x, share in zip(order, shares, strict=True)
-            ]
+            [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
         ),
         merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
         checks=_checks(order),
@@ -141,8 +131,9 @@ def _title(solutions: Sequence[Solution]) -> str:
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
     summary = solution.summary
-    good = "breaks" if summary.breaks(solution.case) else "verified"
-    state = good if solution.success else "refused" if solution.finished else "unfinished"
+    verdict, good = summary.verdict(solution.case), not summary.breaks(solution.case)
+    state = "verified" if solution.success and good else "refused"
+    state = state if solution.finished else "unfinished"
     folder = solution.folder.resolve().name
     seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
     work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
@@ -160,7 +151,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "name": name,
         "folder": folder,
         "state": state,
-        "badge": BADGES[state],
+        "badge": verdict if solution.finished else "the run did not come to its end",
         "message": "" if solution.success else solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
@@ -179,13 +170,6 @@ def _aligned(columns: Sequence[dict[str, str]]) -> list[tuple[str, list[str]]]:
     """Return texts by their labels as rows, one text a column."""
     names = dict.fromkeys(label for column in columns for label in column)
     return [(name, [column.get(name, "") for column in columns]) for name in names]
-
-
-def _behind(share: float | None, order: Sequence[Solution], measure: str) -> dict[str, str]:
-    """Return by how much the objective of one of several results differs from the best."""
-    if share is None or len(order) == 1:
-        return {}
-    return {f"{measure}, {order[0].case.objective.kind}, to the best": f"{100.0 * share:+.4f} %"}
 
 
 def _headline(solution: Solution) -> dict[str, str]:
@@ -228,11 +212,8 @@ def _headline(solution: Solution) -> dict[str, str]:
             rows[label] = measured(loads[name].value, loads[name].unit, 4)
     if summary.rotor_radius_m is not None:
         rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
-    rows |= (
-        {}
-        if summary.mass_kg is None
-        else {"mass of the blades": measured(summary.mass_kg, "kg", 4)}
-    )
+    if summary.mass_kg is not None:
+        rows["mass of the blades"] = measured(summary.mass_kg, "kg", 4)
     return rows
 
 

@@ -119,12 +119,6 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
             figures.rmdir()
 
 
-def make_folder(path: Path) -> None:
-    """Make a folder in a result's; InputError if that cannot be written or was taken away."""
-    with _usable(path):
-        path.mkdir(exist_ok=True)
-
-
 def write_text(path: Path, text: str) -> None:
     """Replace a file, as `write_files` does."""
     write_files({path: text.encode()})

@@ -31,6 +31,7 @@ from hkt_mdo.results.words import (
     weight_moment,
 )
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size, run_seconds
 from hkt_mdo.run.flight import start_against_friction
@@ -204,7 +205,7 @@ def _stations(found: Findings) -> Rows:
     yield Row("sections", ", ".join(polars))
     thickness = 100.0 * np.asarray(found.physics.turbine.thickness)
     yield Row("thickness", thickness, "%", "of the chord", 3)
-    yield Row("angles of attack", np.rad2deg(found.met), "deg", "along the blade", 3)
+    yield Row("angles of attack", np.rad2deg(found.stations.met), "deg", "along the blade", 3)
     note = f"along the blade; polars for {known}, {how}"
     yield Row("Reynolds numbers", powers(found.reynolds), "", note)
 
@@ -231,7 +232,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     if by_default:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
-    passing, area = found.passing(flow), np.pi * found.plant.blade.rotor_radius**2
+    area = np.pi * found.plant.blade.rotor_radius**2
+    passing = flow.average(power_scale(found.physics.density, 1.0, flow.speed)) / np.pi
     yield Row("kind", flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
     yield Row("mean speed", flow.mean, "m/s", digits=4)
@@ -242,8 +244,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     if len(found.flows) > 1:
         yield Row("share of time", flow.share)
     yield Row("changes", changes)
-    yield Row("power through the rotor", passing, "W", "mean", 4)
-    yield Row("power per square metre", passing / area, "W", "mean", 4)
+    yield Row("power through the rotor", passing * area, "W", "mean", 4)
+    yield Row("power per square metre", passing, "W", "mean", 4)
 
 
 def _sampled(flow: Flow) -> bool:
@@ -297,12 +299,8 @@ def _control(found: Findings) -> Rows:
     """Yield the law; warn of a torque limit or gain that is probably a mistake."""
     control, law, limit = found.case.control, found.physics.law, found.physics.law.torque_limit
     yield Row("law", _first_line(control) or control.law)
-    smooth = (
-        f"approached smoothly (smoothing {control.smoothing:g})"
-        if law.is_feedback and limit
-        else ""
-    )
-    yield Row("torque limit", "none" if limit is None else limit, "N*m", smooth, 4)
+    smooth = f"approached smoothly (smoothing {control.smoothing:g})" if law.is_feedback else ""
+    yield Row("torque limit", limit or "none", "N*m", smooth if limit else "", 4)
     if limit is not None and not found.above_rated:
         fastest = found.fastest
         speed = found.best.tip_speed_ratio * fastest / found.plant.blade.rotor_radius
@@ -318,9 +316,7 @@ def _control(found: Findings) -> Rows:
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
         if found.running and found.captured < WASTED:
-            key = "a gain" if own else f"{measured(gains, '', 4)}"
-            if own and found.case.design.gain_bounds:
-                key += f" within design.gain_bounds = {_gain_bounds(found)}"
+            key = f"a gain{_within_bounds(found)}" if own else measured(gains, "", 4)
             yield _warning(
                 "control.gain",
                 f"{key} lets the starting blade capture "
@@ -332,8 +328,10 @@ def _control(found: Findings) -> Rows:
     yield Row("at t = 0", "the rotor's speed is free" if free else balance)
 
 
-def _gain_bounds(found: Findings) -> str:
-    return measured(found.case.design.gain_bounds, "", 4)
+def _within_bounds(found: Findings) -> str:
+    """Return the bounds of the gain in words, empty without them."""
+    bounds = found.case.design.gain_bounds
+    return f" within design.gain_bounds = {measured(bounds, '', 4)}" if bounds else ""
 
 
 def _start(found: Findings) -> Rows:
@@ -372,9 +370,9 @@ def _start(found: Findings) -> Rows:
 def _not_turning(found: Findings) -> Row:
     """Warn of a rotor that does not turn."""
     case = found.case
-    given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
-    if not given and case.design.gain_bounds:
-        given = f" with a gain within design.gain_bounds = {_gain_bounds(found)}"
+    given = f" with a gain{within}" if (within := _within_bounds(found)) else ""
+    if getattr(case.control, "gain", None) is not None:
+        given = " and this gain"
     looks = "with this blade a run may find no solution"
     if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
         looks = "the run looks for one that does"

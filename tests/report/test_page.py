@@ -134,7 +134,7 @@ def test_several_results_stand_side_by_side(read):
     assert rows["control.law"] == ["quadratic", "linear"]
     assert rows["power"][0] == ""  # a check that only the second one has
     assert rows["power"][1].startswith("✗ failed")
-    assert rows["objective, captured, to the best"] == ["+0.0000 %", "+0.0000 %"]
+    assert rows["objective, relative to the best"] == ["+0.0000 %", "+0.0000 %"]
 
 
 def test_differences_of_cases_are_in_peoples_units():
@@ -280,7 +280,8 @@ def test_a_blade_that_would_break_is_in_the_headline(folders, tmp_path):
     text = page.write_report([replace(solution, summary=summary)], tmp_path / "broken.html")
     told = text.read_text("utf-8")
     assert (
-        '<p class="verdict breaks"><strong>verified, but the blade would break</strong></p>' in told
+        '<p class="verdict refused"><strong>verified, but the blade would break, 1 warning</strong>'
+        in told
     )
     assert "<dt>verdict</dt><dd>verified, but the blade would break, 1 warning</dd>" in told
     assert "the largest deflection of a tip is 364 % of the radius, above 10 %" in told
