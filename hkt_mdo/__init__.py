@@ -1,7 +1,7 @@
 """Control co-design of hydrokinetic turbines: blade and controller optimized together.
 
     from hkt_mdo import load_case, run_case
-    solution = run_case(load_case("cases/sine_limited_quadratic.yaml"), "results/mine")
+    solution = run_case(load_case("first_turbine"), "results/mine")
 
 The names below are the whole public interface: cases, problems, runs and results, and the base
 classes of extensions (docs/architecture.md). Each is imported when it is first used.
