@@ -41,8 +41,21 @@ autodoc_typehints = "none"  # the sections of the docstrings name the types
 numpydoc_show_class_members = False
 
 PUBLIC = {
-    "Cases, runs and results": ("Case", "load_case", "build_problem", "run_case", "Solution"),
-    "Batches and exports": ("run.batch.run_batch", "exports.base.export"),
+    "Cases, runs and results": (
+        "Case",
+        "load_case",
+        "check",
+        "build_problem",
+        "run_case",
+        "Solution",
+    ),
+    "From many cases, or from a result": (
+        "sweep",
+        "run.batch.run_batch",
+        "simulate",
+        "export",
+        "report",
+    ),
     "Groups for models of your own": ("RotorGroup", "TurbineGroup"),
     "Base classes of extensions": (
         *("FeedbackLaw", "Inflow", "Limit", "Objective", "Aggregate", "Quantity"),

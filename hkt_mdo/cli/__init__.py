@@ -70,7 +70,7 @@ hkt designs the blade and the controller of a hydrokinetic turbine together. In 
   hkt show results/mine                   read the result; hkt report results/mine makes a page
   hkt compare results/mine results/other  compare it with another result
 
-Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run sine_oloc"""
+Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run first_turbine"""
 
 
 @app.callback()

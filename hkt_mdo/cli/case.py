@@ -59,8 +59,8 @@ def check(
     except InputError as error:  # found only when the parts of the case meet
         error.file = error.file or str(case)
         raise
-    found = {"Notes": report.notes, "Warnings": report.warnings}
-    parts.print_tables(report.tables | found, as_json, as_csv)
+    told = report.tables | {"Notes": report.notes, "Warnings": report.warnings}
+    parts.print_tables(told, as_json, as_csv)
     if out and not no_figures:
         from hkt_mdo.results import check_plots, style
 

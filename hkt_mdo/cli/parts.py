@@ -100,7 +100,7 @@ def complain(what: str, message: str) -> None:
 
 def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bool = False) -> None:
     """Print rows below the titles of their tables, or as JSON or CSV with the title as `part`."""
-    if as_json or as_csv:
+    if one_form(as_json, as_csv):
         records = (plain_rows(rows, part=title) for title, rows in tables.items())
         print_records([each for several in records for each in several], as_json)
         return

@@ -61,7 +61,6 @@ def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> 
     Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
     value, the upper end if it is a range, unit and note.
     """
-    parts.one_form(as_json, as_csv)
     parts.print_tables(parts.tables_of(read_result(result)), as_json, as_csv)
 
 
@@ -114,13 +113,13 @@ def report(
     click on a point opens the report of that run, which is written into the folder of the run.
     """
     if len(results) == 1 and (results[0] / TABLE).is_file():
-        from hkt_mdo.report.sweep import write_sweep_report
+        from hkt_mdo.pages.sweep import write_sweep_report
         from hkt_mdo.results.sweep import SweepTable
 
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
-    from hkt_mdo.report.page import write_report
+    from hkt_mdo.pages.page import write_report
 
     parts.refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
@@ -286,8 +285,7 @@ def simulate(
     if for_program:
         parts.print_records(records(told), as_json)
     elif rows := [entry.row(name) for name, entry in largest(told).items()]:
-        of = f" of {len(told)} simulations" if several else ""
-        parts.print_tables({f"Largest values{of}": rows})
+        parts.print_tables({"Largest values" + several * f" of {len(told)} simulations": rows})
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
     if strict:

@@ -124,12 +124,10 @@ def _reporters(
         line = f"pass {len(ends)}, evaluation {count}, {measured(value, unit)}"
         line += f", infeasibility {infeasibility:.1e}"
         if len(ends) > 1 and (left := 2.0 * ends[-1] - ends[-2] - now) > 1.0:
-            line += f", {left:.0f} s left if it takes as long as the pass before"
+            line += f", {left:.0f} s left (as the pass before)"
         elif len(ends) == 1 and (goal := next((each for each in _ENDED if each > count), 0)):
             left = (now - ends[0]) * (goal / count - 1.0)
-            words = f"{left:.0f} s left to evaluation {goal}, "
-            words += f"before which {_ENDED[goal]} of first passes end"
-            line += f", {words}" if left > 1.0 else ""
+            line += f", {left:.0f} s left ({_ENDED[goal]} of first passes)" if left > 1.0 else ""
         if live.console.is_terminal:
             live.update(live.task_ids[0], description=line)
         elif now - last >= _SECONDS_BETWEEN_LINES:

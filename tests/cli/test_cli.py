@@ -486,10 +486,10 @@ def test_progress_reports_the_pass_and_the_time_left(monkeypatch: pytest.MonkeyP
     now[0] = 35.0
     evaluation(9, 2000.0, 1e-5)
     assert shown[0] == "pass 1, evaluation 1, 2.0000 kJ, infeasibility 1.0e-03"
-    assert ", 16 s left to evaluation 90, before which 90 % of" in shown[1]
+    assert ", 16 s left (90 % of first passes)" in shown[1]
     assert shown[2] == "judging"
     assert shown[3].startswith("pass 2, evaluation 9")
-    assert shown[3].endswith(", 15 s left if it takes as long as the pass before")
+    assert shown[3].endswith(", 15 s left (as the pass before)")
     live.console.is_terminal = False
     now[0] = 40.0
     evaluation(10, 2000.0, 1e-5)

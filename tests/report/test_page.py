@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
-from hkt_mdo.report import blade, charts, page, panels
+from hkt_mdo.pages import blade, charts, page, panels
 from hkt_mdo.results import style
 from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
@@ -295,7 +296,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
     summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
     half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
-    text = page.write_report([half], tmp_path / "half.html").read_text("utf-8")
+    text = hkt_mdo.report(half, tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
     assert "No judge has looked at it." in text

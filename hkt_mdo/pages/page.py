@@ -17,7 +17,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import make_folder, read_text, write_files
-from hkt_mdo.report import rendered
+from hkt_mdo.pages import rendered
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.shown import labels
 from hkt_mdo.results.solution import Solution
@@ -39,12 +39,14 @@ LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
 
-def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "") -> Path:
+def write_report(
+    solutions: Solution | Iterable[Solution], out: str | Path, shared: str = ""
+) -> Path:
     """Write the report of results as one HTML file that needs no network.
 
     Parameters
     ----------
-    solutions : iterable of Solution
+    solutions : Solution, or iterable of Solution
         One result, or several that the page sets side by side, the best first.
     out : str or pathlib.Path
         The file, which is replaced; its folder is made if need be.
@@ -62,7 +64,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "
         If a package is missing, there is no result, or the file cannot be written.
     """
     require_packages()
-    chosen = list(solutions)
+    chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
     path = Path(out)
@@ -88,7 +90,7 @@ def require_packages() -> None:
 def _page(solutions: Sequence[Solution], shared: str) -> str:
     """Return the page as HTML."""
     offline = import_module("plotly.offline")
-    from hkt_mdo.report import blade, charts, panels
+    from hkt_mdo.pages import blade, charts, panels
 
     order, behind = ranked(solutions)
     labelled = [panels.Labelled(*each) for each in zip(order, labels(order), strict=True)]
