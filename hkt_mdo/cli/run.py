@@ -81,9 +81,8 @@ def run(
             how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
             how["records"] = not no_records
             if not quiet:
-                how["progress"], how["on_pass"] = _reporters(
-                    loaded.name, loaded.objective.unit or "", live
-                )
+                about = loaded.name, loaded.objective.unit or "", live
+                how["progress"], how["on_pass"] = _reporters(*about)
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
