@@ -7,7 +7,7 @@ STAMP = $(VENV)/.installed
 .PHONY: run test check docs fuzz coverage verify cases bench lint lock newest oldest clean
 
 run: $(STAMP)-run
-	$(BIN)/hkt run cases/sine_limited_quadratic.yaml --out results/sine_limited_quadratic --force
+	$(BIN)/hkt run cases/examples/first_turbine.yaml --out results/first_turbine --force
 
 # what is fast (under four minutes on two cores)
 test: $(STAMP)-test

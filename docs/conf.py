@@ -41,8 +41,21 @@ autodoc_typehints = "none"  # the sections of the docstrings name the types
 numpydoc_show_class_members = False
 
 PUBLIC = {
-    "Cases, runs and results": ("Case", "load_case", "build_problem", "run_case", "Solution"),
-    "Batches and exports": ("run.batch.run_batch", "exports.base.export"),
+    "Cases, runs and results": (
+        "Case",
+        "load_case",
+        "check",
+        "build_problem",
+        "run_case",
+        "Solution",
+    ),
+    "From many cases, or from a result": (
+        "sweep",
+        "run.batch.run_batch",
+        "simulate",
+        "export",
+        "report",
+    ),
     "Groups for models of your own": ("RotorGroup", "TurbineGroup"),
     "Base classes of extensions": (
         *("FeedbackLaw", "Inflow", "Limit", "Objective", "Aggregate", "Quantity"),
@@ -58,14 +71,11 @@ COLLAPSED = ("Case", "Quantity")
 def commands_page():
     """Return the help of every command as a page; what all of them repeat stands once."""
     from hkt_mdo.cli import app
-    from hkt_mdo.cli.parts import EXIT_CODES
 
     command = get_command(app)
     context = command.context_class(command, info_name="hkt")
     page = get_docs_for_click(obj=command, ctx=context, title="Commands")
-    first, codes, rest = page.partition(EXIT_CODES)
-    page = first + codes + rest.replace(f"{EXIT_CODES}\n\n", "")
-    return re.sub(r"(?m)^\* `--help`.*\n", "", page)
+    return re.sub(r"(?m)^\* `-h, --help`.*\n", "", page)
 
 
 def api_page():

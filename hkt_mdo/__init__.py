@@ -1,7 +1,7 @@
 """Control co-design of hydrokinetic turbines: blade and controller optimized together.
 
     from hkt_mdo import load_case, run_case
-    solution = run_case(load_case("cases/sine_limited_quadratic.yaml"), "results/mine")
+    solution = run_case(load_case("first_turbine"), "results/mine")
 
 The names below are the whole public interface: cases, problems, runs and results, and the base
 classes of extensions (docs/architecture.md). Each is imported when it is first used.
@@ -10,20 +10,25 @@ classes of extensions (docs/architecture.md). Each is imported when it is first 
 from importlib import import_module
 
 _HOMES = {
-    "Case": "case",
-    "load_case": "case",
-    "InputError": "errors",
-    "Solution": "results.solution",
-    "build_problem": "start.build",
-    "RotorGroup": "problem.rotor_group",
-    "TurbineGroup": "start.turbine_group",
-    "run_case": "run.run",
-    "Aggregate": "dynamics.aggregates",
-    "FeedbackLaw": "dynamics.laws",
-    "Inflow": "dynamics.flows",
-    "Limit": "dynamics.limits",
-    "Objective": "dynamics.objectives",
-    "Quantity": "sections",
+    "Case": "case.Case",
+    "load_case": "case.load_case",
+    "InputError": "errors.InputError",
+    "Solution": "results.solution.Solution",
+    "build_problem": "start.build.build_problem",
+    "RotorGroup": "problem.rotor_group.RotorGroup",
+    "TurbineGroup": "start.turbine_group.TurbineGroup",
+    "check": "run.check.check_case",
+    "run_case": "run.run.run_case",
+    "sweep": "run.sweep.run_sweep",
+    "simulate": "studies.other_flows.runs_of",
+    "export": "exports.base.export",
+    "report": "pages.page.write_report",
+    "Aggregate": "dynamics.aggregates.Aggregate",
+    "FeedbackLaw": "dynamics.laws.FeedbackLaw",
+    "Inflow": "dynamics.flows.Inflow",
+    "Limit": "dynamics.limits.Limit",
+    "Objective": "dynamics.objectives.Objective",
+    "Quantity": "sections.Quantity",
 }
 
 __all__ = sorted(_HOMES)
@@ -35,7 +40,8 @@ def __getattr__(name: str):
         return import_module(f"{__name__}.errors").program_version()
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    home, _, own = _HOMES[name].rpartition(".")
+    return getattr(import_module(f"{__name__}.{home}"), own)
 
 
 def __dir__() -> list[str]:

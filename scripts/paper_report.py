@@ -12,7 +12,7 @@ import yaml
 
 from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
-from hkt_mdo.report import rendered, text_page
+from hkt_mdo.pages import rendered, text_page
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.figures import figure_of
 from hkt_mdo.results.folder import write_json, write_text

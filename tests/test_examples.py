@@ -12,6 +12,7 @@ from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.cases import find_case
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.physics import complete, physics
+from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
 from tests.verification.study import LIMITED
 
@@ -115,6 +116,21 @@ def test_own_files_are_what_the_script_makes():
         text = (FILES / name).read_text(encoding="utf-8")
         assert text.splitlines() == lines
         assert "example_cases.py" in text
+
+
+@pytest.mark.slow
+def test_the_first_turbine_could_be_built(solve):
+    """What a newcomer runs first is verified without a warning, strong, stiff and stable."""
+    found, case = solve("examples/first_turbine"), load_case("first_turbine")
+    summary = found.summary
+    assert summary.verdict(case) == "verified"
+    assert check_case(case).warnings == []
+    assert summary.energy_J == pytest.approx(81488.0, rel=1e-4)
+    assert summary.gain == pytest.approx(1.165, rel=1e-3)
+    assert summary.loads["stress"].value <= case.rotor.blade_material.allowable_stress / 3.0
+    assert summary.tip_deflection_m < 0.1 * summary.tip_radius_m
+    assert summary.memory.stable
+    assert min(summary.chord_m) >= 0.05
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ ALLOWED = {
         "rotor",
         "sections",
     },
-    "report": {"case", "errors", "exports", "files", "quantities", "results"},
+    "pages": {"case", "errors", "exports", "files", "quantities", "results"},
     "studies": {
         "case",
         "compiled",
@@ -67,7 +67,7 @@ ALLOWED = {
         "exports",
         "files",
         "problem",
-        "report",
+        "pages",
         "results",
         "rotor",
         "run",
@@ -147,6 +147,6 @@ def test_public_names_exist():
     import hkt_mdo
 
     for name in hkt_mdo.__all__:
-        assert getattr(hkt_mdo, name) is not None
+        assert callable(getattr(hkt_mdo, name))
     with pytest.raises(AttributeError):
         _ = hkt_mdo.nothing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
@@ -135,6 +136,15 @@ class FlowScenario(Section):
                 raise refusal(problem, remedy, key=f"{key}.realizations", value=count)
             made.append(self.model_copy(update=changes))
         return made
+
+
+_yaml = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)
+
+
+def _on_one_line(value: Any) -> str:
+    """Return a value as YAML on one line."""
+    text = str(_yaml(value, width=float("inf"), default_flow_style=True))
+    return text.removesuffix("...\n").strip()
 
 
 def _reseeded(inflow: Inflow, number: int) -> Inflow:
@@ -403,13 +413,25 @@ class Case(Section):
         Keys whose values come from the shipped blade are not written but listed in a comment.
         """
         data, own = self._without_own()
-        write = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)
-        text = str(write(data, width=100))
+        text = str(_yaml(data, width=100))
         if not own:
             return text
-        brings = str(write(own, width=float("inf"), default_flow_style=True)).strip()
+        brings = _on_one_line(own)
         about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
         return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
+
+    def __repr__(self) -> str:
+        return f"<Case {self.name}: {self.control.law} control, {self.inflow.profile} flow>"
+
+    def _repr_html_(self) -> str:
+        """Return what differs from the defaults as a table for notebooks, a row a section."""
+        kinds = {"inflow": {"profile": self.inflow.profile}, "control": {"law": self.control.law}}
+        given = self.model_dump(mode="json", exclude_defaults=True)
+        rows = (
+            f"<tr><th>{key}</th><td>{html.escape(_on_one_line(value))}</td></tr>"
+            for key, value in (given | {x: kinds[x] | given[x] for x in kinds}).items()
+        )
+        return f"<table>{''.join(rows)}</table>"
 
     def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the case as JSON without the values of its shipped blade, and these values."""

@@ -29,19 +29,25 @@ app = typer.Typer(
     name="hkt",
     help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
     "A case is a short YAML file; a run of it writes a result folder; the other commands work on "
-    f"cases or results.\n\n{EXIT_CODES}",
+    "cases or results.",
+    epilog=EXIT_CODES,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode="markdown",  # Rich's own markup would take [report] for a tag and leave it out
     invoke_without_command=True,
     pretty_exceptions_enable=False,
 )
-for _command in (
-    *(run.run, sweep.sweep, case.check, case.n2),
-    *(results.plot, results.report, results.show, results.simulate, results.compare),
-    results.export,
-    *(case.schema, case.new, case.polar, resource.resource),
-):
-    # the docstring is the help, and a line end within a paragraph is a blank
-    _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")
-    app.command(short_help=_help.partition("\n")[0], help=f"{_help}\n\n{EXIT_CODES}")(_command)
+_PANELS = {
+    "Write and check a case": (case.new, case.check, case.schema, case.n2),
+    "Optimize": (run.run, sweep.sweep),
+    "Look at results": (results.show, results.plot, results.report, results.compare),
+    "Use a result": (results.simulate, results.export),
+    "Data": (case.polar, resource.resource),
+}
+for _panel, _commands in _PANELS.items():
+    for _command in _commands:
+        # the docstring is the help, and a line end within a paragraph is a blank
+        _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")
+        app.command(rich_help_panel=_panel, help=_help)(_command)
 
 
 def _print_version(wanted: bool) -> None:
@@ -64,7 +70,7 @@ hkt designs the blade and the controller of a hydrokinetic turbine together. In 
   hkt show results/mine                   read the result; hkt report results/mine makes a page
   hkt compare results/mine results/other  compare it with another result
 
-Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run sine_oloc"""
+Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run first_turbine"""
 
 
 @app.callback()

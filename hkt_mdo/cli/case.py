@@ -59,14 +59,8 @@ def check(
     except InputError as error:  # found only when the parts of the case meet
         error.file = error.file or str(case)
         raise
-    found = {"Notes": report.notes, "Warnings": report.warnings}
-    told = report.tables | found
-    if for_program:
-        records = (parts.plain_rows(rows, part=title) for title, rows in told.items())
-        parts.print_records([each for several in records for each in several], as_json)
-    for title, rows in told.items():
-        if rows and not for_program:
-            parts.print_rows(rows, title)
+    told = report.tables | {"Notes": report.notes, "Warnings": report.warnings}
+    parts.print_tables(told, as_json, as_csv)
     if out and not no_figures:
         from hkt_mdo.results import check_plots, style
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hkt_mdo.results.solution import Solution
     from hkt_mdo.results.words import Row
 
+_STYLES = {"warning": "yellow", "note": "dim", "failure": "red"}
 BAD_INPUT, NO_SUCCESS, INTERRUPTED, BUG = 2, 3, 130, 1
 
 EXIT_CODES = (
@@ -93,26 +94,42 @@ def complain(what: str, message: str) -> None:
     echo(f"{what}: {line}", err=True)
 
 
-def print_rows(rows: Iterable[Row], title: str = "") -> None:
+def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bool = False) -> None:
+    """Print rows below the titles of their tables, or as JSON or CSV with the title as `part`."""
+    if one_form(as_json, as_csv):
+        records = (plain_rows(rows, part=title) for title, rows in tables.items())
+        print_records([each for several in records for each in several], as_json)
+        return
+    for title, rows in tables.items():
+        if rows:
+            _print_table(rows, title)
+
+
+def _print_table(rows: list[Row], title: str) -> None:
     """Print rows below a title, a line each where it is no terminal; brackets are no markup."""
     told = [(row.label or "-", row.text) for row in rows]
     console, wide = Console(highlight=False), max((len(label) for label, _ in told), default=0)
     if not console.is_terminal:
-        echo("\n".join([f"\n{title}" if title else "", *(f" {x:<{wide}}  {y}" for x, y in told)]))
+        echo("\n".join([f"\n{title}", *(f" {x:<{wide}}  {y}" for x, y in told)]))
         return
     table = Table(box=None, show_header=False, pad_edge=True, padding=(0, 1))
-    for label, text in told:
-        table.add_row(Text(label, no_wrap=True), Text(text))
-    console.print(Text(f"\n{title}" if title else "", style="bold"))
+    for (label, text), row in zip(told, rows, strict=True):
+        style = _STYLES.get(row.severity, "")
+        table.add_row(Text(label, style or "cyan", no_wrap=True), Text(text, style))
+    console.print(Text(f"\n{title}", style="bold"))
     console.print(table)
 
 
-def rows_of(solution: Solution) -> list[Row]:
-    """Return a result's figures of merit and the checks that it failed."""
+def tables_of(solution: Solution) -> dict[str, list[Row]]:
+    """Return a result's figures of merit, its warnings, and the checks that it failed."""
     from hkt_mdo.results.words import Row
 
-    failed = [Row("check not passed", check) for check in solution.failed_checks]
-    return [*solution.summary.rows(solution.case), *failed]
+    case, summary = solution.case, solution.summary
+    return summary.tables(case) | {
+        "Notes": [Row("", note, severity="note") for note in solution.notes],
+        "Warnings": [Row("", text, severity="warning") for text in summary.warnings(case)],
+        "Checks not passed": [Row("", x, severity="failure") for x in solution.failed_checks],
+    }
 
 
 def one_form(as_json: bool, as_csv: bool) -> bool:

@@ -61,11 +61,7 @@ def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> 
     Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
     value, the upper end if it is a range, unit and note.
     """
-    for_program, rows = parts.one_form(as_json, as_csv), parts.rows_of(read_result(result))
-    if for_program:
-        parts.print_records(parts.plain_rows(rows), as_json)
-    else:
-        parts.print_rows(rows)
+    parts.print_tables(parts.tables_of(read_result(result)), as_json, as_csv)
 
 
 def plot(
@@ -117,13 +113,13 @@ def report(
     click on a point opens the report of that run, which is written into the folder of the run.
     """
     if len(results) == 1 and (results[0] / TABLE).is_file():
-        from hkt_mdo.report.sweep import write_sweep_report
+        from hkt_mdo.pages.sweep import write_sweep_report
         from hkt_mdo.results.sweep import SweepTable
 
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
-    from hkt_mdo.report.page import write_report
+    from hkt_mdo.pages.page import write_report
 
     parts.refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
@@ -137,23 +133,20 @@ def compare(
 ) -> None:
     """Compare results in a table and, with --out, in overlaid figures.
 
-    The table has the figures of merit side by side, the best objective first: successful results,
-    then results that failed a check, then those of interrupted runs, which are not in the figures.
-    Notes below the table name interrupted runs, and results to which another result of the same
-    turbine in the same flow is superior: it keeps the limits of their case and has a better
-    objective.
+    The table has the figures of merit side by side, the best objective first, over the duration
+    where durations differ: successful results, then results that failed a check, then those of
+    interrupted runs, which are not in the figures. Notes below the table name interrupted runs, and
+    results to which another result of the same turbine in the same flow is superior: it keeps the
+    limits of their case and has a better objective.
     """
     from hkt_mdo.results.nesting import beaten, ranked
-    from hkt_mdo.results.words import Row, texts
+    from hkt_mdo.results.words import texts
 
     for_program = parts.one_form(as_json, as_csv)
-    solutions, shares = ranked(read_result(result) for result in results)
-    rows = []
-    for solution, share in zip(solutions, shares, strict=True):
-        rows.append(solution.summary.rows(solution.case))
-        if share is not None:
-            best = Row("objective, relative to the best", f"{100.0 * share:+.4f} %")
-            rows[-1].insert(3, best)  # below case, success and message
+    solutions, behind = ranked(read_result(result) for result in results)
+    rows = [solution.summary.rows(solution.case) for solution in solutions]
+    for known, row in zip(rows, behind, strict=True):
+        known[3:3] = row  # below case, verdict and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
         records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
@@ -292,7 +285,7 @@ def simulate(
     if for_program:
         parts.print_records(records(told), as_json)
     elif rows := [entry.row(name) for name, entry in largest(told).items()]:
-        parts.print_rows(rows, f"Largest values{f' of {len(told)} simulations' if several else ''}")
+        parts.print_tables({"Largest values" + several * f" of {len(told)} simulations": rows})
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
     if strict:

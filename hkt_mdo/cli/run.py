@@ -69,6 +69,10 @@ def run(
         raise BadParameter("give a CASE, or --resume DIR")
     loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
     folder = resume or out or Path("results") / loaded.name
+    if resume is None:
+        from hkt_mdo.results.folder import check_folder
+
+        check_folder(folder, force)  # which takes no time, unlike what a run imports
     before = _written(folder)
     try:
         with _live(loaded.name, quiet) as live:
@@ -77,9 +81,8 @@ def run(
             how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
             how["records"] = not no_records
             if not quiet:
-                how["progress"], how["on_pass"] = _reporters(
-                    loaded.name, loaded.objective.unit or "", live
-                )
+                about = loaded.name, loaded.objective.unit or "", live
+                how["progress"], how["on_pass"] = _reporters(*about)
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -92,11 +95,8 @@ def run(
         parts.complain("interrupted", saved)
         raise Exit(parts.INTERRUPTED) from None
     if not quiet:
-        parts.print_rows(parts.rows_of(solution))
-        if (memory := solution.summary.memory) is not None and not memory.stable:
-            echo(f"warning: with memory of the wake this loop is {memory.text}")
-        for line in (*(f"note: {note}" for note in solution.notes), f"Results: {folder}"):
-            echo(line)
+        parts.print_tables(parts.tables_of(solution))
+        echo(f"\n{loaded.name}: {solution.summary.verdict(solution.case)}. Results: {folder}")
     if not solution.success:
         reason = solution.message or "the run gives no reason"
         parts.complain("error", f"no success: {reason} (the result is in {folder})")
@@ -120,20 +120,18 @@ def _reporters(
         now = time.monotonic()
         if not ends:
             ends.append(now)
-        line = f"pass {len(ends)}, evaluation {count}, objective {measured(value, unit)}"
+        line = f"pass {len(ends)}, evaluation {count}, {measured(value, unit)}"
         line += f", infeasibility {infeasibility:.1e}"
         if len(ends) > 1 and (left := 2.0 * ends[-1] - ends[-2] - now) > 1.0:
-            line += f", {left:.0f} s left if it takes as long as the pass before"
+            line += f", {left:.0f} s left (as the pass before)"
         elif len(ends) == 1 and (goal := next((each for each in _ENDED if each > count), 0)):
             left = (now - ends[0]) * (goal / count - 1.0)
-            words = f"{left:.0f} s left to evaluation {goal}, "
-            words += f"before which {_ENDED[goal]} of first passes end"
-            line += f", {words}" if left > 1.0 else ""
+            line += f", {left:.0f} s left ({_ENDED[goal]} of first passes)" if left > 1.0 else ""
         if live.console.is_terminal:
-            live.update(live.task_ids[0], description=f"{name}: {line}")
+            live.update(live.task_ids[0], description=line)
         elif now - last >= _SECONDS_BETWEEN_LINES:
             last = now
-            echo(f"{name}: {now - began:.0f} s, {line}")
+            _tell(live, f"{name}: {now - began:.0f} s, {line}")
 
     def passed(entry: Any) -> None:
         ends.append(time.monotonic())
@@ -141,22 +139,26 @@ def _reporters(
         line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
         line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"
         then = "optimizing again" if entry.remedy else "judging"
-        live.update(live.task_ids[0], description=f"{name}: {then}")
-        echo(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
+        live.update(live.task_ids[0], description=then)
+        _tell(live, f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
     return evaluation, passed
+
+
+def _tell(live: Progress, line: str) -> None:
+    """Print a line above the live one; where it is no terminal, without a line break within."""
+    live.console.print(line, markup=False, highlight=False, soft_wrap=not live.console.is_terminal)
 
 
 @contextmanager
 def _live(name: str, quiet: bool) -> Iterator[Progress]:
     """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
-    wrapped = Column(overflow="fold")  # in a narrow terminal, not cut
-    text = TextColumn("{task.description}", markup=False, table_column=wrapped)
+    one_line = Column(no_wrap=True, overflow="ellipsis")  # what wraps would stay on the screen
+    text = TextColumn("{task.description}", markup=False, table_column=one_line)
     columns = SpinnerColumn(), TimeElapsedColumn(), text
     with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
-        live.add_task(begun := f"{name}: searching for a start")
-        if not (quiet or live.console.is_terminal):
-            echo(begun)
+        _tell(live, f"{name}: searching for a start")
+        live.add_task("searching for a start")
         yield live
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from rich.console import Console
+from rich.text import Text
 from typer import Argument, Exit, Option, confirm, echo
 
 from hkt_mdo.cli import parts
@@ -52,7 +53,8 @@ def sweep(
     folder = out or Path("results") / sweep.stem
     how: dict[str, Any] = {"scheduler": scheduler, "extensions": parts.EXTENSIONS.get()}
     try:
-        with Console(quiet=quiet).status(f"{sweep.stem}: {asked.size:,} runs") as status:
+        begun = Text(f"{sweep.stem}: {asked.size:,} runs")  # brackets are no markup
+        with Console(quiet=quiet).status(begun) as status:
             from hkt_mdo.run.sweep import run_sweep
 
             if asked.size > ASKED and not yes:

@@ -13,13 +13,14 @@ from hkt_mdo.files.table import Csv, read_text
 from hkt_mdo.files.yaml_text import compose, plain
 
 _FOLDER = Path(__file__).parent / "data"
-_SHIPPED, COLUMNS, SPELLINGS = (
-    plain(compose(read_text(file, "table"), file))
-    for file in (_FOLDER / "shipped.yaml", _FOLDER / "columns.yaml", _FOLDER / "units.yaml")
+_SHIPPED, COLUMNS, SPELLINGS, PLAUSIBLE = (
+    plain(compose(read_text(_FOLDER / f"{name}.yaml", "table"), name))
+    for name in ("shipped", "columns", "units", "plausible")
 )
 """COLUMNS: unit and meaning of the columns of tables, of a result and of its exports.
 
-SPELLINGS: those of the units of records.
+SPELLINGS: those of the units of records. PLAUSIBLE: ranges of a case's values, with what to think
+of outside of them.
 """
 
 POLAR_FAMILIES: dict[str, dict[str, float]] = _SHIPPED["polars"]

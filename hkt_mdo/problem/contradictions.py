@@ -1,4 +1,4 @@
-"""Limits that no design can keep, and limits without effect beside others; only if certain."""
+"""Limits that no design can keep or that are next to zero, and limits without effect."""
 
 from __future__ import annotations
 
@@ -10,17 +10,22 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import Limit, Taper
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
+from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
 
 TOLD = 1e-6  # relative excess above rounding
+# of power, thrust, and a shaft's or a blade's moment of a usual rotor; a share of what it then has
+# in the mean flow, below which a limit is a mistake
+USUAL, LEAST_SHARE = {"W": 0.4, "N": 0.8, "N*m": 0.05}, 0.01
 
 
-def refuse_contradictions(case: Case, shape: Shape, fastest: float) -> None:
-    """Raise InputError for a limit that no design within its bounds can keep.
+def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float) -> None:
+    """Raise InputError for a limit that no design can keep, or only a rotor next to standstill.
 
-    `fastest` (m/s) is a speed that the flow reaches: below the tip speed ratio `SLOWEST_RATIO` a
+    `mean` and `fastest` (m/s) are speeds of the flow: below the tip speed ratio `SLOWEST_RATIO` a
     rotor counts as standing, and is refused. A fixed blade that is scaled keeps its taper.
     """
+    _refuse_next_to_zero(case, shape, mean)
     limits, standing = _bounds(case), SLOWEST_RATIO * fastest
     _, largest = _radii(shape)
     for name, reach, unit in (("tip_speed", 1.0, "m/s"), ("rotor_speed", largest, "rad/s")):
@@ -40,6 +45,24 @@ def refuse_contradictions(case: Case, shape: Shape, fastest: float) -> None:
             problem = f"is broken by the fixed blade, whose chord grows towards r/R = {place:.3g}"
             remedy = "give design.blade: optimized, a place outboard of that, or another blade"
             raise InputError(problem, remedy, key="limits.taper_from", value=taper.bound)
+
+
+def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
+    """Refuse a limit of power, thrust or torque that is next to nothing of a usual rotor's."""
+    about = case.fluid.density, _radii(shape)[0], mean
+    power = float(power_scale(*about))
+    scales = {"W": power, "N": power / mean, "N*m": float(torque_scale(*about))}
+    sections = [("", case), *((f"scenarios[{i}].", x) for i, x in enumerate(case.scenarios))]
+    given = [
+        (f"{of}limits.{x.name}", x.upper, x.unit) for of, y in sections for x in y.limits.given
+    ]
+    given.append(("control.torque_limit", case.control.torque_limit or np.inf, "N*m"))
+    for key, bound, unit in given:
+        if unit in scales and np.max(bound) < LEAST_SHARE * USUAL[unit] * scales[unit]:
+            most, plain = USUAL[unit] * scales[unit], unit.replace("*", " ")
+            problem = f"is less than a hundredth of a usual rotor's in the mean flow, {most:.3g}"
+            remedy = f"check its unit, such as {bound:g} k{plain}, and rotor.radius"
+            raise InputError(f"{problem} {plain}", remedy, key=key, value=bound)
 
 
 def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:

@@ -37,9 +37,10 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.operation import in_operation
+from hkt_mdo.problem.plausible import doubts
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
-from hkt_mdo.quantities import LOADS, RATES, STEADY, names
+from hkt_mdo.quantities import LOADS, STEADY, names
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
@@ -58,8 +59,6 @@ SEGMENTS_PER_PERIOD = 8.0  # segments in a period of the highest lasting frequen
 FEWEST_SEGMENTS = 60
 MOST_PERIODS = 1_000_000  # most periods of the flow's highest frequency that can be sampled
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
-# m/s and kg/m**3: values beyond are probably in another unit
-CURRENT, WATER = 10.0, (900.0, 1300.0)
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
 CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
@@ -650,7 +649,7 @@ def physics(case: Case) -> Physics:
     whole = _whole_scenarios(case)
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
     weights = np.concatenate([each.weight * each.sample_weights for each in whole])
-    fastest, mean = float(np.max(speed)), float(np.mean(speed))
+    fastest, mean = float(np.max(speed)), float(weights @ speed / np.sum(weights))
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
         speed = np.minimum(speed, control.cut_out)
@@ -671,7 +670,7 @@ def physics(case: Case) -> Physics:
         found, messages = in_operation(each, control.cut_out, 2.0 * turbine.blade.rotor_radius)
         scenarios += found
         notes += messages
-    refuse_contradictions(case, shape, fastest)
+    refuse_contradictions(case, shape, mean, fastest)
     flows = {message: None for each in whole for message in each.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
@@ -692,7 +691,7 @@ def physics(case: Case) -> Physics:
         limits,
         case.objective,
         messages,
-        tuple(_doubts(case, mean)),
+        tuple(doubts(case, _derived(turbine, whole))),
     )
     return replace(made, ceilings=_ceilings(made)) if case.robustness.relative else made
 
@@ -795,25 +794,19 @@ def _in_condition(turbine: Turbine, case: Case) -> Turbine:
     return turbine._replace(polar=fouled if isinstance(polar, tuple) else fouled[0])
 
 
-def _doubts(case: Case, mean: float) -> Iterator[str]:
-    """Yield warnings about water, flow (m/s) and control that are probably mistakes."""
-    density, (light, heavy) = case.fluid.density, WATER
-    if not light <= density <= heavy:
-        yield (
-            f"fluid.density = {density:g} kg/m^3 is not that of water, about 1000: check its unit, "
-            f"such as {density:g} g/cm**3"
-        )
-    if mean > CURRENT:
-        yield (
-            f"the flow's mean speed is {mean:.4g} m/s, faster than natural currents: check the "
-            f"unit of its speeds, such as {mean:.4g} cm/s"
-        )
-    rated = any(limit.is_of(RATES) for limit in case.limits.given)
-    if rated and case.control.chooses_torque and case.design.blade == "optimized":
-        yield (
-            "control.unknown = torque may end several per cent below the best under "
-            "limits.torque_rate: give control.unknown: speed"
-        )
+def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
+    """Return quantities that follow from a case and its files, by their names in `PLAUSIBLE`."""
+    flows = {
+        f"mean flow speed of {x.name}" if len(whole) > 1 else "mean flow speed": x for x in whole
+    }
+    return {
+        name: float(np.average(each.inflow.speed_at(each.samples), weights=each.sample_weights))
+        for name, each in flows.items()
+    } | {
+        "tip radius": turbine.blade.tip_radius,
+        "outermost station": float(turbine.blade.r[-1]) / turbine.blade.tip_radius,
+        "thickness of the thinnest section": float(np.min(turbine.thickness)),
+    }
 
 
 def _with_chord_bounds(case: Case, blade: Blade) -> Case:

@@ -69,6 +69,8 @@ class StartRecord:
         Whether the optimization begins with it.
     law : str
         The control law under which it was tried: another one guides that of the case.
+    side : str
+        The branch of which it is the best, where limits make branches; else empty.
     """
 
     strategy: str
@@ -78,6 +80,7 @@ class StartRecord:
     exceeds: tuple[str, ...]
     kept: bool = False
     law: str = ""
+    side: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,11 +160,16 @@ class StartingPoint:
         return StartRecord(self.strategy, self.branch, self.objective, self.excess, self.exceeds)
 
 
-def records(tried: Iterable[StartRecord], kept: StartingPoint) -> tuple[StartRecord, ...]:
-    """Return records with that of one point, found by its objective, marked as kept."""
-    unmarked = [replace(record, kept=False) for record in tried]
-    found = [record.objective == kept.objective for record in unmarked]
-    if any(found):
-        place = found.index(True)
-        unmarked[place] = replace(unmarked[place], kept=True)
-    return tuple(unmarked)
+def records(
+    tried: Iterable[StartRecord], kept: StartingPoint, branches: Iterable[StartingPoint] = ()
+) -> tuple[StartRecord, ...]:
+    """Return records with those of the kept point and of the best of each branch marked.
+
+    They are found by their objectives.
+    """
+    sides = {each.objective: each.branch for each in branches}
+    found = [replace(each, kept=False, side=sides.pop(each.objective, "")) for each in tried]
+    place = next((i for i, each in enumerate(found) if each.objective == kept.objective), None)
+    if place is not None:
+        found[place] = replace(found[place], kept=True)
+    return tuple(found)

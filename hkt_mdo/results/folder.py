@@ -47,7 +47,7 @@ def check_folder(out: Path, force: bool) -> None:
     with _usable(out):
         names = {path.name for path in out.iterdir()} if out.is_dir() else set()
     # a run killed before it wrote its case leaves only these, which hold nothing of value
-    if not names - {"lock", MARKER, f"{MARKER}.part", "case.yaml.part"}:
+    if not names - {"lock", "lock-journal", MARKER, f"{MARKER}.part", "case.yaml.part"}:
         return
     if not force:
         remedy = "choose another one, give --force to replace it, or --resume to go on with it"
@@ -62,9 +62,10 @@ def check_folder(out: Path, force: bool) -> None:
 def locked(out: Path):
     """Create a result folder if necessary, and lock it against other runs.
 
-    The lock is SQLite's: it is released when the process ends for any reason, on every system.
+    The lock is SQLite's: it is released when the process ends for any reason, on every system. A
+    folder that was made and has got no other file is taken away again.
     """
-    lock = out / "lock"
+    lock, made = out / "lock", [path for path in (out, *out.parents) if not path.exists()]
     with _usable(out):
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
@@ -82,6 +83,9 @@ def locked(out: Path):
         with suppress(OSError):  # Windows does not delete an open file
             lock.unlink()
         connection.close()
+        with suppress(OSError):
+            for path in made:
+                path.rmdir()
 
 
 def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
@@ -113,12 +117,6 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
         write_text(mark, "\n".join([_MARKED, *scenarios]) + "\n")
         with suppress(OSError):  # it holds a file of the user
             figures.rmdir()
-
-
-def make_folder(path: Path) -> None:
-    """Make a folder in a result's; InputError if that cannot be written or was taken away."""
-    with _usable(path):
-        path.mkdir(exist_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.words import Row
 
 BETTER = 1e-4
 """Share of the objective by which another result must be better to be reported."""
@@ -68,8 +69,11 @@ def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
     return found
 
 
-def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | None]]:
+def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row]]]:
     """Return results by their objectives, as simulated: successes, refused ones, unfinished ones.
+
+    Results of different durations are compared by the objective over the duration, of an energy the
+    mean power, where the objective is an integral over time.
 
     Parameters
     ----------
@@ -79,11 +83,16 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | 
     -------
     solutions : list of Solution
         The best first; results of different objectives keep their order.
-    shares : list of float or None
-        By which share each objective differs from the best success; None where that is not known.
+    behind : list of list of Row
+        By how much each of several objectives differs from that of the best success, a row each;
+        none where that is not known.
     """
-    known = list(solutions)
+    known, measure = list(solutions), "objective"
     values = [_objective(each) if each.finished else None for each in known]
+    durations = [each.case.phase.duration for each in known]
+    if len({*durations}) > 1 and known[0].case.objective.is_rate:
+        measure = "objective over duration"
+        values = [x and t and x / t for x, t in zip(values, durations, strict=True)]
     kinds = {x.case.objective.kind for x, value in zip(known, values, strict=True) if value}
     sign = known[0].case.objective.sign if len(kinds) == 1 else 0.0
 
@@ -91,12 +100,15 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[float | 
         return values[index] is None, not known[index].success, -sign * (values[index] or 0.0)
 
     order = sorted(range(len(known)), key=place)
-    first, shares = known[order[0]], []
-    best = values[order[0]] if len(kinds) == 1 else None
+    first, behind = known[order[0]], []
+    best = values[order[0]] if len(kinds) == 1 and len(known) > 1 else None
     for value in (values[index] for index in order):
-        comparable = best is not None and value is not None
-        shares.append(0.0 - first.case.objective.behind(value, best) if comparable else None)
-    return [known[index] for index in order], shares
+        row = []
+        if best is not None and value is not None:
+            share = 0.0 - first.case.objective.behind(value, best)
+            row.append(Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %"))
+        behind.append(row)
+    return [known[index] for index in order], behind
 
 
 def _objective(solution: Solution) -> float | None:

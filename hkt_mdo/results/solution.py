@@ -429,10 +429,10 @@ class Solution:
         return drawn.figures(self, names or ("blade", "operation", "schedule", "limits"))
 
     def __repr__(self) -> str:
-        outcome = "success" if self.success else "no success"
         energy = self.summary.energy_J
         known = "" if energy is None else f", {measured(energy, 'J')}"
-        return f"<Solution {self.name}: {outcome}{known}, {str(self.folder)!r}>"
+        verdict = self.summary.verdict(self.case)
+        return f"<Solution {self.name}: {verdict}{known}, {str(self.folder)!r}>"
 
     def _repr_html_(self) -> str:
         """Return the summary as a table for notebooks."""

@@ -31,6 +31,7 @@ from hkt_mdo.results.words import (
     joined,
     limit_words,
     measured,
+    per_cent,
     printable,
     tip_deflection,
     water_inertia,
@@ -48,6 +49,9 @@ BLADE = (
     *("start_chord_m", "start_twist_deg"),
 )
 """Fields that hold one value for each blade station; thickness where it is designed."""
+
+BENT = 0.1
+"""Deflection of a tip over the radius above which a blade counts as broken."""
 
 FAST = 14.1
 """Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
@@ -76,7 +80,7 @@ class Span(_Entry):
 
 
 class CheckEntry(_Entry):
-    """One check of a judge: a value, the limit that it must not exceed, and where it occurred."""
+    """One check of a judge: a value, the limit that it must not exceed, what it is and where."""
 
     name: str
     value: _Number = Field(default=None, allow_inf_nan=True)
@@ -86,7 +90,7 @@ class CheckEntry(_Entry):
 
     def __str__(self) -> str:
         value, limit = measured(self.value, digits=4), measured(self.limit, digits=4)
-        return printable(f"{self.name}: {value}, limit {limit}. {self.detail}")
+        return printable(f"{self.name}: {value}, at most {limit}. {self.detail}")
 
 
 class LoadEntry(_Entry):
@@ -252,6 +256,8 @@ class StartEntry(_Entry):
     """Whether the optimization began with it."""
     law: str = ""
     """The control law under which it was tried."""
+    side: str = ""
+    """The branch of which it is the best, where limits make branches."""
 
 
 class PassEntry(_Entry):
@@ -522,6 +528,8 @@ class Summary(_Entry, Mapping[str, Any]):
     checks: list[CheckEntry] | None = None
     notes: list[str] | None = None
     """What was converted, repaired or left out of the case's files."""
+    doubts: list[str] | None = None
+    """What is probably a mistake in the case, as `hkt check` warns."""
 
     package: str | None = None
     optimizer: str | None = None
@@ -588,27 +596,63 @@ class Summary(_Entry, Mapping[str, Any]):
         -------
         list of Row
         """
+        return [row for rows in self.tables(case).values() for row in rows]
+
+    def tables(self, case: Case) -> dict[str, list[Row]]:
+        """Return the rows by the titles of their tables."""
+        found = {
+            "Result": [*self._outcome(case)],
+            "Blade and controller": [*self._design(case)],
+            "Operation, limits and loads": [*self._operation(case)],
+            "Optimization": [*self._optimization()],
+        }
         scenarios = self.scenarios or {}
-        return [
-            *self._outcome(case),
-            *self._design(case),
-            *self._operation(case),
-            *(
-                replace(row, label=f"{name}: {row.label}")
-                for name, entry in scenarios.items()
-                for row in entry.rows(case)
-                if len(scenarios) > 1
-            ),
-        ]
+        for name, entry in scenarios.items() if len(scenarios) > 1 else ():
+            rows = (replace(row, label=f"{name}: {row.label}") for row in entry.rows(case))
+            found[f"Scenario {name}"] = [*rows]
+        return found
+
+    def warnings(self, case: Case) -> list[str]:
+        """Return what may be wrong beside the checks.
+
+        A blade that would break, an unstable loop, large unlimited loads, mistakes in the case.
+        """
+        loads = {k: x for k, x in (self.loads or {}).items() if k not in (self.limits or {})}
+        loads.pop("stress", None)  # is told by what breaks the blade
+        asked = [(x.row(name), unasked(name, x.value, case)) for name, x in loads.items()]
+        large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
+        stable = self.memory is None or self.memory.stable
+        loop = [] if stable else [f"with memory of the wake, {self.memory.text}"]
+        return [*self.breaks(case), *loop, *large, *(self.doubts or ())]
+
+    def breaks(self, case: Case) -> list[str]:
+        """Return what would break the blade: its stress, and a deflection out of a beam's range."""
+        most, stress = case.rotor.blade_material.allowable_stress, (self.loads or {}).get("stress")
+        bent, radius, found = self.tip_deflection_m, self.tip_radius_m, []
+        if most and stress and (stress.value or 0.0) > most:
+            told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
+            found.append(f"the largest stress in a blade, {told}, is above its material's, {limit}")
+        if bent and radius and bent > BENT * radius:
+            share = f"{100.0 * bent / radius:.3g} % of the radius"
+            found.append(f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %")
+        return found
+
+    def verdict(self, case: Case) -> str:
+        """Return whether the result is verified and its blade holds, and how many warnings."""
+        count = len(self.warnings(case))
+        word = "verified" if self.success else "not verified"
+        if self.breaks(case):
+            word += f", {'but' if self.success else 'and'} the blade would break"
+        return joined(word, f"{count} warning{'s' * (count != 1)}" if count else "")
 
     def _outcome(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of success and energy."""
+        """Yield the rows of verdict and energy."""
         found, simulated, bound = self.energy_J, self.simulated_energy_J, self.energy_bound_J
         best = found if simulated is None else simulated
         share = 100.0 * best / bound if best is not None and bound else None
-        off = f"{100.0 * (simulated / found - 1.0):+.2g} %" if simulated and found else ""
+        off = per_cent(simulated - found, found, sign="+") if simulated and found else ""
         yield Row("case", case.name)
-        yield Row("success", "yes" if self.success else "no")
+        yield Row("verdict", self.verdict(case))
         yield Row("message", self.message)
         if self.memory is not None:
             yield Row("stability with memory of the wake", self.memory.text)
@@ -625,7 +669,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)
 
     def _design(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of controller, blade and computation."""
+        """Yield the rows of controller and blade."""
         if case.control.law != "open_loop":
             gains = self.gain if isinstance(self.gain, list) else [self.gain]
             known = None if self.gain is None else amounts(gains, self.gain_units or ())
@@ -651,6 +695,10 @@ class Summary(_Entry, Mapping[str, Any]):
             model = case.rotor.added_inertia
             yield water_inertia(self.water_inertia_kg_m2, self.inertia_kg_m2, model)
         yield Row("mass", self.mass_kg, "kg", digits=4)
+        yield from (each.row() for each in self.at_bounds or ())
+
+    def _optimization(self) -> Iterator[Row]:
+        """Yield the rows of the computation."""
         for label, error in (
             ("torque curve, relative error", self.surrogate_error),
             ("rotor speed, relative error", self.max_speed_error),
@@ -667,10 +715,10 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
-        yield from (each.row() for each in self.at_bounds or ())
+        yield from (branch.row() for branch in self.branches or ())
 
     def _operation(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of a year, standstill, limits, loads and branches."""
+        """Yield the rows of a year, standstill, limits and loads."""
         scenarios = [*(self.scenarios or {}).values()]
         if len(scenarios) == 1 and scenarios[0].year is not None:
             yield from scenarios[0].year.rows()
@@ -683,7 +731,6 @@ class Summary(_Entry, Mapping[str, Any]):
             yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
         if self.weight_moment_Nm is not None:
             yield weight_moment(self.weight_moment_Nm)
-        yield from (branch.row() for branch in self.branches or ())
 
 
 def _largest(name: str) -> str:
@@ -736,4 +783,5 @@ def _losses(generated: float | None, electrical: float | None) -> str:
     lost = generated - electrical
     if abs(lost) <= 1e-9 * abs(generated):
         return "losses none"
-    return f"losses {measured(lost, 'J')} ({100.0 * lost / generated:.3g} %)"
+    share = per_cent(lost, generated, 3)
+    return f"losses {measured(lost, 'J')}" + (f" ({share})" if share else "")

@@ -43,7 +43,8 @@ class Row:
     digits : int
         Significant digits of the value.
     severity : str
-        ``"note"`` or ``"warning"`` for a finding, which is shown apart from the quantities.
+        ``"note"``, ``"warning"`` or ``"failure"``, of a finding that is shown apart from the
+        quantities.
     """
 
     label: str
@@ -107,6 +108,13 @@ def measured(value: Any, unit: str = "", digits: int = 5) -> str:
     if plain != "rad/s":
         return text
     return f"{text} ({measured(np.array(ends) * 30.0 / np.pi, 'rpm', digits)})"
+
+
+def per_cent(part: float, whole: float, digits: int = 2, sign: str = "") -> str:
+    """Return a part as a share of a whole; empty of a whole that is infinite or next to nothing."""
+    if not 0.01 * abs(part) < abs(whole) < np.inf:
+        return ""
+    return f"{float(f'{100.0 * part / whole:.{digits}g}'):{sign}.10g} %"
 
 
 def prefixed(size: float) -> tuple[str, float]:

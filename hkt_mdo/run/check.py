@@ -14,6 +14,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
+from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.results.words import (
@@ -30,6 +31,7 @@ from hkt_mdo.results.words import (
     weight_moment,
 )
 from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
 from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size, run_seconds
 from hkt_mdo.run.flight import start_against_friction
@@ -37,11 +39,9 @@ from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
-POOR = 0.2  # largest power coefficient below which a blade is probably a mistake
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
-OUTERMOST = 0.9  # r/R of the last station below which a part of the blade is missing
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
 KEPT = 1e-6  # share of their size by which the bounds of the design may be exceeded
 
@@ -136,14 +136,8 @@ def _warning(label: str, text: str, severity: str = "warning") -> Row:
 
 
 def _turbine(found: Findings) -> Rows:
-    """Yield rotor and blade; warn of a blade that ends early or differs from its splines."""
+    """Yield rotor and blade; warn of a blade that differs from its splines."""
     rotor, blade, given = found.case.rotor, found.plant.blade, found.given
-    if blade.r[-1] < OUTERMOST * blade.tip_radius:
-        yield _warning(
-            "rotor.stations",
-            f"the outermost station is at {found.places([-1])}, and the load falls to zero "
-            "from there to the tip: give stations farther out, or check rotor.radius",
-        )
     for name, scale, unit in (
         ("chord", 100.0 / given.chord.max(), "% of the largest"),
         ("twist", np.rad2deg(1.0), "deg"),
@@ -211,7 +205,7 @@ def _stations(found: Findings) -> Rows:
     yield Row("sections", ", ".join(polars))
     thickness = 100.0 * np.asarray(found.physics.turbine.thickness)
     yield Row("thickness", thickness, "%", "of the chord", 3)
-    yield Row("angles of attack", np.rad2deg(found.met), "deg", "along the blade", 3)
+    yield Row("angles of attack", np.rad2deg(found.stations.met), "deg", "along the blade", 3)
     note = f"along the blade; polars for {known}, {how}"
     yield Row("Reynolds numbers", powers(found.reynolds), "", note)
 
@@ -238,7 +232,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     if by_default:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
-    passing, area = found.passing(flow), np.pi * found.plant.blade.rotor_radius**2
+    area = np.pi * found.plant.blade.rotor_radius**2
+    passing = flow.average(power_scale(found.physics.density, 1.0, flow.speed)) / np.pi
     yield Row("kind", flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
     yield Row("mean speed", flow.mean, "m/s", digits=4)
@@ -249,8 +244,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     if len(found.flows) > 1:
         yield Row("share of time", flow.share)
     yield Row("changes", changes)
-    yield Row("power through the rotor", passing, "W", "mean", 4)
-    yield Row("power per square metre", passing / area, "W", "mean", 4)
+    yield Row("power through the rotor", passing * area, "W", "mean", 4)
+    yield Row("power per square metre", passing, "W", "mean", 4)
 
 
 def _sampled(flow: Flow) -> bool:
@@ -304,12 +299,8 @@ def _control(found: Findings) -> Rows:
     """Yield the law; warn of a torque limit or gain that is probably a mistake."""
     control, law, limit = found.case.control, found.physics.law, found.physics.law.torque_limit
     yield Row("law", _first_line(control) or control.law)
-    smooth = (
-        f"approached smoothly (smoothing {control.smoothing:g})"
-        if law.is_feedback and limit
-        else ""
-    )
-    yield Row("torque limit", "none" if limit is None else limit, "N*m", smooth, 4)
+    smooth = f"approached smoothly (smoothing {control.smoothing:g})" if law.is_feedback else ""
+    yield Row("torque limit", limit or "none", "N*m", smooth if limit else "", 4)
     if limit is not None and not found.above_rated:
         fastest = found.fastest
         speed = found.best.tip_speed_ratio * fastest / found.plant.blade.rotor_radius
@@ -325,9 +316,7 @@ def _control(found: Findings) -> Rows:
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
         if found.running and found.captured < WASTED:
-            key = "a gain" if own else f"{measured(gains, '', 4)}"
-            if own and found.case.design.gain_bounds:
-                key += f" within design.gain_bounds = {_gain_bounds(found)}"
+            key = f"a gain{_within_bounds(found)}" if own else measured(gains, "", 4)
             yield _warning(
                 "control.gain",
                 f"{key} lets the starting blade capture "
@@ -339,19 +328,17 @@ def _control(found: Findings) -> Rows:
     yield Row("at t = 0", "the rotor's speed is free" if free else balance)
 
 
-def _gain_bounds(found: Findings) -> str:
-    return measured(found.case.design.gain_bounds, "", 4)
+def _within_bounds(found: Findings) -> str:
+    """Return the bounds of the gain in words, empty without them."""
+    bounds = found.case.design.gain_bounds
+    return f" within design.gain_bounds = {measured(bounds, '', 4)}" if bounds else ""
 
 
 def _start(found: Findings) -> Rows:
     """Yield the operation of the starting blade; warn if it captures little or does not turn."""
     best, mean = found.best, found.mean
-    if best.power_coefficient < POOR:
-        yield _warning(
-            "rotor.blade",
-            f"the starting blade's power coefficient is {best.power_coefficient:.3g} at most: "
-            "check the sign and unit of its twist, rotor.set_angle and the polar",
-        )
+    for text in implausible({"largest power coefficient": best.power_coefficient}):
+        yield _warning("rotor.blade", text)
     speed = best.tip_speed_ratio * mean / found.plant.blade.rotor_radius
     torque = found.torque(speed, mean)
     ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"
@@ -383,9 +370,9 @@ def _start(found: Findings) -> Rows:
 def _not_turning(found: Findings) -> Row:
     """Warn of a rotor that does not turn."""
     case = found.case
-    given = " and this gain" if getattr(case.control, "gain", None) is not None else ""
-    if not given and case.design.gain_bounds:
-        given = f" with a gain within design.gain_bounds = {_gain_bounds(found)}"
+    given = f" with a gain{within}" if (within := _within_bounds(found)) else ""
+    if getattr(case.control, "gain", None) is not None:
+        given = " and this gain"
     looks = "with this blade a run may find no solution"
     if found.physics.shape.designs_chord and case.start.method == "quasi_steady":
         looks = "the run looks for one that does"

@@ -24,7 +24,6 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.groups import by_scenario
@@ -42,21 +41,13 @@ TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to t
 SHORT = 0.05  # s, evaluations shorter than this are timed several times
 
 
-class _Usual(NamedTuple):
-    """What runs usually take; with free cores most end within a factor of two of its estimate.
+EVALUATIONS, WITH_LIMITS, SEARCHED, OTHER = 110, 300, 3500, 5.0
+"""What runs usually take; with free cores most end within a factor of two of the estimate.
 
-    Numbers of evaluations, of the problem on its first mesh (finer meshes count for more) and of
-    the search for a start, where a schedule is improved, by runs of the paper's cases, of
-    `cases/limits` and of random turbines. `other`: seconds for everything else, figures included.
-    """
-
-    evaluations: int = 110
-    with_limits: int = 300
-    searched: int = 3500
-    other: float = 5.0
-
-
-USUAL = _Usual()
+Numbers of evaluations, of the problem on its first mesh (finer meshes count for more) and of the
+search for a start, where a schedule is improved, by runs of the paper's cases, of `cases/limits`
+and of random turbines. `OTHER`: seconds for everything else, figures included.
+"""
 
 
 class Stations(NamedTuple):
@@ -182,10 +173,6 @@ class Flow:
         """Return the mean over time of values at the instants."""
         return float(np.trapezoid(values, self.time) / np.ptp(self.time))
 
-    def above(self, speed: float) -> float:
-        """Return the share of the time in which the flow is faster than a speed, m/s."""
-        return self.average(np.where(self.speed > speed, 1.0, 0.0))
-
 
 class Findings:
     """A case's flows, and its starting blade in them, in SI units.
@@ -202,7 +189,7 @@ class Findings:
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
-    - `stations`: what the stations meet in `working`; `polars` and `met` are its.
+    - `stations`: what the stations meet in `working`.
     - `reynolds` (2, n_stations): Reynolds numbers in the slowest and the fastest flow.
     """
 
@@ -228,7 +215,9 @@ class Findings:
         self.plant = Plant(blade, *about)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
-        self.above_rated = self.average(lambda flow: flow.above(self.rated_speed))
+        self.above_rated = self.average(
+            lambda flow: flow.average((flow.speed > self.rated_speed).astype(float))
+        )
         self._start()
         self._settle()
         self._meet()
@@ -277,7 +266,6 @@ class Findings:
         """Set the angles of attack and Reynolds numbers of the stations at the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
         self.stations = Stations.of(blade, polar, self.working)
-        self.polars, self.met, *_ = self.stations[2:]
         cosine = np.cos(blade.cone)
         ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
         flow = np.array([[self.slowest], [self.fastest]]) * cosine
@@ -288,11 +276,6 @@ class Findings:
         """Return the mean of something of each flow, by their shares of time."""
         shares = [flow.share for flow in self.flows]
         return float(np.average([of(flow) for flow in self.flows], weights=shares))
-
-    def passing(self, flow: Flow) -> float:
-        """Return the mean kinetic power of a flow through the rotor's disc, W."""
-        radius = self.plant.blade.rotor_radius
-        return flow.average(power_scale(self.physics.density, radius, flow.speed))
 
     def torque(self, rotor_speed: float, flow_speed: float) -> float:
         """Return the torque (N*m) for the generator, of the starting blade at rad/s and m/s."""
@@ -383,8 +366,8 @@ def run_seconds(physics: Physics, best: SteadyOptimum, size: ProblemSize) -> flo
 
     The number of evaluations is that of usual runs; their time is measured.
     """
-    seconds, searches = USUAL.other, follows_schedule(physics)
-    seconds += size.evaluation_seconds * (USUAL.with_limits if searches else USUAL.evaluations)
+    seconds, searches = OTHER, follows_schedule(physics)
+    seconds += size.evaluation_seconds * (WITH_LIMITS if searches else EVALUATIONS)
     if searches and physics.case.start.method == "quasi_steady":
         free = replace(physics, law=OpenLoop(torque_limit=physics.law.torque_limit))
         steady = SteadyFlow.of(free, QuasiSteady.of(free, best).spline)
@@ -392,7 +375,7 @@ def run_seconds(physics: Physics, best: SteadyOptimum, size: ProblemSize) -> flo
         search = LimitedSearch(steady, 0.0)
         measure = partial(repeat, lambda: search.measured(point), number=1, repeat=5)
         coarser = 1 + (physics.law.coarser() is not None)  # is searched before the law itself
-        seconds += coarser * physics.case.start.effort * USUAL.searched * min(measure())
+        seconds += coarser * physics.case.start.effort * SEARCHED * min(measure())
     return seconds
 
 
@@ -428,7 +411,7 @@ def figure_data(found: Findings) -> dict[str, dict]:
         "blade": _blade_data(found),
         "polar": {
             "curves": list(_polar_curves(found)),
-            "met_deg": np.rad2deg([found.met.min(), found.met.max()]),
+            "met_deg": np.rad2deg([found.stations.met.min(), found.stations.met.max()]),
         },
         **{name: _flow_data(flow, found.rated_speed) for name, flow in flows.items()},
         "power_curve": {
@@ -483,7 +466,7 @@ def _blade_data(found: Findings) -> dict:
 def _polar_curves(found: Findings):
     """Yield the different polars, root to tip."""
     groups: dict[tuple[Polar, ...], list[int]] = {}
-    for station, polars in enumerate(found.polars):
+    for station, polars in enumerate(found.stations.polars):
         groups.setdefault(polars, []).append(station)
     alpha = np.linspace(-40.0, 50.0, 361)
     angle = np.deg2rad(alpha)

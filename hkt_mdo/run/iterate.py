@@ -16,7 +16,7 @@ from hkt_mdo.problem.point import Operation, StartingPoint, StartRecord
 from hkt_mdo.results.solution import Solution
 
 VERSION = 1
-"""Of the file; a file without one is older and has lists over the scenarios, without names."""
+"""Of the file; one of before the versions is refused."""
 MAX_BYTES = 64 * 1024**2
 """Largest file that is read: an hour of flow takes a tenth of it."""
 OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
@@ -127,7 +127,7 @@ def _numbers(row, size) -> np.ndarray:
 
 def _over_time(physics, data) -> tuple[Physics, Operation]:
     """Return the physics on the mesh of an iterate, and its trajectories."""
-    found = data["scenarios"] if "version" in data else _without_version(physics, data)
+    found = data["scenarios"]
     if found.keys() != {scenario.name for scenario in physics.scenarios}:
         raise ValueError
     scenarios, rows = [], []
@@ -142,12 +142,6 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
     energy = float(_numbers(data["energy_J"], 1)[0])
     operation = Operation(energy, *np.concatenate(rows, axis=1))
     return replace(physics, scenarios=tuple(scenarios)), operation
-
-
-def _without_version(physics, data) -> dict[str, dict]:
-    """Return the scenarios of a file of before the versions, which has names for none."""
-    (scenario,), (ends,) = physics.scenarios, data["segment_ends_s"]
-    return {scenario.name: data | {"segment_ends_s": ends}}
 
 
 def _design(physics, data):

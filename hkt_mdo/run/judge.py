@@ -56,6 +56,7 @@ BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # of two filters from all stations (docs/memory.md)
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is judged
+OVER = "share by which the limit is exceeded,"
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
@@ -104,7 +105,7 @@ def _behind_open_loop(physics, flights, starts):
             "behind_open_loop",
             physics.objective.behind(objective, ceiling),
             BEHIND_OPEN_LOOP,
-            "the objective is lower than that of a quasi-steady open loop which keeps the limits",
+            "share by which the objective is below that of a quasi-steady open loop in the limits",
         )
 
 
@@ -126,7 +127,9 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     if not flight.scenario.steady:
         yield from _of_flow(flight.scenario)
     when = flight.scenario.when
-    word = "" if stopped is None else f"rotor stops at {when(stopped)}, not generating"
+    word = "the rotor generates until the end"
+    if stopped is not None:
+        word = f"rotor stops at {when(stopped)}, not generating"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
         word = f"the rotor's motion has no solution after {when(stopped)}"
     if stopped is not None and flight.scenario.steady:
@@ -143,7 +146,8 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     )
     error = flight.speed_errors
     worst = int(np.argmax(error))
-    yield "max_speed_error", error[worst], SPEED_ERROR, f"at {when(time[worst])}"
+    word = "collocated over independently integrated speed, less one, at "
+    yield "max_speed_error", error[worst], SPEED_ERROR, f"{word}{when(time[worst])}"
     if flight.two_filters is not None:
         yield from _of_two_filters(flight, flight.two_filters)
     if isinstance(flight, SteadyFlight) and flight.recorded is None:
@@ -185,7 +189,7 @@ def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
         "flow_missed",
         missed[worst],
         FLOW_MISSED,
-        "the flow between the instants at which limits are judged, over its speed, between "
+        "share of the flow's speed missed by the instants at which limits are judged, between "
         f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
     )
 
@@ -194,8 +198,8 @@ def _of_design(physics, optimum, reference, result, flights):
     """Yield name, value, limit and place of the checks of the whole result."""
     ratios, errors = curve_errors(physics, result)
     worst = int(np.argmax(errors))
-    place = f"at tip speed ratio {ratios[worst]:.3f}"
-    yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, place
+    word = f"torque by the curve over direct BEM, less one, at tip speed ratio {ratios[worst]:.3f}"
+    yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, word
     if physics.may_pulse:
         pass  # of a finer mesh the objective has no limit
     elif not physics.law.is_feedback:
@@ -230,7 +234,7 @@ def _of_design(physics, optimum, reference, result, flights):
             "energy_below_start",
             physics.objective.behind(objective, reference),
             BELOW_START,
-            "the objective is lower than at the start of the run",
+            "share by which the objective is below that at the start of the run",
         )
     for limit in physics.design_limits:
         yield _of_design_limit(physics, limit, result, flights)
@@ -261,7 +265,8 @@ def _of_tables(physics, result):
     _, slopes = TorqueSpline(nodes).values(table, ratios)
     slopes *= physics.band(result.setup).direction
     worst = int(np.argmin(slopes))
-    word = f"the mean induction turns over the tip speed ratio, slope at {ratios[worst]:.3g}"
+    word = "slope of the mean induction over the tip speed ratio against its direction, at "
+    word += f"{ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
 
 
@@ -350,7 +355,7 @@ def _recovery(physics, result, flights):
         (each[place], flight.scenario.when(flight.simulation.time[place]))
         for each, place, flight in zip(shares, worst, flights, strict=True)
     )
-    word = f"the torque that recovers a slowed rotor falls short of its least at {when}"
+    word = f"missing share of the least torque that recovers a slowed rotor, at {when}"
     # without a torque curve no distance is required, only that the rotor recovers
     if np.isfinite(share):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
@@ -408,7 +413,7 @@ def _of_design_limit(physics, limit, result, flights):
         where = f"r = {result.point.blade.r[worst]:.3f} m"
     # the energies are those of the integration
     most = ENERGY_ERROR if limit.is_of(names(over="result")) else NODE_VIOLATION
-    return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"at {where}"
+    return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"{OVER} at {where}"
 
 
 def _of_limit(physics, limit, flight, suffix):
@@ -416,14 +421,14 @@ def _of_limit(physics, limit, flight, suffix):
     over = limit.excess(flight.at_nodes)
     worst = int(np.argmax(over))
     place = flight.scenario.when
-    when = f"at {place(flight.trajectory['time'][worst])}"
+    when = f"{OVER} at {place(flight.trajectory['time'][worst])}"
     # an optimization has loads from tables, which are no more exact
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
     if limit.constrains(physics.law):
         over, when = flight.between_nodes(limit)
         worst = int(np.argmax(over))
-        when = f"at {place(when[worst])}"
+        when = f"{OVER} at {place(when[worst])}"
         name = "in_equilibrium" if flight.scenario.steady else "between_nodes"
         yield f"{limit.name}_{name}{suffix}", over[worst], most_between(limit), when
 

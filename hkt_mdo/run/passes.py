@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
+from hkt_mdo.results.words import joined, per_cent
 from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import SPEED_ERROR, STORED, most_between, sells, sold
 from hkt_mdo.run.memory import first_hub, stable_hub
@@ -92,7 +93,9 @@ def recentred_moves(attempt: Attempt) -> Begin | None:
     """Continue from an end at a move limit."""
     if not attempt.at_limit or attempt.lost:
         return None
-    return attempt.from_end(f"at a move limit, objective changed by {100.0 * attempt.gain:.2g} %")
+    before = attempt.before.objective
+    change = per_cent(attempt.result.objective - before, before)
+    return attempt.from_end(joined("at a move limit", change and f"objective changed by {change}"))
 
 
 def farther_from_stall(attempt: Attempt) -> Begin | None:

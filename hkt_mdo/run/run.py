@@ -26,7 +26,7 @@ from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.physics import physics as make_physics
-from hkt_mdo.results.folder import check_folder, claim, locked, make_folder, write_text
+from hkt_mdo.results.folder import check_folder, claim, locked, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.run.attempt import Judged, quasi_steady_reference
@@ -98,13 +98,10 @@ def run_case(
     KeyboardInterrupt
         After Ctrl-C or SIGTERM; the state so far is saved, with success false.
     """
-    out = Path(out)
-    physics = make_physics(case)
-    make_driver(physics)  # a missing package is reported before anything is written
-    refuse_slow(physics.scenarios, physics.law)
-    check_folder(out, force)
-    out = out.absolute()  # the current folder is the process's, and another thread may change it
+    check_folder(Path(out), force)
+    out = Path(out).absolute()  # another thread may change the current folder of the process
     with locked(out):
+        physics = _prepared(case)
         names = tuple(by_scenario(physics.scenarios))
         claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
@@ -147,16 +144,22 @@ def resume_case(
         After Ctrl-C or SIGTERM; the state so far is saved, with success false.
     """
     out = Path(out).absolute()
-    physics = make_physics(load_case(out / "case.yaml", extensions=extensions))
-    make_driver(physics)
-    refuse_slow(physics.scenarios, physics.law)
     with locked(out):
+        physics = _prepared(load_case(out / "case.yaml", extensions=extensions))
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)
             if solution.success:
                 return solution
         physics, earlier = read_iterate(out, physics)
         return _run(physics, out, earlier, (progress, on_pass), figures, records)
+
+
+def _prepared(case: Case) -> Physics:
+    """Return the physics of a case; what cannot be run is refused before anything is written."""
+    physics = make_physics(case)
+    make_driver(physics)
+    refuse_slow(physics.scenarios, physics.law)
+    return physics
 
 
 def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
@@ -188,7 +191,6 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     if figures:
         from hkt_mdo.results.figures import save_figures
 
-        make_folder(out / "figures")
         save_figures(solution, out / "figures", ("png",) if figures is True else tuple(figures))
     return solution
 

@@ -20,7 +20,7 @@ from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
@@ -142,13 +142,10 @@ def summarize(finished: Finished) -> Summary:
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
         "branches": [
-            {
-                "name": start.branch,
-                "objective_J": start.objective,
-                "taken": start is finished.start.branches[0],
-                "kept": start.worth[0],
-            }
-            for start in finished.start.branches
+            {"name": x.side, "objective_J": x.objective, "taken": x.kept}
+            | {"kept": x.excess <= KEPT_EXCESS}
+            for x in sorted(finished.start.starts, key=lambda each: not each.kept)
+            if x.side
         ],
         "starts": [vars(record) for record in finished.start.starts],
         "start_breaks": list(finished.start_breaks),
@@ -157,6 +154,7 @@ def summarize(finished: Finished) -> Summary:
         "max_speed_error": max(np.max(flight.speed_errors) for flight in finished.flights),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
+        "doubts": list(finished.physics.warnings),
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
@@ -401,7 +399,6 @@ def _notes(finished):
     met = Stations.of(blade, physics.built(blade), working).messages("found blade")
     return [
         *physics.messages,
-        *physics.warnings,
         *finished.start.messages,
         *(text for _, text in met),
         *_unresolved(physics, blade, finished.flights),

@@ -15,7 +15,7 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
-from hkt_mdo.case.sweep import SWEEP, Point, Sweep
+from hkt_mdo.case.sweep import SWEEP, Point, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
@@ -41,8 +41,8 @@ class Status(NamedTuple):
 
 
 def run_sweep(
-    sweep: Sweep,
-    out: Path,
+    sweep: Sweep | str | Path,
+    out: str | Path,
     jobs: int | None = None,
     told: Callable[[Status], None] = lambda status: None,
     *,
@@ -51,7 +51,7 @@ def run_sweep(
     most: int | None = None,
     run: Callable[..., Solution] = run_case,
 ) -> list[Row]:
-    """Run the points of a sweep that have no result in a folder, and return its table.
+    """Run the points of a sweep, or of its file, that have no result in a folder; return its table.
 
     The folder gets `sweep.yaml`, the tables (`hkt_mdo.results.sweep`) and the runs in `runs`, each
     in a folder named after the content of its case. A result of an equal case, with the files and
@@ -60,7 +60,9 @@ def run_sweep(
     `jobs` and `scheduler` are those of `in_processes`; told(status) is called whenever a run ends;
     `most`: run no more points than these; `run`: what runs a case, called as `run_case`.
     """
-    out = out.absolute()
+    extensions = tuple(extensions)
+    sweep = sweep if isinstance(sweep, Sweep) else load_sweep(sweep, extensions)
+    out = Path(out).absolute()
     inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
     if inside and not inside & {SWEEP, "lock"}:
         remedy = "choose another folder, or that of an earlier sweep, which is then continued"
@@ -68,7 +70,7 @@ def run_sweep(
     with locked(out):
         (out / RUNS).mkdir(exist_ok=True)
         write_text(out / SWEEP, sweep.to_yaml())
-        plan = _Plan(sweep, out, tuple(extensions), run, told, most or sweep.size)
+        plan = _Plan(sweep, out, extensions, run, told, most or sweep.size)
         try:
             in_processes(plan.tasks(), jobs, plan.ended, scheduler, out)
         finally:

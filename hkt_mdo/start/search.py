@@ -304,7 +304,7 @@ def start_of(
         operation = _of_static_law(steady, whole, best)
     branches = tuple(found) if has_branches(physics) else ()
     about = {"branch": best.branch if branches else "", "branches": branches}
-    return replace(best, operation=operation, starts=records(starts, best), **about)
+    return replace(best, operation=operation, starts=records(starts, best, branches), **about)
 
 
 def _of_static_law(steady, problem, best) -> Operation:

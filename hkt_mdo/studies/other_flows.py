@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -238,7 +239,7 @@ class Run:
 
 def runs_of(
     solution: Solution,
-    flow: str,
+    flow: str | Mapping[str, Any] = "design",
     seeds: str | None = None,
     memory: bool = False,
     tau1: float | None = None,
@@ -249,8 +250,9 @@ def runs_of(
     ----------
     solution : Solution
         A finished result.
-    flow : str
-        As `flow_given` takes it.
+    flow : str or mapping
+        ``design``: the result's own; ``A``, ``B`` or ``C`` of the paper; or an inflow section, as
+        text or mapping, such as ``{profile: sine, mean: 1.4}``.
     seeds : str or None
         Seeds of the flow, such as ``1..20`` or ``3,5,9``; None: it keeps its own.
     memory : bool
@@ -261,7 +263,7 @@ def runs_of(
     Returns
     -------
     list of Run
-        Nothing is simulated yet.
+        Each is simulated when its `simulation`, `told` or `energies` is first asked for.
 
     Raises
     ------
@@ -269,6 +271,7 @@ def runs_of(
         If there are seeds for a flow that has none, the run did not come to its end, or a flow is
         none for the turbine.
     """
+    flow = flow if isinstance(flow, str) else json.dumps(dict(flow))
     several, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
     runs = [
         Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if several else "", seed)

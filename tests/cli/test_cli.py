@@ -16,9 +16,10 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from typer.main import get_command
 
 from hkt_mdo.case import Case
-from hkt_mdo.cli import main
+from hkt_mdo.cli import app, main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
 
@@ -93,7 +94,7 @@ def test_run_succeeds(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None
     assert main(["run", CASE, "--out", "a/b"]) == 0
     out, err = capsys.readouterr()
     assert "322.24 kJ" in out
-    assert "Results: a/b" in out
+    assert out.endswith("\nsine_limited_quadratic: verified. Results: a/b\n")
     assert err == ""
     assert (fake.out, fake.force, fake.figures) == (Path("a/b"), False, True)
     assert fake.case.name == "sine_limited_quadratic"
@@ -168,7 +169,7 @@ def test_run_without_success_exits_with_3(
     assert main(["run", CASE, *options]) == 3
     out, err = capsys.readouterr()
     assert "error: no success: the optimizer did not converge" in err
-    assert ("energy_error: 0.25, limit 0.0002" in out) == (not options)
+    assert ("energy_error: 0.25, at most 0.0002" in out) == (not options)
 
 
 @pytest.mark.parametrize("saves", [True, False])
@@ -259,12 +260,20 @@ def test_n2_writes_to_the_given_file(fake: FakeRun, capsys: pytest.CaptureFixtur
     assert Path("a.html").read_text() == "other"
 
 
-def test_show_prints_the_table(result_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_prints_tables(
+    result_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["show", str(result_folder)]) == 0
-    assert "10.98 N m s^2/rad^2" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "10.98 N m s^2/rad^2" in out
+    titles = ["Result", "Blade and controller", "Operation, limits and loads", "Optimization"]
+    assert re.findall(r"^\w.*$", out, re.MULTILINE) == titles
     fail(result_folder)
+    terminal = partial(Console, width=80, force_terminal=True, color_system="standard")
+    monkeypatch.setattr("hkt_mdo.cli.parts.Console", terminal)
     assert main(["show", str(result_folder)]) == 0
-    assert "check not passed" in capsys.readouterr().out
+    refused = capsys.readouterr().out.partition("Checks not passed")[2]
+    assert "\x1b[31menergy_error: 0.25, at most 0.0002" in refused
 
 
 def records_of(printed: str, form: str) -> list[dict]:
@@ -331,6 +340,22 @@ def test_compare_ranks_by_the_objective_and_cuts_no_name(
     )
 
 
+def test_compare_ranks_by_mean_power_where_durations_differ(
+    tmp_path: Path, result_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, seconds, joules in (("long", 20, 3.0e5), ("short", 10, 2.0e5)):
+        shutil.copytree(result_folder, tmp_path / name)
+        energy(tmp_path / name, joules)
+        case = Path(tmp_path / name, "case.yaml")
+        text = re.sub(r"duration: null", f"duration: {seconds}", case.read_text(), count=1)
+        case.write_text(text)
+    assert main(["compare", "long", "short"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["short", "long"]
+    (shares,) = (line for line in lines if "objective over duration, relative" in line)
+    assert re.findall(r"[+-][\d.]+ %", shares) == ["+0.0000 %", "-25.0000 %"]
+
+
 def test_compare_divides_what_is_too_wide_for_a_terminal(
     tmp_path: Path,
     result_folder: Path,
@@ -395,9 +420,22 @@ def test_schema_is_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_version_and_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.startswith("hkt_mdo ")
-    for command in ("run", "n2", "plot", "show"):
-        assert main([command, "--help"]) == 0
-        assert "Exit codes" in capsys.readouterr().out
+    assert main(["-h"]) == 0
+    out = capsys.readouterr().out
+    assert out.count("Exit codes") == 1
+    assert "Look at results" in out
+
+
+@pytest.mark.parametrize("name", get_command(app).commands)
+def test_help_leaves_out_nothing(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Words in brackets, such as the extra of a package, are no markup."""
+    command = get_command(app).commands[name]
+    assert main([name, "-h"]) == 0
+    shown = re.sub(r"[\s│]", "", capsys.readouterr().out)
+    for text in (command.help, *(each.help for each in command.params if not each.hidden)):
+        for word in text.replace("`", "").split():
+            assert word in shown
+    assert "Exitcodes" not in shown
 
 
 @pytest.mark.parametrize(
@@ -434,7 +472,7 @@ def test_progress_reports_the_pass_and_the_time_left(monkeypatch: pytest.MonkeyP
 
     now, shown, lines = [0.0], [], []
     monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(run, "echo", lines.append)
+    monkeypatch.setattr(run, "_tell", lambda _, line: lines.append(line))
     live = types.SimpleNamespace(console=types.SimpleNamespace(is_terminal=True), task_ids=[7])
     live.update = lambda task, description: shown.append(description)
     evaluation, passed = run._reporters("mine", "J", live)
@@ -447,15 +485,15 @@ def test_progress_reports_the_pass_and_the_time_left(monkeypatch: pytest.MonkeyP
     passed(entry)
     now[0] = 35.0
     evaluation(9, 2000.0, 1e-5)
-    assert shown[0] == "mine: pass 1, evaluation 1, objective 2.0000 kJ, infeasibility 1.0e-03"
-    assert ", 16 s left to evaluation 90, before which 90 % of" in shown[1]
-    assert shown[2] == "mine: judging"
-    assert shown[3].startswith("mine: pass 2, evaluation 9")
-    assert shown[3].endswith(", 15 s left if it takes as long as the pass before")
+    assert shown[0] == "pass 1, evaluation 1, 2.0000 kJ, infeasibility 1.0e-03"
+    assert ", 16 s left (90 % of first passes)" in shown[1]
+    assert shown[2] == "judging"
+    assert shown[3].startswith("pass 2, evaluation 9")
+    assert shown[3].endswith(", 15 s left (as the pass before)")
     live.console.is_terminal = False
     now[0] = 40.0
     evaluation(10, 2000.0, 1e-5)
-    assert lines[-1].startswith("mine: 40 s, pass 2, evaluation 10, objective 2.0000 kJ")
+    assert lines[-1].startswith("mine: 40 s, pass 2, evaluation 10, 2.0000 kJ")
 
 
 def test_progress_is_plain_in_a_pipe(fake: FakeRun, capsys: pytest.CaptureFixture[str]) -> None:
@@ -468,10 +506,12 @@ def test_progress_is_plain_in_a_pipe(fake: FakeRun, capsys: pytest.CaptureFixtur
 
 
 def test_progress_is_one_live_line_on_a_terminal() -> None:
-    """In a pseudo-terminal the line is drawn with the time, and erased at the end."""
+    """In a pseudo-terminal the line is drawn with the time, cut to one line, and erased."""
     code = (
         "import time; from hkt_mdo.cli import run\n"
-        "with run._live('mine [1] ' + 90 * 'x', False): time.sleep(0.2)"
+        "with run._live('mine [1]', False) as live:\n"
+        "    live.update(live.task_ids[0], description=90 * 'x'); time.sleep(0.2)\n"
+        "    run._tell(live, '[2] ' + 20 * 'words '); time.sleep(0.2)"
     )
     theirs, ours = os.openpty()
     process = subprocess.Popen(
@@ -483,6 +523,10 @@ def test_progress_is_one_live_line_on_a_terminal() -> None:
     assert process.wait(60) == 0
     screen = os.read(theirs, 65536).decode()
     assert "0:00:00" in screen
-    assert "mine [1] " in screen
-    assert "for a start" in screen  # in a narrow terminal nothing is cut
+    lines = re.split(r"\s*[\r\n]+", re.sub(r"\x1b\[[\d;?]*[a-zA-Z]", "", screen))
+    assert "mine [1]: searching for a start" in lines
+    told = [line.count("words") for line in lines if "words" in line]
+    assert told == [9, 10, 1]  # above the live line, between words
+    assert max(map(len, lines)) <= 60
+    assert any(line.endswith("x…") for line in lines)
     assert screen.rstrip("\r\n").endswith("\x1b[2K")

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, sync_playwright
 
-from hkt_mdo.report import page
+from hkt_mdo.pages import page
 from hkt_mdo.results.solution import ScenarioTables, Solution
 from tests.conftest import make_result, operate
 from tests.exports.made import made

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
-from hkt_mdo.report import blade, charts, page, panels
+from hkt_mdo.pages import blade, charts, page, panels
 from hkt_mdo.results import style
 from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
@@ -134,7 +135,7 @@ def test_several_results_stand_side_by_side(read):
     assert rows["control.law"] == ["quadratic", "linear"]
     assert rows["power"][0] == ""  # a check that only the second one has
     assert rows["power"][1].startswith("✗ failed")
-    assert rows["objective, captured, to the best"] == ["+0.0000 %", "+0.0000 %"]
+    assert rows["objective, relative to the best"] == ["+0.0000 %", "+0.0000 %"]
 
 
 def test_differences_of_cases_are_in_peoples_units():
@@ -151,7 +152,7 @@ def test_differences_of_cases_are_in_peoples_units():
 
 
 def test_an_unstable_loop_is_told_at_the_head(texts):
-    told = "sine_linear: in water with memory UNSTABLE from t = 4.90 s"
+    told = "sine_linear: with memory of the wake, UNSTABLE from t = 4.90 s"
     assert told in texts["both"].partition("<nav>")[0]
     assert "UNSTABLE" not in texts["one"]
 
@@ -274,6 +275,19 @@ def test_envelope_covers_every_scenario(two):
     }
 
 
+def test_a_blade_that_would_break_is_in_the_headline(folders, tmp_path):
+    solution = Solution.load(folders[0])
+    summary = solution.summary.model_copy(update={"tip_deflection_m": 5.1})
+    text = page.write_report([replace(solution, summary=summary)], tmp_path / "broken.html")
+    told = text.read_text("utf-8")
+    assert (
+        '<p class="verdict refused"><strong>verified, but the blade would break, 1 warning</strong>'
+        in told
+    )
+    assert "<dt>verdict</dt><dd>verified, but the blade would break, 1 warning</dd>" in told
+    assert "the largest deflection of a tip is 364 % of the radius, above 10 %" in told
+
+
 def test_an_unfinished_result_is_reported(folders, tmp_path):
     solution = Solution.load(folders[0])
     summary = solution.summary.model_copy(
@@ -282,7 +296,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
     summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
     half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
-    text = page.write_report([half], tmp_path / "half.html").read_text("utf-8")
+    text = hkt_mdo.report(half, tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
     assert "No judge has looked at it." in text

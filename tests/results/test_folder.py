@@ -74,7 +74,7 @@ def test_a_folder_without_a_mark_is_refused(tmp_path, names):
 
 def test_a_killed_run_is_replaced(tmp_path):
     """Killed before it wrote its case, and after."""
-    fill(tmp_path, ["lock", ".hkt_result.part"])
+    fill(tmp_path, ["lock", "lock-journal", ".hkt_result.part"])
     check_folder(tmp_path, force=False)
     write_text(tmp_path / MARKER, "")
     fill(tmp_path, ["case.yaml.part"])

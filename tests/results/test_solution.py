@@ -49,7 +49,7 @@ def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
     assert rows["energy"] == rows["energy, electrical"] == "-"
     assert rows["optimizer"] == "-"
     assert rows["message"] == "interrupted"
-    assert repr(solution) == f"<Solution sine_quadratic: no success, {str(result_folder)!r}>"
+    assert repr(solution) == f"<Solution sine_quadratic: not verified, {str(result_folder)!r}>"
 
 
 def test_load_takes_what_an_optimizer_met(result_folder: Path) -> None:
@@ -138,7 +138,7 @@ def test_a_prompt_and_a_notebook_show_it(result_folder: Path) -> None:
         {"success": True, "energy_J": 322239.0, "message": "<script>"},
     )
     solution = Solution.load(result_folder)
-    assert repr(solution).startswith("<Solution sine_quadratic: success, 322.24 kJ, ")
+    assert repr(solution).startswith("<Solution sine_quadratic: verified, 322.24 kJ, ")
     shown = solution._repr_html_()
     assert "<tr><th>energy</th><td>322.24 kJ</td></tr>" in shown
     assert "&lt;script&gt;" in shown

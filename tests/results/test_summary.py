@@ -11,7 +11,7 @@ from hkt_mdo.results import solution as module
 from hkt_mdo.results.folder import to_json, write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
-from hkt_mdo.results.words import texts
+from hkt_mdo.results.words import per_cent, texts
 
 
 def table(solution: Solution) -> list[tuple[str, str]]:
@@ -122,7 +122,7 @@ def test_a_large_summary_is_refused(result_folder: Path, monkeypatch: pytest.Mon
 def test_the_table_has_units(result_folder: Path) -> None:
     assert table(Solution.load(result_folder)) == [
         ("case", "sine_quadratic"),
-        ("success", "yes"),
+        ("verdict", "verified"),
         ("message", "converged and verified"),
         ("energy", "322.24 kJ"),
         ("energy, simulated", "322.24 kJ, +0.00047 %"),
@@ -136,15 +136,46 @@ def test_the_table_has_units(result_folder: Path) -> None:
         ("largest generator torque", "700 N m, limit 700 N m, margin 0.00 %"),
         ("inertia", "35.2 kg m^2"),
         ("mass", "90.1 kg"),
-        ("torque curve, relative error", "2.3e-05"),
-        ("rotor speed, relative error", "4e-06"),
-        ("optimizer", "IPOPT (pyoptsparse), 44 iterations, 12.3 s"),
         ("largest thrust", "7.514 kN, at t = 56.55 s"),
         ("largest root moment", "1.9652 kN m, at t = 56.55 s"),
         ("largest stress", "89.59 MPa, at t = 56.55 s"),
         ("largest cavitation", "0.867, at t = 56.55 s"),
         ("largest tip deflection", "32.1 mm, 2.29 % of the radius, as a linear beam"),
+        ("torque curve, relative error", "2.3e-05"),
+        ("rotor speed, relative error", "4e-06"),
+        ("optimizer", "IPOPT (pyoptsparse), 44 iterations, 12.3 s"),
     ]
+
+
+def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
+    loads = {"stress": {"unit": "Pa", "value": 3.5e9}, "tip_speed": {"unit": "m/s", "value": 12.0}}
+    told = edit(result_folder, loads=loads)
+    breaks = "the blade would break"
+    assert told.summary.verdict(told.case) == f"verified, but {breaks}, 1 warning"
+    (warning,) = told.summary.warnings(told.case)
+    assert warning == "the largest stress in a blade, 3.5 GPa, is above its material's, 240 MPa"
+    bent = edit(result_folder, success=False, loads=None, tip_deflection_m=0.15, doubts=["x"])
+    assert bent.summary.verdict(bent.case) == f"not verified, and {breaks}, 2 warnings"
+    deflection, doubt = bent.summary.warnings(bent.case)
+    assert deflection == "the largest deflection of a tip is 10.7 % of the radius, above 10 %"
+    assert doubt == "x"
+    refused = edit(result_folder, success=False, tip_deflection_m=0.13, doubts=None)
+    assert refused.summary.verdict(refused.case) == "not verified"
+
+
+@pytest.mark.parametrize(
+    ("part", "whole", "text"),
+    [
+        (1.0, 8.0, "12 %"),
+        (-3.0, 3.0, "-100 %"),
+        (1.0, np.inf, ""),
+        (5.0, 1e-10, ""),
+        (0.0, 0.0, ""),
+    ],
+)
+def test_a_share_of_next_to_nothing_is_not_told(part: float, whole: float, text: str) -> None:
+    """Such as the change of an objective that no optimization has had before."""
+    assert per_cent(part, whole) == text
 
 
 def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) -> None:
@@ -219,4 +250,4 @@ def test_text_of_others_does_not_command_the_terminal(result_folder: Path) -> No
     )
     texts = [*(value for _, value in table(solution)), *solution.failed_checks]
     assert all(text.isprintable() for text in texts)
-    assert solution.failed_checks[0].endswith("2, limit -. c")
+    assert solution.failed_checks[0].endswith("2, at most -. c")

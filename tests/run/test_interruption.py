@@ -230,14 +230,15 @@ def test_a_read_only_folder_is_reported(tmp_path):
 
 
 @posix
-def test_a_killed_run_is_resumed(tmp_path, undisturbed):
+@pytest.mark.parametrize("written", ["case.yaml", "iterate.json"], ids=["no start", "a start"])
+def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
     folder = tmp_path / "out"
     process = hkt("run", CASES / "sine_limited_quadratic.yaml", "--out", folder, *QUIET)
-    while not (folder / "iterate.json").exists() and process.poll() is None:
+    while not (folder / written).exists() and process.poll() is None:
         time.sleep(0.01)
     process.kill()
     process.communicate()
-    assert not summary(folder)["success"]
+    assert not (folder / "summary.json").exists() or not summary(folder)["success"]
     process = hkt("run", "--resume", folder, "--quiet", "--no-figures")
     said, _ = process.communicate()
     assert process.returncode == 0, said

@@ -1,4 +1,4 @@
-"""What a run leaves to go on from: by scenario, with a version; older files are read."""
+"""What a run leaves to go on from: by scenario, with a version."""
 
 import json
 
@@ -19,6 +19,11 @@ ONE = {
     "control": {"law": "quadratic"},
     "design": {"blade": "fixed"},
     "phase": {"duration": 20.0, "segments": 40},
+}
+LIMITED = ONE | {
+    "limits": {"power": "4 kW"},
+    "control": {"law": "open_loop"},
+    "start": {"method": "blade"},
 }
 SEVERAL = ONE | {"control": {"law": "quadratic", "cut_out": 1.42}}
 
@@ -65,14 +70,11 @@ def test_an_iterate_comes_back_whatever_the_order_of_its_scenarios(tmp_path, cas
     same(read(tmp_path, physics, data), fine, point)
 
 
-def test_a_file_without_version_is_read_or_refused(tmp_path):
-    physics, fine, point, data = iterate(ONE)
-    (own,) = data.pop("scenarios").values()
-    del data["version"]
-    old = data | own | {"segment_ends_s": [own["segment_ends_s"]]}
-    same(read(tmp_path, physics, old), fine, point)
+def test_a_file_of_another_version_is_refused(tmp_path, damaged):
+    physics, data = damaged
+    old = {key: value for key, value in data.items() if key not in ("version", "scenarios")}
     with pytest.raises(InputError, match=r"no iterate of this case.*--force"):
-        read(tmp_path, make_physics(load_case(SEVERAL)), old)
+        read(tmp_path, physics, old)
     with pytest.raises(InputError, match=r"newer version.*--force"):
         read(tmp_path, physics, data | {"version": 99})
 
@@ -109,17 +111,27 @@ def test_a_mesh_of_an_iterate_that_does_not_go_forward_is_refused(tmp_path, dama
             read(tmp_path, physics, data | wrong)
 
 
-def test_a_run_of_several_scenarios_is_resumed(tmp_path):
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(SEVERAL, id="several scenarios"),
+        pytest.param(LIMITED, id="two branches", marks=pytest.mark.slow),
+    ],
+)
+def test_a_run_is_resumed_with_its_branches(tmp_path, case):
     def progress(count, *_):
         if count == 5:
             raise KeyboardInterrupt
 
     how = {"figures": False, "records": False}
     with pytest.raises(KeyboardInterrupt):
-        run_case(load_case(SEVERAL), tmp_path / "out", progress=progress, **how)
+        run_case(load_case(case), tmp_path / "out", progress=progress, **how)
     resumed = resume_case(tmp_path / "out", **how)
     assert resumed.success, resumed.message
-    again = run_case(load_case(SEVERAL), tmp_path / "whole", **how)
+    again = run_case(load_case(case), tmp_path / "whole", **how)
     assert resumed.summary.simulated_energy_J == pytest.approx(
         again.summary.simulated_energy_J, rel=1e-6
     )
+    assert resumed.summary.branches == again.summary.branches
+    names = [(each.name, each.taken) for each in again.summary.branches]
+    assert names == ([("overspeed", True), ("underspeed", False)] if case is LIMITED else [])

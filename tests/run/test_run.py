@@ -24,6 +24,7 @@ RADIUS, DENSITY = 1.4, 1000.0
 PERIOD = ("phase.segments=25", "phase.duration=25")  # of the sinusoidal flow
 SHORT = ("phase.segments=15", "phase.duration=15")
 PAPER = ["sine_oloc", "sine_quadratic", "sine_limited_quadratic"]
+MAKE = "hkt_mdo.run.run.make_physics"
 RESULTS = ("energy_J", "simulated_energy_J", "gain", "chord_m", "twist_deg", "iterations")
 
 
@@ -265,13 +266,15 @@ def test_a_false_solution_is_no_success(tmp_path):
     assert solution.summary.simulated_energy_J > (1.0 - BELOW_START) * start
 
 
-def test_existing_folder_is_kept_without_force(tmp_path):
+def test_existing_folder_is_kept_without_force(tmp_path, capsys):
     case = load_case(CASES / "sine_baseline_oloc.yaml")
     (tmp_path / "precious.txt").write_text("mine")
     with pytest.raises(InputError, match="exists"):
         run_case(case, tmp_path)
     with pytest.raises(InputError, match="no earlier result"):
         run_case(case, tmp_path, force=True)
+    assert main(["run", str(CASES / "sine_baseline_oloc.yaml"), "--out", str(tmp_path)]) == 2
+    assert "searching" not in capsys.readouterr().out
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
 
@@ -362,6 +365,22 @@ def test_a_second_run_on_one_folder_is_refused(tmp_path):
     solution = run_case(case, out, progress=second, figures=False)
     assert len(refused) == 2
     assert solution.success, solution.message
+
+
+def test_a_folder_is_locked_before_a_case_is_prepared(tmp_path, monkeypatch):
+    """Which may take long; where the case is refused, no new folder remains."""
+    out, case = tmp_path / "results" / "out", short_case("sine_baseline_oloc")
+
+    def prepare(_):
+        monkeypatch.setattr(MAKE, lambda _: pytest.fail("it is prepared, too"))
+        with pytest.raises(InputError, match="another run is using it"):
+            run_case(case, out)
+        raise InputError("is no case")
+
+    monkeypatch.setattr(MAKE, prepare)
+    with pytest.raises(InputError, match="is no case"):
+        run_case(case, out)
+    assert list(tmp_path.iterdir()) == []
 
 
 BLADES = Path(__file__).parents[1] / "data" / "blades"

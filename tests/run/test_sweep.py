@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import stand_in
 
+import hkt_mdo
 from hkt_mdo.case.sweep import load_sweep
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
@@ -202,7 +203,7 @@ def test_a_neighbour_wins_only_with_a_better_result(here, tmp_path, monkeypatch)
     assert [row["start"] for row in rows] == ["own", "neighbour", "own"]
     assert [row["objective"] for row in rows] == pytest.approx([600.0, 707.0, 500.0])
     assert sources == [str(tmp_path / "out" / rows[place]["run"]) for place in (0, 1)]
-    again = run_sweep(sweep, tmp_path / "out", run=None)
+    again = hkt_mdo.sweep(tmp_path / "some.yaml", str(tmp_path / "out"), run=None)
     assert [row["start"] for row in again] == ["own", "neighbour", "own"]
 
 

@@ -52,6 +52,8 @@ def test_power_is_kept_by_turning_faster_or_slower():
     assert kept.objective == start(power="5 kW").branches[0].objective
     assert kept.exceeds == ()
     assert kept.excess < 1e-6
+    sides = [each.side for each in start(power="5 kW").starts if each.side]
+    assert sorted(sides) == sorted(names)
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
         (known,) = world(power="5 kW").on_start(start(branch=branch, power="5 kW"))
         order = np.argsort(known["inflow_speed"])

@@ -11,6 +11,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+import hkt_mdo
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
 from hkt_mdo.dynamics.limits import (
@@ -24,6 +25,7 @@ from hkt_mdo.dynamics.limits import (
 from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.results.solution import ScenarioTables, Solution
 from hkt_mdo.results.summary import FAST
 from hkt_mdo.studies.other_flows import Run, largest, runs_of
@@ -171,7 +173,7 @@ def test_parts_of_a_sum_keep_seeds_of_their_own():
 
 def test_in_the_flow_of_the_run_it_agrees_with_the_run(quadratic, open_loop):
     for design in (quadratic, open_loop):
-        (run,), summary = runs_of(design.solution, "design"), design.solution.summary
+        (run,), summary = hkt_mdo.simulate(design.solution), design.solution.summary
         assert run.energies["energy"] == pytest.approx(summary.simulated_energy_J, rel=1e-7)
         for name, entry in (summary.loads | summary.limits).items():
             assert run.told[name].value == pytest.approx(entry.value, rel=2e-4), name
@@ -299,7 +301,7 @@ def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
         runs.setdefault(row["seed"], {})[row["quantity"]] = row
     for seed, told in runs.items():
         flow = TURBULENCE.replace("}", f", seed: {seed}" + "}")
-        (alone,) = runs_of(Solution.load(folder), flow)
+        (alone,) = runs_of(Solution.load(folder), parse(flow, "flow"))
         assert told["energy"]["value"] == pytest.approx(alone.energies["energy"], rel=1e-12)
         assert f"seed {seed}, without noise: {alone.outcome}; limits: {alone.verdicts}" in printed
         for name, entry in alone.told.items():

@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.report import text_page
+from hkt_mdo.pages import text_page
 from hkt_mdo.results.folder import write_text
 from tests.verification.study import PARTS, report, run_part
 

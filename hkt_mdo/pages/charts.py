@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.report.panels import (
+from hkt_mdo.pages.panels import (
     DASHES,
     FAINT,
     Chart,
@@ -23,6 +22,7 @@ from hkt_mdo.report.panels import (
     stacked,
     thinned,
 )
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.shown import (
     OVER_SPAN,
     beside_start,

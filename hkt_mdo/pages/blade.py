@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Stl, triangles
-from hkt_mdo.report.panels import FAINT, Chart, Labelled, Look, escaped, line
+from hkt_mdo.pages.panels import FAINT, Chart, Labelled, Look, escaped, line
 from hkt_mdo.results import style
 from hkt_mdo.results.sections import outline_names
 from hkt_mdo.results.shown import AXIS, SHOWN

@@ -17,7 +17,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import make_folder, read_text, write_files
-from hkt_mdo.report import rendered
+from hkt_mdo.pages import rendered
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.shown import labels
 from hkt_mdo.results.solution import Solution
@@ -38,19 +38,15 @@ PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
-BADGES = {
-    "verified": "converged and verified by every judge",
-    "refused": "no success",
-    "unfinished": "the run did not come to its end",
-}
 
-
-def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "") -> Path:
+def write_report(
+    solutions: Solution | Iterable[Solution], out: str | Path, shared: str = ""
+) -> Path:
     """Write the report of results as one HTML file that needs no network.
 
     Parameters
     ----------
-    solutions : iterable of Solution
+    solutions : Solution, or iterable of Solution
         One result, or several that the page sets side by side, the best first.
     out : str or pathlib.Path
         The file, which is replaced; its folder is made if need be.
@@ -68,7 +64,7 @@ def write_report(solutions: Iterable[Solution], out: str | Path, shared: str = "
         If a package is missing, there is no result, or the file cannot be written.
     """
     require_packages()
-    chosen = list(solutions)
+    chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
     path = Path(out)
@@ -94,9 +90,9 @@ def require_packages() -> None:
 def _page(solutions: Sequence[Solution], shared: str) -> str:
     """Return the page as HTML."""
     offline = import_module("plotly.offline")
-    from hkt_mdo.report import blade, charts, panels
+    from hkt_mdo.pages import blade, charts, panels
 
-    order, shares = ranked(solutions)
+    order, behind = ranked(solutions)
     labelled = [panels.Labelled(*each) for each in zip(order, labels(order), strict=True)]
     found, reasons = blade.bodies(labelled)
     drawn, views = charts.designs(labelled), charts.views(labelled)
@@ -109,7 +105,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=[_told(each, name) for each, name in zip(order, names, strict=True)],
         headline=_aligned(
-            [_behind(share, order) | _headline(x) for x, share in zip(order, shares, strict=True)]
+            [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
         ),
         merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
         checks=_checks(order),
@@ -137,7 +133,9 @@ def _title(solutions: Sequence[Solution]) -> str:
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
     summary = solution.summary
-    state = "verified" if solution.success else "refused" if solution.finished else "unfinished"
+    verdict, good = summary.verdict(solution.case), not summary.breaks(solution.case)
+    state = "verified" if solution.success and good else "refused"
+    state = state if solution.finished else "unfinished"
     folder = solution.folder.resolve().name
     seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
     work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
@@ -155,11 +153,11 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "name": name,
         "folder": folder,
         "state": state,
-        "badge": BADGES[state],
-        "message": solution.message,
+        "badge": verdict if solution.finished else "the run did not come to its end",
+        "message": "" if solution.success else solution.message,
         "law": solution.case.control.law,
         "failed": solution.failed_checks,
-        "cautions": _cautions(solution),
+        "cautions": summary.warnings(solution.case),
         "notes": solution.notes,
         "bounds": [str(each.row()) for each in summary.at_bounds or ()],
         "passes": summary.passes or (),
@@ -176,13 +174,6 @@ def _aligned(columns: Sequence[dict[str, str]]) -> list[tuple[str, list[str]]]:
     return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
-def _behind(share: float | None, order: Sequence[Solution]) -> dict[str, str]:
-    """Return by how much the objective of one of several results differs from the best."""
-    if share is None or len(order) == 1:
-        return {}
-    return {f"objective, {order[0].case.objective.kind}, to the best": f"{100.0 * share:+.4f} %"}
-
-
 def _headline(solution: Solution) -> dict[str, str]:
     """Return the figures that a designer asks for first, by their names."""
     summary, loads = solution.summary, solution.summary.loads or {}
@@ -191,7 +182,7 @@ def _headline(solution: Solution) -> dict[str, str]:
     duration = sum(spans)
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
-    rows: dict[str, str] = {}
+    rows = {"verdict": summary.verdict(solution.case)}
     for year in (entry.year for entry in entries if entry.year and len(entries) == 1):
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
         doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
@@ -223,11 +214,8 @@ def _headline(solution: Solution) -> dict[str, str]:
             rows[label] = measured(loads[name].value, loads[name].unit, 4)
     if summary.rotor_radius_m is not None:
         rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
-    rows |= (
-        {}
-        if summary.mass_kg is None
-        else {"mass of the blades": measured(summary.mass_kg, "kg", 4)}
-    )
+    if summary.mass_kg is not None:
+        rows["mass of the blades"] = measured(summary.mass_kg, "kg", 4)
     return rows
 
 
@@ -257,17 +245,6 @@ def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
         refused = any(x is not None and not x.passed for x in known)
         rows.append({"name": limit_words(name), "cells": cells, "refused": refused})
     return sorted(rows, key=lambda row: not row["refused"])
-
-
-def _cautions(solution: Solution) -> list[str]:
-    """Return what is to be said of an unstable loop, and of large loads that have no limit."""
-    limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
-    free = {name: entry for name, entry in loads.items() if name not in limits}
-    labelled = [(x.row(name), unasked(name, x.value, solution.case)) for name, x in free.items()]
-    large = [f"{x.label} {measured(x.value, x.unit, 4)}: {text}" for x, text in labelled if text]
-    memory = solution.summary.memory
-    unstable = [] if memory is None or memory.stable else [f"in water with memory {memory.text}"]
-    return [*unstable, *filter(None, ["; ".join(large)])]
 
 
 def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:

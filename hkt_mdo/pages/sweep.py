@@ -12,8 +12,8 @@ import numpy as np
 
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.files.table import write_files
-from hkt_mdo.report import rendered
-from hkt_mdo.report.page import require_packages, write_report
+from hkt_mdo.pages import rendered
+from hkt_mdo.pages.page import require_packages, write_report
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable
