@@ -161,6 +161,7 @@ def resume_case(
 
 _SILENT = {"show_browser": False, "display_in_notebook": False}
 
+
 def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
     """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
     began, made_of = time.perf_counter(), digest(physics.case)
