@@ -21,14 +21,16 @@ import hkt_mdo
 
 project = "hkt_mdo"
 copyright = "the authors of hkt_mdo, Apache License 2.0"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "numpydoc"]
 exclude_patterns = ["_build", "**.ipynb_checkpoints"]
 html_theme = "furo"
 html_title = "hkt_mdo"
 
 myst_heading_anchors = 4  # the anchors of headings that GitHub makes, too
-myst_enable_extensions = ["colon_fence"]
-highlight_language = "none"  # blocks without a language are equations and output
+myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
+myst_dmath_allow_digits = False  # 5$ and $5 are prices
+smartquotes = False  # they would make – of the -- of an option
+highlight_language = "none"  # blocks without a language are output
 lexers["csv"] = TextLexer()  # Pygments has none
 
 nb_execution_mode = "force"  # every build runs the notebooks, which are committed without outputs
@@ -108,6 +110,8 @@ def fit_to_site(app, docname, source):
         lambda link: f"`{link[2][3:]}`" if (DOCS / link[2]).is_dir() else link[0],
         text,
     )
+    # a file's name as the text of a link is its name on GitHub, and its title here
+    text = re.sub(r"\[[\w/.]+\.(?:md|ipynb)\](?=\((?!http)[^)]+\.(?:md|ipynb)\b)", "[]", text)
     if docname == "index":  # a pattern of pages of which there is none would be a warning
         text = re.sub(
             r"(?m)^(\w+\*)\n", lambda x: x[0] if list(DOCS.glob(f"{x[1]}.md")) else "", text

@@ -246,24 +246,39 @@ THEORY = """\
 With the best tip speed ratio λ* and the largest power coefficient of the sequential blade, let
 Q̄ and P̄ be torque and power at the mean flow v̄, ω̄ = λ* v̄ / R the speed there, and
 
-    v(t) = v̄ (1 + a sin φ),  φ = w t        the flow: amplitude a over the mean, angular frequency w
-    T = J ω̄ / Q̄                             the rotor's time constant: at a constant generator
-                                             torque, its speed returns as exp(-t/T), since the
-                                             torque's slope at λ* is dQ/dω = -Q̄/ω̄
-    β = T w                                  time constant times bandwidth of the flow
+$$
+\\begin{aligned}
+v(t) &= \\bar v\\,(1 + a \\sin\\varphi), \\qquad \\varphi = w t, \\\\
+T &= J \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
+\\end{aligned}
+$$
+
+The flow has the amplitude a over the mean and the angular frequency w. T is the rotor's time
+constant: at a constant generator torque, its speed returns as exp(-t/T), since the torque's slope
+at λ* is dQ/dω = -Q̄/ω̄. β is the time constant times the bandwidth of the flow.
 
 The energy of any blade and any control over a closed cycle is at most that of the largest power
 coefficient at every instant. The sequential blade reaches it if its rotor keeps λ* throughout, so
 that ω = λ* v / R. From J dω/dt = Q - u this takes the generator torque and power
 
-    u / Q̄   = (1 + a sin φ)² - β a cos φ
-    u ω / P̄ = ((1 + a sin φ)² - β a cos φ) (1 + a sin φ)
+$$
+\\begin{aligned}
+u / \\bar Q &= (1 + a \\sin\\varphi)^2 - \\beta a \\cos\\varphi, \\\\
+u \\omega / \\bar P &= \\left((1 + a \\sin\\varphi)^2 - \\beta a \\cos\\varphi\\right)
+(1 + a \\sin\\varphi).
+\\end{aligned}
+$$
 
 **While 0 ≤ u, and u, or u ω, is within the limit at every instant, no co-design can be better.**
-Hence the two lines of the map: a limit below
+Hence the two lines of the map: a limit below τ of the torque, over Q̄, or π of the power, over P̄,
 
-    τ(β) = max over φ of (1 + a sin φ)² - β a cos φ                        of the torque, over Q̄
-    π(β) = max over φ of ((1 + a sin φ)² - β a cos φ) (1 + a sin φ)        of the power, over P̄
+$$
+\\begin{aligned}
+\\tau(\\beta) &= \\max_\\varphi\\, (1 + a \\sin\\varphi)^2 - \\beta a \\cos\\varphi, \\\\
+\\pi(\\beta) &= \\max_\\varphi\\,
+\\left((1 + a \\sin\\varphi)^2 - \\beta a \\cos\\varphi\\right) (1 + a \\sin\\varphi)
+\\end{aligned}
+$$
 
 binds, and beyond β₀ = min over φ of (1 + a sin φ)² / (a cos φ), where cos φ > 0, the generator
 would have to drive the rotor. For small β the lines begin at (1 + a)² and (1 + a)³, the torque and
@@ -275,9 +290,17 @@ less. Let μ be the multiplier of the limit in slow operation (β → 0), where 
 the limit the Lagrange function is P + μ (limit - Q), or P + μ (limit - P), and with the torque's
 slope Q' = dQ/dω < 0 the best speed has
 
-    torque limit:  d(Q ω)/dω = μ Q'   so   μ = ω + Q/Q',   and its slope over a parameter b of the
-                   blade is (ω - μ) ∂Q/∂b = -(Q/Q') ∂Q/∂b, which is zero at λ* and not elsewhere
-    power limit:   d(Q ω)/dω = μ d(Q ω)/dω   so   μ = 1,   and the slope is (1 - μ) ∂P/∂b = 0
+$$
+\\begin{aligned}
+\\frac{d(Q \\omega)}{d\\omega} &= \\mu Q', & \\mu &= \\omega + \\frac{Q}{Q'}
+&& \\text{under a torque limit,} \\\\
+\\frac{d(Q \\omega)}{d\\omega} &= \\mu \\frac{d(Q \\omega)}{d\\omega}, & \\mu &= 1
+&& \\text{under a power limit.}
+\\end{aligned}
+$$
+
+The slope over a parameter b of the blade is (ω - μ) ∂Q/∂b = -(Q/Q') ∂Q/∂b under a torque limit,
+which is zero at λ* and not elsewhere, and (1 - μ) ∂P/∂b = 0 under a power limit.
 
 So **under a torque limit below τ(0) the two designs differ**: a blade made for a higher tip speed
 ratio gives the same power with less torque. **Under a power limit they do not differ as long as the

@@ -50,7 +50,7 @@ COMMAND = re.compile(r"`((?:python )?(?:scripts/|-m )[^`\n]*|make \w+[^`\n]*)`")
 def numbers_of(page):
     """Return the numbers of the sentences, and the rows of the tables, by the page's headings."""
     found = {}
-    page = re.sub(r"(?ms)^```.*?^```|^ {4,}[^|\n]*$", "", page)
+    page = re.sub(r"(?ms)^```.*?^```|^\$\$$.*?^\$\$$|^ {4,}[^|\n]*$", "", page)
     for part in re.split(r"(?m)^(?=#+ )", page):
         title, _, body = part.partition("\n")
         lines = body.splitlines()

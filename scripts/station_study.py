@@ -61,7 +61,9 @@ WHY = """\
 ends, as in CCBlade. The load rises steeply at hub and tip (Prandtl's losses), so
 `rotor.station_count` = n puts the stations at equal steps of an angle,
 
-    r_i = Rh + (R - Rh) (1 - cos(π (i + ½)/n)) / 2,      i = 0 … n - 1,
+$$
+r_i = R_h + (R - R_h)\\, \\frac{1 - \\cos(\\pi (i + \\tfrac12)/n)}{2}, \\qquad i = 0 \\ldots n - 1,
+$$
 
 closer together towards both. The error is then of second order: it falls to a quarter
 where n is doubled. A coarse rule misses part of the load: with more stations every energy

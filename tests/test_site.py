@@ -43,6 +43,14 @@ def test_rows_of_tables_are_whole(page):
         assert len(cells) == 1, rows[0]
 
 
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
+def test_equations_are_latex(page):
+    """A block that is indented would be shown as code, and cut where it is wide."""
+    text = re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8"))
+    assert not re.search(r"(?m)^ {4,}.*=", text)
+    assert not re.search(r"(?m)^\$\$", re.sub(r"(?ms)^\$\$\n.*?^\$\$$", "", text))
+
+
 @pytest.mark.slow
 def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
     """A cell that fails ends the build; so does a warning, such as of a link that leads nowhere."""
@@ -64,9 +72,22 @@ def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr[-3000:]
+
+    def page(name):
+        return (tmp_path / "site" / f"{name}.html").read_text(encoding="utf-8")
+
     for path in NOTEBOOKS:
-        page = (tmp_path / "site" / "tutorials" / f"{path.stem}.html").read_text(encoding="utf-8")
-        assert "converged and verified" in page
-    limits = (tmp_path / "site" / "tutorials" / "limits.html").read_text(encoding="utf-8")
+        text = page(f"tutorials/{path.stem}")
+        assert "converged and verified" in text
+        assert not re.search(r"&lt;Figure size|<iframe", text)
+        plots = path.read_text(encoding="utf-8").count(".plot(")
+        assert text.count('<img src="data:image/png;base64,') == plots
+    commands = page("reference/commands")
+    assert "--strict" in commands
+    assert "–strict" not in commands
+    assert page("theory").count('<div class="math') > 30
+    for path in DOCS.glob("*.md"):
+        assert not re.search(r"<a [^>]*>(<span[^>]*>)*[\w/]+\.md<", page(path.stem)), path
+    limits = page("tutorials/limits")
     worth, found = re.search(r"worth of one per cent: (\d+) J; found.*?: (\d+) J", limits).groups()
     assert float(found) == pytest.approx(float(worth), rel=0.1)

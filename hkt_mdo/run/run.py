@@ -162,6 +162,9 @@ def _prepared(case: Case) -> Physics:
     return physics
 
 
+_SILENT = {"show_browser": False, "display_in_notebook": False}
+
+
 def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
     """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
     began, made_of = time.perf_counter(), digest(physics.case)
@@ -224,7 +227,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
         message = "; ".join(filter(None, (_why_none(state.first, best), message)))
     write_tables(out, parts)
     if records:
-        om.n2(result.problem, outfile=str(out / "n2.html"), show_browser=False)
+        om.n2(result.problem, outfile=str(out / "n2.html"), **_SILENT)
     if held or converged:
         state.go_on_from(physics, result.point, best.reference)
     return finished.model_copy(update={"message": message})
@@ -250,7 +253,7 @@ def write_n2(case: Case, path: Path) -> None:
     problem = build_problem(case, improve=False)
     problem.final_setup()
     try:
-        om.n2(problem, outfile=str(path), show_browser=False)
+        om.n2(problem, outfile=str(path), **_SILENT)
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written: {error.strerror}; choose another --out"
