@@ -162,6 +162,9 @@ def test_what_a_case_models_is_not_missing():
         " ".join(page.not_modelled(load_case(flow | {"inflow_dynamics": name})))
         for name in ("quasi_steady", "oye")
     )
+    limited = load_case(flow | {"limits": {"cavitation": {"depth": "3 m"}}})
+    assert "Cavitation is not known" in told
+    assert "Cavitation is not known" not in " ".join(page.not_modelled(limited))
     assert "The wake answers at once." in told
     assert "The wake answers at once." not in memory
 

@@ -58,6 +58,7 @@
     const chart = of.chart ? page.charts[of.chart] : page.views[chosen()][of.view];
     element.closest("figure").hidden = !chart;
     if (!chart) return Promise.resolve();
+    if (!element.dataset.drawn) element.textContent = "";
     return Plotly.react(element, ...themed(chart, element), config)
       .then(() => { element.dataset.drawn = of.chart || chosen(); });
   }
@@ -66,7 +67,15 @@
   const turned = webgl();
   const elements = [...document.querySelectorAll(".chart")]
     .filter(element => turned || !("webgl" in element.dataset));
-  const drawAll = which => which.reduce((before, each) => before.then(() => draw(each)), Promise.resolve());
+  // one that fails says so in its place, and the others are drawn
+  const failed = (element, error) => {
+    console.error(error);
+    Plotly.purge(element);
+    delete element.dataset.drawn;
+    element.textContent = `This chart cannot be drawn (${error.message}); please report it.`;
+  };
+  const drawAll = which => which.reduce((before, each) =>
+    before.then(() => draw(each)).catch(error => failed(each, error)), Promise.resolve());
 
   if (!turned) document.getElementById("solid")?.remove();
   else document.getElementById("picture")?.remove();
