@@ -26,6 +26,7 @@ from hkt_mdo.report.panels import (
 from hkt_mdo.results.shown import (
     OVER_SPAN,
     beside_start,
+    convergence,
     levels_of,
     near_bounds,
     of_scenario,
@@ -38,8 +39,6 @@ from hkt_mdo.results.words import limit_words
 MOST_POINTS, LEAST_POINTS = 100_000, 60
 """Points of all series of a page together, and of a series at least."""
 MOST_OF_ONE = 6000
-LEAST_SHOWN = 1e-10
-"""Smallest value of a logarithmic axis."""
 ENVELOPE = 300
 """Classes of the time in an envelope of scenarios."""
 
@@ -322,7 +321,7 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
         column = f"{word}_coefficient"
-        for trace in _beside_start(labelled, "power_curve", "tip_speed_ratio", column):
+        for trace in _beside_start(labelled, "coefficients", "tip_speed_ratio", column):
             turned = [y if y is not None and y >= 0.0 else None for y in trace["y"]]  # by the flow
             panel.traces.append(trace | {"y": turned})
         panels.append(panel)
@@ -363,7 +362,7 @@ def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
         if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
             panel.levels = levels_of(alone, quantity, scale)
         panels.append(panel)
-    return stacked(panels, "radius over that of the tip (-)", 160)
+    return stacked(panels, "radius over that of the tip, r/R (-)", 160)
 
 
 def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -418,17 +417,13 @@ def _convergence(labelled: Sequence[Labelled]) -> Chart | None:
     energy = Panel("energy: distance from its last value (-)", log=True)
     broken = Panel("infeasibility: largest scaled violation (-)", log=True)
     for index, each in enumerate(labelled):
-        table, look = each.solution.convergence, Look.of(index, each)
-        if not table:
-            continue
-        known = table["energy_J"][np.isfinite(table["energy_J"])]
-        end = known[-1] if known.size and known[-1] else 1.0
-        away = np.abs(table["energy_J"] / end - 1.0)
-        for panel, values in ((energy, away), (broken, table["infeasibility"])):
-            shown = np.maximum(values, LEAST_SHOWN)
-            kept = thinned(table["evaluation"], shown, 1000)
+        (count, *found), look = convergence(each.solution), Look.of(index, each)
+        for panel, values in zip((energy, broken), found, strict=True):
+            if not count.size:
+                continue
+            kept = thinned(count, values, 1000)
             name, more = escaped(each.label) or "optimizer", {"showlegend": bool(each.label)}
-            series = table["evaluation"][kept], shown[kept]
+            series = count[kept], values[kept]
             panel.traces.append(line(*series, name, look.color, mode="lines+markers", **more))
             panel.traces[-1] |= {"marker": {"size": 4, "color": look.color}}
     return stacked([energy, broken], "evaluation of the optimizer (-)", 150)

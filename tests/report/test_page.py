@@ -284,7 +284,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     )
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
     summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
-    half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
+    half = replace(solution, summary=summary, tables=tables, coefficients={}, convergence={})
     text = page.write_report([half], tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
