@@ -41,11 +41,10 @@
       if (key.startsWith("yaxis")) layout[key] = { ...axis, fixedrange: true, automargin: true, ...own };
     }
     if (layout.scene) {
-      const high = Math.min(layout.height - margin.t, 110 + 0.45 * width);
-      const view = layout.scene, wide = Math.min(3.6, 1.75 * width / high, 2.1 / view.aspectratio.y);
+      const view = layout.scene, { x, y } = view.aspectratio;
+      const high = Math.min(640, 1.1 * width * y / x), wide = 1.4 * Math.min(width / high / x, 1 / y);
       layout.height = high + margin.t; // below the legend
       view.domain = { y: [0, high / layout.height] };
-      Object.assign(view.xaxis, { color: ink, gridcolor: rule });
       for (const side of "xyz") view.aspectratio[side] *= wide;
       layout.margin = { l: 0, r: 0, t: 0, b: 0 };
       delete layout.dragmode;
