@@ -25,6 +25,7 @@ from hkt_mdo.report.panels import (
 )
 from hkt_mdo.results.shown import (
     OVER_SPAN,
+    YEAR,
     beside_start,
     convergence,
     levels_of,
@@ -172,8 +173,7 @@ def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel
 
 def _margins(solution: Solution) -> dict[str, np.ndarray]:
     """Return what is left up to each limit over time (%), (n_times,), by its name."""
-    shares = solution.limit_shares("simulation" if solution.simulation else "trajectory")
-    return {name: 100.0 * (1.0 - share) for name, share in shares.items()}
+    return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
 
 
 def _margin_panel(labelled: Sequence[Labelled], most: int) -> Panel:
@@ -260,29 +260,20 @@ def _ranges(
 def _year(labelled: Sequence[Labelled]) -> Chart | None:
     """Return electrical power, hours and energy of a year over the flow speed, bin by bin."""
     panels = []
-    for column, (title, scale) in _YEAR.items():
-        panel = Panel(title, from_zero=True)
+    for column, (title, scale, quantity) in YEAR.items():
+        panel = Panel(title.replace("\n", " "), from_zero=True)
         for index, each in enumerate(labelled):
             if table := each.solution.year:
-                quantity = "inflow_speed" if column == "hours" else "power"
                 look, name = Look.of(index, each, quantity), escaped(each.label) or "a year"
+                shown = {"type": "bar", "marker": {"color": look.color}}
+                shown["showlegend"] = bool(each.label)
                 series = table["inflow_speed_m_s"], scale * table[column]
-                bar = {
-                    "type": "bar",
-                    "marker": {"color": look.color},
-                    "showlegend": bool(each.label),
-                }
-                panel.traces.append(line(*series, name, look.color, **bar))
+                panel.traces.append(line(*series, name, look.color, **shown))
                 panel.traces[-1].pop("line")
         panels.append(panel)
     return stacked(panels, "flow speed (m/s)", 130)
 
 
-_YEAR = {
-    "electrical_power_W": ("mean electrical power (kW)", 1e-3),
-    "hours": ("hours a year (h)", 1.0),
-    "energy_kWh": ("electrical energy a year (kWh)", 1.0),
-}
 # ---- the blade, its coefficients, its loads, and the optimizer's way
 
 _SHAPES = {

@@ -129,7 +129,7 @@ def check_figures(case: str, data: Mapping[str, Mapping[str, Any]]) -> dict[str,
     """Return the figures of a check of a case; of several scenarios, one of each flow."""
     figures = {}
     for name, part in data.items():
-        title = f"{case}: {_TITLES.get(name, name.replace('_', ' '))}"
+        title = f"{case}: {name.replace('_', ' ')}"
         width, height, share = 5.6, 2.25, None
         if name == "blade":
             plots = [partial(draw_blade, part, column) for column in _BLADE]
@@ -146,6 +146,3 @@ def check_figures(case: str, data: Mapping[str, Mapping[str, Any]]) -> dict[str,
         height = style.BESIDES + height * len(plots)
         figures[name] = style.figure_of(width, height, plots, share, title)
     return figures
-
-
-_TITLES = {"blade": "blade at the start", "coefficients": "power coefficient", "polar": "polars"}

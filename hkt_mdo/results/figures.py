@@ -33,32 +33,24 @@ def _panels(
     tables: Sequence[str],
     *plotted: Callable[..., Axes],
     steady: bool = True,
+    limited: bool = False,
     **of_column: Callable[..., Axes],
 ) -> list[Panel]:
     """Return panels that are drawn of one of some tables, and last those of a column of it.
 
-    Without `steady`, they need a scenario with a time.
+    Without `steady`, they need a scenario with a time; `limited`: and a limit of the column.
     """
 
     def known(column: str, solution: Solution) -> bool:
-        shown = (one for one in solution.by_scenario if steady or not one.steady)
+        shown = [one for one in solution.by_scenario if steady or not one.steady]
+        if limited:
+            names = {QUANTITIES[x.name].column for x in solution.limits if x.name in QUANTITIES}
+            shown = shown if column in names else []
         found = (getattr(one, name) for one in shown for name in tables)
         return any(column in table if column else table for table in found)
 
     needed = [("", plot) for plot in plotted] + [*of_column.items()]
     return [Panel(plot, partial(known, column)) for column, plot in needed]
-
-
-def _limited(quantity: str, solution: Solution) -> bool:
-    """Tell whether a quantity over time has a limit, and is known; "": whether any has."""
-    column = QUANTITIES[quantity].column if quantity else ""
-    return any(
-        (one.limit_levels(quantity) and column in getattr(one, table))
-        if quantity
-        else one.limit_shares(table)
-        for one in solution.by_scenario
-        for table in _TIMES
-    )
 
 
 _TIMES = "simulation", "trajectory"
@@ -68,14 +60,15 @@ _OPERATION = (
     *(plots.plot_inflow_speed, plots.plot_power, plots.plot_rotor_speed),
     *(plots.plot_tip_speed_ratio, plots.plot_control_torque),
 )
-_LIMITED = {
-    "root_moment": plots.plot_root_moment,
-    "stress": plots.plot_stress_over_time,
+_LOADS = {
+    "root_moment_Nm": plots.plot_root_moment,
+    "stress_Pa": plots.plot_stress_over_time,
     "cavitation": plots.plot_suction_over_time,
 }
-FIGURES: dict[str, tuple[str, list[Panel], float, float]] = {
+_OVER_FLOW = plots.plot_power_curve, plots.plot_speed_curve, plots.plot_torque_curve
+_YEAR = plots.plot_year_power, plots.plot_year_hours, plots.plot_year_energy
+FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "blade": (
-        "blade",
         [
             Panel(plots.plot_sections, lambda solution: known_sections(solution).size),
             *_panels(["blade"], plots.plot_planform, plots.plot_chord, plots.plot_twist),
@@ -84,39 +77,27 @@ FIGURES: dict[str, tuple[str, list[Panel], float, float]] = {
         *(6.6, 1.8),
     ),
     "coefficients": (
-        "power and thrust coefficient",
         _panels(
             ["coefficients"],
-            plots.plot_power_coefficient,
+            power_coefficient=plots.plot_power_coefficient,
             thrust_coefficient=plots.plot_thrust_coefficient,
         ),
         *(5.6, 2.2),
     ),
     "operation": (
-        "operation over time",
         [
             *_panels(_TIMES, *_OPERATION, steady=False, thrust_N=plots.plot_thrust),
-            *(Panel(plot, partial(_limited, name)) for name, plot in _LIMITED.items()),
+            *_panels(_TIMES, steady=False, limited=True, **_LOADS),
         ],
         *(7.4, 1.55),
     ),
-    "power_curve": (
-        "power curve",
-        _panels(
-            _TIMES,
-            *(plots.plot_power_curve, plots.plot_speed_curve, plots.plot_torque_curve),
-            thrust_N=plots.plot_thrust_curve,
-        ),
-        *(7.0, 2.05),
+    "power_curve": (_panels(_TIMES, *_OVER_FLOW, thrust_N=plots.plot_thrust_curve), 7.0, 2.05),
+    "year": (_panels(["year"], *_YEAR), 6.4, 2.05),
+    "limits": (
+        [Panel(plots.plot_limits, lambda x: any(one.limit_shares() for one in x.by_scenario))],
+        *(7.0, 1.0),
     ),
-    "year": (
-        "energy of a year",
-        _panels(["year"], plots.plot_year_power, plots.plot_year_hours, plots.plot_year_energy),
-        *(6.4, 2.05),
-    ),
-    "limits": ("limits", [Panel(plots.plot_limits, partial(_limited, ""))], 7.0, 1.0),
     "loads": (
-        "loads along the blade",
         _panels(
             ["loads"],
             stress_Pa=plots.plot_stress,
@@ -125,13 +106,9 @@ FIGURES: dict[str, tuple[str, list[Panel], float, float]] = {
         ),
         *(5.6, 2.0),
     ),
-    "convergence": (
-        "convergence of the optimization",
-        _panels(["convergence"], plots.plot_convergence),
-        *(6.2, 2.7),
-    ),
+    "convergence": (_panels(["convergence"], plots.plot_convergence), 6.2, 2.7),
 }
-"""Title, panels from the top, width, and height of a panel (inches)."""
+"""Panels from the top, width, and height of a panel (inches)."""
 
 
 def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
@@ -139,16 +116,16 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
 
     The title of a single solution has the name of its case and the `scenario`.
     """
-    title, panels, width, height = FIGURES[name]
+    panels, width, height = FIGURES[name]
     chosen = [one for one, _ in named(solutions)]
     shown = [each.plot for each in panels if any(map(each.known, chosen))]
     if not shown:
         return None
     if name == "limits":  # each bar has room for its number
-        bars = [len(one.limit_shares("trajectory")) for one, _ in named_scenarios(solutions)]
+        bars = [len(one.limit_shares()) for one, _ in named_scenarios(solutions)]
         height += 0.2 * max(bars) * len(bars)
-    names = joined(*([printable(chosen[0].name)] if len(chosen) == 1 else []), scenario)
-    title = f"{names}: {title}" if names else title
+    names = joined(printable(chosen[0].name) if len(chosen) == 1 else "", scenario)
+    title = ": ".join(filter(None, (names, name.replace("_", " "))))
     share = sum(plot is not plots.plot_sections for plot in shown)  # which have no radius
     drawn = [partial(plot, solutions) for plot in shown]
     return style.figure_of(width, style.BESIDES + height * len(shown), drawn, share, title)

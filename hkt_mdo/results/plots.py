@@ -93,39 +93,31 @@ def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_power_coefficient(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the power coefficient over tip speed ratio, its peak, and the range operated in.
+def _over_ratio(word: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a coefficient over tip speed ratio, its peak if known, and the range operated in.
 
     The bar at the foot of the axes spans the tip speed ratios of the trajectory.
     """
-    ax = _beside_start(solutions, ax, "coefficients", "tip_speed_ratio", "power_coefficient")
+    column = f"{word}_coefficient"
+    ax = _beside_start(solutions, ax, "coefficients", "tip_speed_ratio", column)
+    across, bars = ax.get_xaxis_transform(), 0
     for index, (solution, _) in enumerate(named(solutions)):
-        if not solution.coefficients:
-            continue
         get, color = solution.summary.get, style.line(index)["color"]
-        ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
-        peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
-        ax.plot([ratio], [power], **peak, **style.marker(index))
-    return _with_operation(solutions, ax, "power coefficient (-)")
-
-
-def plot_thrust_coefficient(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the thrust coefficient over tip speed ratio, and the range operated in."""
-    ax = _beside_start(solutions, ax, "coefficients", "tip_speed_ratio", "thrust_coefficient")
-    return _with_operation(solutions, ax, "thrust coefficient (-)")
-
-
-def _with_operation(solutions: Solutions, ax: Axes, label: str) -> Axes:
-    """Draw the tip speed ratios operated in as bars at the foot of axes from zero."""
-    bars: list[Any] = []
-    for index, (solution, _) in enumerate(named(solutions)):
-        if reach := solution.summary.get("tip_speed_ratio"):
-            look = _BAR | {"color": style.line(index)["color"]}
-            look |= {"label": None if bars else "range operated in"}
-            height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
-            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
+        if solution.coefficients and (most := get(f"{column}_max")) is not None:
+            peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
+            ax.plot(
+                [get(f"tip_speed_ratio_at_{column}_max")], [most], **peak, **style.marker(index)
+            )
+        if reach := get("tip_speed_ratio"):
+            look = _BAR | {"color": color, "label": "_" if bars else "range operated in"}
+            height, bars = 0.035 + 0.04 * index, bars + 1
+            ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
     ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "tip speed ratio (-)", label)
+    return style.finish(ax, "tip speed ratio (-)", f"{word} coefficient (-)")
+
+
+plot_power_coefficient = partial(_over_ratio, "power")
+plot_thrust_coefficient = partial(_over_ratio, "thrust")
 
 
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
@@ -176,7 +168,7 @@ plot_suction_over_time = partial(_over_time, "cavitation")
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a bar for each limit: the largest value over the limit, which is 1; of each solution."""
     ax, chosen = ax or style.new_axes(), named_scenarios(solutions)
-    shares = [x.limit_shares("simulation" if x.simulation else "trajectory") for x, _ in chosen]
+    shares = [solution.limit_shares() for solution, _ in chosen]
     rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
     height = 0.8 / len(chosen)
     for index, ((_, name), found) in enumerate(zip(chosen, shares, strict=True)):
@@ -317,36 +309,24 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return style.finish(ax, "evaluation (-)", f"relative, at least {shown.LEAST_SHOWN:.0e} (-)")
 
 
-def plot_year_power(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the electrical power over the flow speed, bin by bin."""
-    ax = ax or style.new_axes()
-    for index, (solution, name) in enumerate(named_scenarios(solutions)):
-        if table := solution.year:
-            look = style.line(index) | style.marker(index, 3.5)
-            look = look if name else style.colored(look, "electrical_power")
-            along = table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"]
-            ax.plot(*along, label=name or "mean electrical power", **look)
-    ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "inflow speed (m/s)", "power (kW)")
-
-
-def _by_bin(
-    column: str, label: str, quantity: str, solutions: Solutions, ax: Axes | None = None
-) -> Axes:
+def _by_bin(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a column of the year over the flow speed as bars, one a bin, in a quantity's colour."""
     chosen, ax = named_scenarios(solutions), ax or style.new_axes()
+    label, scale, quantity = shown.YEAR[column]
     for index, (solution, name) in enumerate(chosen):
         if table := solution.year:
             speed = table["inflow_speed_m_s"]
             step = float(np.min(np.diff(speed), initial=0.1)) / len(chosen)
             at = speed + step * (index - 0.5 * (len(chosen) - 1))
             look = style.bar(index) if name else style.colored(style.bar(index), quantity)
-            ax.bar(at, table[column], width=0.9 * step, label=name or "_a year", **look)
+            ax.bar(at, scale * table[column], width=0.9 * step, label=name or "_a year", **look)
     return style.finish(ax, "inflow speed (m/s)", label)
 
 
-plot_year_hours = partial(_by_bin, "hours", "hours a year (h)", "inflow_speed")
-plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)", "power")
+# over the bins of a year
+plot_year_power = partial(_by_bin, "electrical_power_W")
+plot_year_hours = partial(_by_bin, "hours")
+plot_year_energy = partial(_by_bin, "energy_kWh")
 
 
 def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:

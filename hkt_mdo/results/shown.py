@@ -104,6 +104,12 @@ OVER_SPAN = {
     "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
 }
 """Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
+YEAR = {
+    "electrical_power_W": ("mean electrical\npower (kW)", 1e-3, "power"),
+    "hours": ("hours a year (h)", 1.0, "inflow_speed"),
+    "energy_kWh": ("electrical energy\na year (kWh)", 1.0, "power"),
+}
+"""Label, scale and quantity of the columns of a year."""
 
 
 def levels_of(

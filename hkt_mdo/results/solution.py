@@ -309,13 +309,13 @@ class Solution:
         given = (torque, *(each.on(None, material) for each in over_time))
         return tuple(each for each in given if each.caps_series)
 
-    def limit_shares(self, table: str = "simulation") -> dict[str, np.ndarray]:
+    def limit_shares(self) -> dict[str, np.ndarray]:
         """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.
 
-        Of `trajectory` or `simulation`. A limit is left out if the table lacks its quantities, as
-        in older results.
+        Of `simulation`, else of `trajectory`. A limit is left out if the table lacks its
+        quantities, as in older results.
         """
-        columns: dict[str, Any] = getattr(self, table)
+        columns: dict[str, Any] = self.simulation or self.trajectory
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
         known = {name: columns[header] for name, header in headers.items() if header in columns}
         known |= {

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -57,8 +56,8 @@ class _Layout(TightLayoutEngine):
             for ax in scaled:
                 ax.apply_aspect()  # to this size, which gives it other ticks
             super().execute(fig)
-        labels = [ax.yaxis for ax in fig.axes if ax.get_ylabel()]
-        labels = [axis for axis in labels if axis.get_label_position() == "left"]  # no colour bar
+        axes = [ax.yaxis for ax in fig.axes if ax.get_ylabel()]
+        labels = [axis for axis in axes if axis.get_label_position() == "left"]  # no colour bar
         left = [axis.label.get_window_extent().x0 for axis in labels]
         for axis, start in zip(labels, left, strict=True):
             axis.labelpad += (start - min(left)) * 72.0 / fig.dpi
@@ -84,7 +83,7 @@ def figure_of(
     figure = Figure(figsize=(width, height), layout=_Layout())
     FigureCanvasAgg(figure)
     if title:
-        figure.suptitle(title, fontsize=FONT_SIZE + 1.5)
+        figure.suptitle(title.replace("$", r"\$"), fontsize=FONT_SIZE + 1.5)
     grid = figure.add_gridspec(len(plots), 1)
     panels = grid.subplots(squeeze=False)[:, 0]
     for ax in panels:
@@ -99,14 +98,15 @@ def figure_of(
     for ax in sharing[:-1]:
         ax.set_xlabel("")
         ax.tick_params(labelbottom=False)
-    usual = (height - BESIDES) / len(panels)
-    heights = np.full(len(panels), usual)
-    for place, ax in enumerate(panels):
-        if ax.get_aspect() == 1.0:
-            heights[place] = max(0.85, 1.3 * (width - 1.2) * ax.dataLim.height / ax.dataLim.width)
+    heights = [
+        max(0.85, 1.3 * (width - 1.2) * ax.dataLim.height / ax.dataLim.width)
+        if ax.get_aspect() == 1.0
+        else (height - BESIDES) / len(panels)
+        for ax in panels
+    ]
     grid.set_height_ratios(heights)
     rows = legend(figure.axes)
-    figure.set_figheight(height + float(np.sum(heights - usual)) + 0.16 * max(0, rows - 2))
+    figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, rows - 2))
     return figure
 
 

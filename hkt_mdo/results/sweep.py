@@ -200,17 +200,16 @@ class SweepTable:
         """
         values = self.columns[name].astype(float)
         words, _, unit = name.rpartition("_")
+        words = words.replace("_", " ")
         if name == "objective":
             words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
         elif name in self.sweep.over:
             words, unit = name, unit_at("control.torque_limit" if name == "limits.torque" else name)
         elif unit not in ("W", "J", "N", "Pa", "Nm", "kg"):
             return values, name
-        prefix, scale, plain = "", 1.0, plain_unit(unit.replace("Nm", "N m"))
-        if plain in PREFIXED:
-            most = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
-            prefix, scale = prefixed(most)
-        words = words if name in self.sweep.over else words.replace("_", " ")
+        plain = plain_unit(unit.replace("Nm", "N m"))
+        most = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+        prefix, scale = prefixed(most) if plain in PREFIXED else ("", 1.0)
         return values / scale, f"{words} ({prefix}{plain or '-'})"
 
     @property
