@@ -231,7 +231,7 @@ def _figures(solutions, ensembles):
         over_time = "Flow, generator power, rotor speed, tip speed ratio, generator torque, thrust"
         figures |= {
             f"Twist and chord: {flow}": draw([*curves, baseline], "blade"),
-            f"Power coefficient over tip speed ratio: {flow}": draw(curves, "power_curve"),
+            f"Power coefficient over tip speed ratio: {flow}": draw(curves, "coefficients"),
             f"{over_time}: {flow}": draw(curves, "operation"),
         }
     for flow in FLOWS:

@@ -71,7 +71,7 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
             "flapwise_moment_Nm": 1900.0 * (1.0 - span) ** 2,
             "cavitation": 0.87 * span**2,
         },
-        "power_curve": {
+        "coefficients": {
             "tip_speed_ratio": ratio,
             "power_coefficient": 0.47 - 0.015 * (ratio - 7.2) ** 2,
             "start_power_coefficient": 0.43 - 0.02 * (ratio - 6.4) ** 2,

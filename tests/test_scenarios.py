@@ -140,7 +140,7 @@ def test_commands_take_two_flows(solution, one, tmp_path, capsys):
     assert main(["plot", folder, "--out", str(tmp_path / "figures")]) == 0
     figures = {path.name for path in (tmp_path / "figures").iterdir()}
     drawn = {"operation_slow.png", "operation_fast.png", "limits_slow.png", "limits_fast.png"}
-    assert drawn | {"schedule.png", "loads.png", "blade.png"} <= figures
+    assert drawn | {"power_curve.png", "loads.png", "blade.png"} <= figures
     capsys.readouterr()
     for beside, figures in ((other, ["--out", str(tmp_path / "both")]), (folder, [])):
         assert main(["compare", folder, beside, *figures]) == 0
@@ -204,7 +204,7 @@ def test_force_leaves_no_table_of_the_run_before(tmp_path):
             for name in ("slow", "fast")
         },
     }
-    shared = {"blade.csv", "power_curve.csv", "convergence.csv"}
+    shared = {"blade.csv", "coefficients.csv", "convergence.csv"}
     for name in ("two", "one", "two"):
         run(out, data[name], force=True)
         assert {path.name for path in out.glob("*.csv")} == tables[name] | shared

@@ -48,6 +48,17 @@ def unit_of(value: Any) -> str:
     return next(filter(None, map(unit_of, value)), "") if isinstance(value, list) else ""
 
 
+def unit_at(key: str) -> str:
+    """Return the unit of a key of a case by its dotted name; empty where there is none."""
+    schema = case_class(known_kinds(())).model_json_schema()
+    found = [_inlined({"properties": schema["properties"]}, schema["$defs"])]
+    for part in key.split("."):
+        for each in found:  # sections among other kinds of a value
+            found += [*each.get("anyOf", ()), *each.get("oneOf", ())]
+        found = [each["properties"][part] for each in found if part in each.get("properties", {})]
+    return unit_of(found)
+
+
 def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
     """Yield each key of a case, its schema without references, and the sections by their tag."""
     for key, value in _inlined(schema["properties"], schema["$defs"]).items():

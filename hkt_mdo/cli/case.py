@@ -64,7 +64,7 @@ def check(
     if out and not no_figures:
         from hkt_mdo.results import check_plots, style
 
-        figures = check_plots.check_figures(report.figures)
+        figures = check_plots.check_figures(report.name, report.figures)
         written = style.save(figures, out)
         names = ", ".join(path.name for path in written)
         echo(f"Figures: {written[0].parent}: {names}", err=for_program)

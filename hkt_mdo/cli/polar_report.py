@@ -218,8 +218,7 @@ def draw_report(
     plots = [partial(draw_polars, curves, "alpha_deg", y) for y in ("lift", "drag", "ratio")]
     if any(np.any(np.isfinite(curve["suction"])) for curve in curves):
         plots.append(partial(draw_polars, curves, "alpha_deg", "suction"))
-    figure = style.figure_of(6.4, 10.5, plots)
-    figure.axes[1].set_yscale("log")
     title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"
-    figure.suptitle(title.replace("$", r"\$"), fontsize=10)
+    figure = style.figure_of(6.4, 10.5, plots, title=title)
+    figure.axes[1].set_yscale("log")
     return figure

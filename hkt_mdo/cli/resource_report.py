@@ -80,7 +80,7 @@ def report_resource(
     if tide is not None:
         figures["tide"] = [partial(draw_tide, samples, tide)]
     drawn = {
-        name: style.figure_of(7.0, 3.2 * len(x) + 0.8, x, share=False)
+        name: style.figure_of(7.0, 3.0 * len(x) + style.BESIDES, x, 0, f"{file.name}: {name}")
         for name, x in figures.items()
     }
     files = [path.name for path in (*written, *style.save(drawn, out))]

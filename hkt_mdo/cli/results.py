@@ -71,12 +71,13 @@ def plot(
 ) -> None:
     """Draw the figures of a result, or of a sweep.
 
-    They are blade, power_curve, operation, schedule (power, speed, torque and thrust over the speed
-    of the flow), limits (largest values over their limits), loads (along the blade) and
-    convergence, as far as the result has their data, in RESULT/figures unless --out is given; files
-    of the same names are replaced. With several scenarios, operation_NAME and limits_NAME show each
-    of them, and schedule and loads have a line for each. Those of a sweep are front (the objective
-    over a limit or a load), map (over two keys) and parallel (all keys and outcomes).
+    They are blade, coefficients (over the tip speed ratio), operation (over time), power_curve
+    (power, speed, torque and thrust over the speed of the flow), limits (largest values over their
+    limits), loads (along the blade) and convergence, as far as the result has their data, in
+    RESULT/figures unless --out is given; files of the same names are replaced. With several
+    scenarios, operation_NAME and limits_NAME show each of them, and power_curve and loads have a
+    line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
+    keys) and parallel (all keys and outcomes).
     """
     if (result / TABLE).is_file():
         from hkt_mdo.results.sweep import SweepTable

@@ -48,7 +48,7 @@ def run(
     The case is optimized, and the result is integrated independently and checked. The folder,
     results/NAME unless --out is given, where NAME is the name of the case, gets case.yaml (every
     default written out), summary.json (figures of merit and checks), trajectory.csv,
-    simulation.csv, loads.csv, blade.csv, power_curve.csv, convergence.csv, solution.db and
+    simulation.csv, loads.csv, blade.csv, coefficients.csv, convergence.csv, solution.db and
     history.db (OpenMDAO recorders), n2.html and figures/. Other options override
     --set, and --set overrides the file.
 

@@ -106,7 +106,7 @@ class OpenFast(Format):
         """Return the rows of AeroDyn's driver."""
         flow = self.flow_speed or rotor.world.scenarios[0].mean_flow
         asked = self.tip_speed_ratio
-        curve = rotor.solution.table("power_curve")["tip_speed_ratio"]
+        curve = rotor.solution.table("coefficients")["tip_speed_ratio"]
         lowest = float(curve[0]) if asked.lowest is None else asked.lowest
         highest = float(curve[-1]) if asked.highest is None else asked.highest
         if lowest > highest:

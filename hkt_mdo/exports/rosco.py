@@ -49,7 +49,7 @@ class Rosco(Format):
         world, blade = design.physics, design.blade
         mean = world.scenarios[0].mean_flow
         rotor = world.rotor.as_built(blade).at_flow(mean)
-        highest = float(source.solution.table("power_curve")["tip_speed_ratio"][-1])
+        highest = float(source.solution.table("coefficients")["tip_speed_ratio"][-1])
         ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
         words = _law_words(design, rotor)
         provenance, loop = "; ".join(source.provenance), words.pop("loop")

@@ -278,19 +278,35 @@ class Stl(Solid):
 
     name = "stl"
 
-    def files(self, source: Source) -> dict[str, bytes]:
-        remarks, design = self.remarks(source), source.design
-        r, count = self.radii(design), design.blade.blade_count
-        blade = triangles(self.surface(design, r))
-        rooted = triangles(self.surface(design, self.reaching(design, r)))
+    def rotor(self, design: Design) -> list[np.ndarray]:
+        """Return the closed bodies of a rotor: its blades and, last, a hub if it has one.
+
+        Parameters
+        ----------
+        design : Design
+            The design.
+
+        Returns
+        -------
+        list of ndarray of shape (n_triangles, 3, 3)
+            Corners of the triangles in the rotor's axes (m).
+        """
+        count = design.blade.blade_count
+        rooted = triangles(self.surface(design, self.reaching(design, self.radii(design))))
         turns = np.outer(2.0 * np.pi * np.arange(count) / count, (1.0, 0.0, 0.0))
-        bodies, whole = [rooted @ Rotation.from_rotvec(turn).as_matrix().T for turn in turns], ""
+        bodies = [rooted @ Rotation.from_rotvec(turn).as_matrix().T for turn in turns]
         if self.hub != "none":
             begin, end, radius = self.cylinder(design)
             angle = np.linspace(0.0, 2.0 * np.pi, self.points + 1)[:-1]
             x, circle = np.full(angle.size, 1.0), radius * np.array([np.cos(angle), np.sin(angle)])
             rings = [np.column_stack((at * x, *circle)) for at in (begin, end)]
-            bodies, whole = [*bodies, triangles(np.array(rings))], ": blades and, last, hub"
+            bodies.append(triangles(np.array(rings)))
+        return bodies
+
+    def files(self, source: Source) -> dict[str, bytes]:
+        remarks, design = self.remarks(source), source.design
+        blade, bodies = triangles(self.surface(design, self.radii(design))), self.rotor(design)
+        whole = "" if self.hub == "none" else ": blades and, last, hub"
         remarks += [
             f"blade.stl: the first blade, closed at hub and tip, volume {volume(blade):.6g} m**3; "
             f"integral of the outlines along the span: {outline_volume(design):.6g} m**3",

@@ -1,4 +1,4 @@
-"""The blades of results as solids that can be turned, as a picture, and their sections."""
+"""The rotors of results as solids that can be turned, as a picture, and their sections."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
-from hkt_mdo.exports.solids import Stl, triangles
+from hkt_mdo.exports.solids import Stl
 from hkt_mdo.pages.panels import FAINT, Chart, Labelled, Look, escaped, line
 from hkt_mdo.results import style
 from hkt_mdo.results.sections import outline_names
 from hkt_mdo.results.shown import AXIS, SHOWN
 
-SOLIDS = Stl(spanwise=44, points=48), Stl(spanwise=20, points=24)
+SOLIDS = tuple(Stl(spanwise=n, points=m, hub="cylinder") for n, m in ((44, 48), (20, 24)))
 """Sections and points of the solids of few results and of many, beside their stations."""
 FEW = 4
-APART = 1.35
-"""Distance from one blade to the next one over its width."""
-EYE, LIGHT = np.array([-0.25, -1.0, 0.8]), np.array([-0.4, 0.3, 0.87])
-"""Where the picture is seen and lighted from; x along the blade, y across it, z upstream."""
+APART = 1.15
+"""Distance from one rotor to the next one over the largest diameter."""
+EYE, LIGHT = np.array([0.0, -0.6, 1.9]), np.array([-0.4, 0.3, 0.87])
+"""Where the picture is seen and lighted from; x and y in the rotor plane, z upstream."""
 
 
 class Body(NamedTuple):
-    """A blade: its name, the corners[n_triangles, 3, 3] of its surface (m), its colour.
+    """A rotor: its name, the corners[n_triangles, 3, 3] of its surface (m), its colour.
 
     sections[n_shown, n_points, 2] are those at `SHOWN`, along and across the chord (m).
     """
@@ -41,7 +41,7 @@ class Body(NamedTuple):
 
 
 def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
-    """Return the blades of results, each start once behind them, and why others are not there.
+    """Return the rotors of results, each start once behind them, and why others are not there.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     Returns
     -------
     found : list of Body
-        In axes of which x is along the blade, y in the rotor plane, z along the shaft, upstream.
+        In axes of which x is along the first blade, y in the rotor plane, z upstream.
     reasons : list of str
         A line for each result whose blade is not known as a solid.
     """
@@ -92,37 +92,37 @@ def _start(design: Any, solution: Any) -> Any:
 
 def _body(design: Any, kind: Stl, name: str, color: str) -> Body:
     # the rotor's axes turned about y
-    corners = triangles(kind.surface(design, kind.radii(design)))[..., [2, 1, 0]] * (1, 1, -1)
+    corners = np.concatenate(kind.rotor(design))[..., [2, 1, 0]] * (1, 1, -1)
     hub, tip = design.blade.hub_radius, design.blade.tip_radius
     radii = hub + np.array(SHOWN) * (tip - hub)
     return Body(name, corners, color, SOLIDS[0].stations(design, radii).plane)
 
 
 def _beside(found: Sequence[Body]) -> list[np.ndarray]:
-    """Return the corners of blades that lie beside one another."""
-    widths = np.array([np.ptp(each.corners[..., 1]) for each in found])
-    ends = np.cumsum(APART * widths)
+    """Return the corners of rotors that stand in rows."""
+    step = 2.0 * APART * max(float(np.max(np.abs(each.corners))) for each in found)
+    columns = int(np.ceil(len(found) / max(1, round(np.sqrt(0.5 * len(found))))))
     return [
-        each.corners - (0.0, end - 0.5 * width + np.mean(each.corners[..., 1]), 0.0)
-        for each, end, width in zip(found, ends, widths, strict=True)
+        each.corners + step * np.array((number % columns, -(number // columns), 0.0))
+        for number, each in enumerate(found)
     ]
 
 
 def solid(found: Sequence[Body]) -> Chart:
-    """Return the blades as one scene that can be turned, one beside the other.
+    """Return the rotors as one scene that can be turned, one beside the other.
 
     Parameters
     ----------
     found : list of Body
-        The blades.
+        The rotors.
 
     Returns
     -------
     dict
         The chart.
     """
-    data = []
-    for body, corners in zip(found, _beside(found), strict=True):
+    data, beside = [], _beside(found)
+    for body, corners in zip(found, beside, strict=True):
         points, place = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
         corner = place.reshape(-1, 3).T
         mesh = {axis: _packed(x, "f4") for axis, x in zip("xyz", points.T, strict=True)}
@@ -138,15 +138,12 @@ def solid(found: Sequence[Body]) -> Chart:
             | look
             | {"lighting": light, "lightposition": {"x": -2000, "y": 1500, "z": 4000}}
         )
-    whole = np.concatenate([corners.reshape(-1, 3) for corners in _beside(found)])
-    extent = np.ptp(whole, axis=0)
-    ratio = extent / max(extent[0], 0.9 * extent[1])
-    quiet, eye = {"visible": False}, {"x": -0.7, "y": -2.2, "z": 1.8}
-    scene = {"aspectmode": "manual", "dragmode": "orbit", "yaxis": quiet, "zaxis": quiet}
-    along = {"title": {"text": "radius (m)"}, "nticks": 6, "showbackground": False}
-    scene |= {"xaxis": along, "camera": {"eye": eye, "center": {"x": 0.0, "y": 0.0, "z": -0.3}}}
-    scene["aspectratio"] = dict(zip("xyz", ratio.tolist(), strict=True))
-    return {"data": data, "layout": {"height": 300 + 60 * len(found), "scene": scene}}
+    extent = np.ptp(np.concatenate([corners.reshape(-1, 3) for corners in beside]), axis=0)
+    scene: Chart = {"aspectmode": "manual", "dragmode": "orbit"}
+    scene |= {f"{axis}axis": {"visible": False} for axis in "xyz"}
+    scene["camera"] = {"eye": dict(zip("xyz", EYE, strict=True)), "up": {"x": 0, "y": 1, "z": 0}}
+    scene["aspectratio"] = dict(zip("xyz", (extent / extent[0]).tolist(), strict=True))
+    return {"data": data, "layout": {"height": 480, "scene": scene}}
 
 
 def _packed(values: np.ndarray, kind: str) -> dict[str, str]:
@@ -156,12 +153,12 @@ def _packed(values: np.ndarray, kind: str) -> dict[str, str]:
 
 
 def picture(found: Sequence[Body]) -> bytes:
-    """Return a PNG of the blades, one beside the other, for a browser that cannot turn them.
+    """Return a PNG of the rotors, one beside the other, for a browser that cannot turn them.
 
     Parameters
     ----------
     found : sequence of Body
-        The blades.
+        The rotors.
 
     Returns
     -------
@@ -169,10 +166,10 @@ def picture(found: Sequence[Body]) -> bytes:
         With a transparent ground.
     """
     toward = EYE / np.linalg.norm(EYE)
-    right = np.cross((0.0, 0.0, 1.0), toward)
+    right = np.cross((0.0, 1.0, 0.0), toward)
     right /= np.linalg.norm(right)
-    axes = np.stack((-right if right[0] < 0.0 else right, np.cross(toward, right), toward), -1)
-    figure = Figure(figsize=(9.0, 1.1 + 0.9 * len(found)), layout="constrained")
+    axes = np.stack((right, np.cross(toward, right), toward), -1)
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     ax = figure.add_subplot()
     for body, corners in zip(found, _beside(found), strict=True):
         seen = corners @ axes
@@ -185,14 +182,13 @@ def picture(found: Sequence[Body]) -> bytes:
         light = 0.5 + 0.5 * np.clip(normal[order] @ LIGHT, 0.0, 1.0)[:, None]
         faces = np.clip(color * light + 0.3 * light**12, 0.0, 1.0)
         ax.add_collection(PolyCollection(seen[order, :, :2], facecolors=faces, edgecolors=faces))
-        points = seen[..., :2].reshape(-1, 2)
-        tip = points[np.argmax(points[:, 0])]
-        words = "  " + body.name.replace("$", r"\$")
-        ax.text(tip[0], tip[1], words, color="0.5", fontsize=1.5 * style.FONT_SIZE, va="center")
+        low, high = np.min(seen, axis=(0, 1)), np.max(seen, axis=(0, 1))
+        words: dict[str, Any] = {"color": "0.5", "fontsize": style.FONT_SIZE + 2, "ha": "center"}
+        words |= {"textcoords": "offset points", "va": "top"}
+        at = 0.5 * (low[0] + high[0]), low[1]
+        ax.annotate(body.name.replace("$", r"\$"), at, xytext=(0, -4), **words)
     ax.set_aspect("equal")
     ax.autoscale_view()
-    begin, end = ax.get_xlim()
-    ax.set_xlim(begin, end + 0.018 * max(len(each.name) for each in found) * (end - begin))
     ax.set_axis_off()
     figure.patch.set_alpha(0.0)
     return style.png(figure)
@@ -204,7 +200,7 @@ def sections(found: Sequence[Body]) -> Chart:
     Parameters
     ----------
     found : list of Body
-        The blades.
+        The rotors.
 
     Returns
     -------

@@ -25,7 +25,9 @@ from hkt_mdo.pages.panels import (
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.shown import (
     OVER_SPAN,
+    YEAR,
     beside_start,
+    convergence,
     levels_of,
     near_bounds,
     of_scenario,
@@ -38,8 +40,6 @@ from hkt_mdo.results.words import limit_words
 MOST_POINTS, LEAST_POINTS = 100_000, 60
 """Points of all series of a page together, and of a series at least."""
 MOST_OF_ONE = 6000
-LEAST_SHOWN = 1e-10
-"""Smallest value of a logarithmic axis."""
 ENVELOPE = 300
 """Classes of the time in an envelope of scenarios."""
 
@@ -173,8 +173,7 @@ def _time_panel(labelled: Sequence[Labelled], quantity: str, most: int) -> Panel
 
 def _margins(solution: Solution) -> dict[str, np.ndarray]:
     """Return what is left up to each limit over time (%), (n_times,), by its name."""
-    shares = solution.limit_shares("simulation" if solution.simulation else "trajectory")
-    return {name: 100.0 * (1.0 - share) for name, share in shares.items()}
+    return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
 
 
 def _margin_panel(labelled: Sequence[Labelled], most: int) -> Panel:
@@ -261,29 +260,20 @@ def _ranges(
 def _year(labelled: Sequence[Labelled]) -> Chart | None:
     """Return electrical power, hours and energy of a year over the flow speed, bin by bin."""
     panels = []
-    for column, (title, scale) in _YEAR.items():
-        panel = Panel(title, from_zero=True)
+    for column, (title, scale, quantity) in YEAR.items():
+        panel = Panel(title.replace("\n", " "), from_zero=True)
         for index, each in enumerate(labelled):
             if table := each.solution.year:
-                quantity = "inflow_speed" if column == "hours" else "power"
                 look, name = Look.of(index, each, quantity), escaped(each.label) or "a year"
+                shown = {"type": "bar", "marker": {"color": look.color}}
+                shown["showlegend"] = bool(each.label)
                 series = table["inflow_speed_m_s"], scale * table[column]
-                bar = {
-                    "type": "bar",
-                    "marker": {"color": look.color},
-                    "showlegend": bool(each.label),
-                }
-                panel.traces.append(line(*series, name, look.color, **bar))
+                panel.traces.append(line(*series, name, look.color, **shown))
                 panel.traces[-1].pop("line")
         panels.append(panel)
     return stacked(panels, "flow speed (m/s)", 130)
 
 
-_YEAR = {
-    "electrical_power_W": ("mean electrical power (kW)", 1e-3),
-    "hours": ("hours a year (h)", 1.0),
-    "energy_kWh": ("electrical energy a year (kWh)", 1.0),
-}
 # ---- the blade, its coefficients, its loads, and the optimizer's way
 
 _SHAPES = {
@@ -322,7 +312,7 @@ def _coefficients(labelled: Sequence[Labelled]) -> Chart | None:
     for word in ("power", "thrust"):
         panel = Panel(f"{word} coefficient (-)", from_zero=True)
         column = f"{word}_coefficient"
-        for trace in _beside_start(labelled, "power_curve", "tip_speed_ratio", column):
+        for trace in _beside_start(labelled, "coefficients", "tip_speed_ratio", column):
             turned = [y if y is not None and y >= 0.0 else None for y in trace["y"]]  # by the flow
             panel.traces.append(trace | {"y": turned})
         panels.append(panel)
@@ -363,7 +353,7 @@ def _over_span(labelled: Sequence[Labelled]) -> Chart | None:
         if panel.traces and column == QUANTITIES[quantity].column:  # not a moment along the blade
             panel.levels = levels_of(alone, quantity, scale)
         panels.append(panel)
-    return stacked(panels, "radius over that of the tip (-)", 160)
+    return stacked(panels, "radius over that of the tip, r/R (-)", 160)
 
 
 def _largest(tables: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -418,17 +408,13 @@ def _convergence(labelled: Sequence[Labelled]) -> Chart | None:
     energy = Panel("energy: distance from its last value (-)", log=True)
     broken = Panel("infeasibility: largest scaled violation (-)", log=True)
     for index, each in enumerate(labelled):
-        table, look = each.solution.convergence, Look.of(index, each)
-        if not table:
-            continue
-        known = table["energy_J"][np.isfinite(table["energy_J"])]
-        end = known[-1] if known.size and known[-1] else 1.0
-        away = np.abs(table["energy_J"] / end - 1.0)
-        for panel, values in ((energy, away), (broken, table["infeasibility"])):
-            shown = np.maximum(values, LEAST_SHOWN)
-            kept = thinned(table["evaluation"], shown, 1000)
+        (count, *found), look = convergence(each.solution), Look.of(index, each)
+        for panel, values in zip((energy, broken), found, strict=True):
+            if not count.size:
+                continue
+            kept = thinned(count, values, 1000)
             name, more = escaped(each.label) or "optimizer", {"showlegend": bool(each.label)}
-            series = table["evaluation"][kept], shown[kept]
+            series = count[kept], values[kept]
             panel.traces.append(line(*series, name, look.color, mode="lines+markers", **more))
             panel.traces[-1] |= {"marker": {"size": 4, "color": look.color}}
     return stacked([energy, broken], "evaluation of the optimizer (-)", 150)

@@ -376,8 +376,8 @@ def not_modelled(case: Case) -> list[str]:
     list of str
         What no case has, and what this case does not ask for.
     """
-    weighs = any(getattr(limit, "weight", False) for limit in case.limits.given)
-    weight = "" if weighs else "no weight, "
+    limits = [each for part in (case, *case.scenarios) for each in part.limits.given]
+    weight = "" if any(getattr(each, "weight", False) for each in limits) else "no weight, "
     added = ", no added mass" if case.rotor.added_inertia == "none" else ""
     found = [
         "The flow has one speed over the whole disc: no shear, no waves, no yaw, no wake of "
@@ -397,7 +397,7 @@ def not_modelled(case: Case) -> list[str]:
         )
     if case.rotor.reynolds == "invariant":
         found.append("The polars are those of one Reynolds number (rotor.reynolds: invariant).")
-    if case.site.hub_depth is None:
+    if case.site.hub_depth is None and not any(getattr(each, "depth", None) for each in limits):
         found.append("Cavitation is not known: the case gives no depth of the hub.")
     if case.generator == type(case.generator)():
         found.append("The generator and the drive train have no losses.")

@@ -231,7 +231,7 @@ def _vertical(panel: Panel) -> dict[str, Any]:
 def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
     """Draw the levels and the marks of a panel with their names."""
     look: Chart = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
-    look["layer"] = "between"  # grid and curves: a curve at its limit is seen
+    look["layer"] = "below"  # a curve at its limit is seen
     for number, (name, level) in enumerate(panel.levels.items()):
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
         layout["shapes"].append(look | ends)

@@ -73,7 +73,7 @@ def write_sweep_report(
     text = rendered(
         "sweep.html",
         title=f"Sweep over {', '.join(table.sweep.over)}",
-        lead=f"{good} of {len(runs)} runs of {table.sweep.case} are verified.",
+        lead=f"{good} of {len(runs)} runs of {Path(table.sweep.case).stem} are verified.",
         failed=failed,
         data=json.dumps(charts, allow_nan=False),
     )
@@ -106,7 +106,7 @@ def _map(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
         {"symbol": "x", "color": RED, "size": 9},
         "no success",
     )
-    (across, x), (up, y) = ((key, table.columns[key]) for key in table.numeric[:2])
+    (x, across), (y, up) = map(table.shown, table.numeric[:2])
     return _chart(across, up, x, y, ((good, shades, "verified"), crosses), links)
 
 

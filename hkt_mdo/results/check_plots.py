@@ -125,22 +125,24 @@ def draw_power(data: Mapping[str, Any], ax: Axes) -> Axes:
     return style.finish(ax, "tip speed ratio (-)", "power coefficient (-)")
 
 
-def check_figures(data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
-    """Return the figures of a check by name; of several scenarios, one of each flow."""
+def check_figures(case: str, data: Mapping[str, Mapping[str, Any]]) -> dict[str, Figure]:
+    """Return the figures of a check of a case; of several scenarios, one of each flow."""
     figures = {}
     for name, part in data.items():
+        title = f"{case}: {name.replace('_', ' ')}"
+        width, height, share = 5.6, 2.25, None
         if name == "blade":
             plots = [partial(draw_blade, part, column) for column in _BLADE]
-            figures[name] = style.figure_of(5.6, 6.8, plots)
         elif name == "polar":
             columns = ["lift", "drag", "ratio"]
             columns += ["suction"] * any(np.any(x["suction"] > 0.0) for x in part["curves"])
-            plots = [partial(draw_polar, part, column) for column in columns]
-            figures[name] = style.figure_of(6.4, 0.9 + 2.4 * len(plots), plots)
-        elif name == "power_curve":
-            figures[name] = style.figure_of(5.6, 3.9, [partial(draw_power, part)])
+            plots, width = [partial(draw_polar, part, column) for column in columns], 6.4
+        elif name == "coefficients":
+            plots, height = [partial(draw_power, part)], 3.0
         else:
             draws = [draw_inflow, draw_spectrum] if "spectrum" in part else [draw_inflow]
             plots = [partial(draw, part) for draw in draws]
-            figures[name] = style.figure_of(6.8, 2.9 * len(draws), plots, share=False)
+            width, height, share = 6.8, 2.6, 0
+        height = style.BESIDES + height * len(plots)
+        figures[name] = style.figure_of(width, height, plots, share, title)
     return figures

@@ -11,14 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results import plots, style
 from hkt_mdo.results.shown import Solutions, known_sections, named, named_scenarios, of_scenario
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.words import joined, printable
 
 
 class Panel(NamedTuple):
@@ -32,15 +33,19 @@ def _panels(
     tables: Sequence[str],
     *plotted: Callable[..., Axes],
     steady: bool = True,
+    limited: bool = False,
     **of_column: Callable[..., Axes],
 ) -> list[Panel]:
     """Return panels that are drawn of one of some tables, and last those of a column of it.
 
-    Without `steady`, they need a scenario with a time.
+    Without `steady`, they need a scenario with a time; `limited`: and a limit of the column.
     """
 
     def known(column: str, solution: Solution) -> bool:
-        shown = (one for one in solution.by_scenario if steady or not one.steady)
+        shown = [one for one in solution.by_scenario if steady or not one.steady]
+        if limited:
+            names = {QUANTITIES[x.name].column for x in solution.limits if x.name in QUANTITIES}
+            shown = shown if column in names else []
         found = (getattr(one, name) for one in shown for name in tables)
         return any(column in table if column else table for table in found)
 
@@ -48,78 +53,82 @@ def _panels(
     return [Panel(plot, partial(known, column)) for column, plot in needed]
 
 
-def _limited(solution: Solution) -> bool:
-    return any(one.limit_shares(table) for one in solution.by_scenario for table in _TIMES)
-
-
 _TIMES = "simulation", "trajectory"
-_OVER_TIME = "operation", "limits", "year"
+_OF_ONE = "operation", "limits", "year"
 """Figures of one scenario each."""
 _OPERATION = (
     *(plots.plot_inflow_speed, plots.plot_power, plots.plot_rotor_speed),
     *(plots.plot_tip_speed_ratio, plots.plot_control_torque),
 )
-_SCHEDULE = plots.plot_power_schedule, plots.plot_speed_schedule, plots.plot_torque_schedule
+_LOADS = {
+    "root_moment_Nm": plots.plot_root_moment,
+    "stress_Pa": plots.plot_stress_over_time,
+    "cavitation": plots.plot_suction_over_time,
+}
+_OVER_FLOW = plots.plot_power_curve, plots.plot_speed_curve, plots.plot_torque_curve
+_YEAR = plots.plot_year_power, plots.plot_year_hours, plots.plot_year_energy
 FIGURES: dict[str, tuple[list[Panel], float, float]] = {
     "blade": (
         [
+            Panel(plots.plot_sections, lambda solution: known_sections(solution).size),
             *_panels(["blade"], plots.plot_planform, plots.plot_chord, plots.plot_twist),
             *_panels(["blade"], thickness_over_chord=plots.plot_thickness),
-            Panel(plots.plot_sections, lambda solution: known_sections(solution).size),
         ],
-        *(6.6, 10.2),
+        *(6.6, 1.8),
     ),
-    "power_curve": (
+    "coefficients": (
         _panels(
-            ["power_curve"], plots.plot_power_curve, thrust_coefficient=plots.plot_thrust_curve
+            ["coefficients"],
+            power_coefficient=plots.plot_power_coefficient,
+            thrust_coefficient=plots.plot_thrust_coefficient,
         ),
-        *(5.6, 5.6),
+        *(5.6, 2.2),
     ),
     "operation": (
-        _panels(_TIMES, *_OPERATION, steady=False, thrust_N=plots.plot_thrust),
-        7.4,
-        10.4,
+        [
+            *_panels(_TIMES, *_OPERATION, steady=False, thrust_N=plots.plot_thrust),
+            *_panels(_TIMES, steady=False, limited=True, **_LOADS),
+        ],
+        *(7.4, 1.55),
     ),
-    "schedule": (_panels(_TIMES, *_SCHEDULE, thrust_N=plots.plot_thrust_schedule), 7.0, 9.4),
-    "year": (
-        _panels(["year"], plots.plot_year_power, plots.plot_year_hours, plots.plot_year_energy),
-        6.4,
-        7.4,
+    "power_curve": (_panels(_TIMES, *_OVER_FLOW, thrust_N=plots.plot_thrust_curve), 7.0, 2.05),
+    "year": (_panels(["year"], *_YEAR), 6.4, 2.05),
+    "limits": (
+        [Panel(plots.plot_limits, lambda x: any(one.limit_shares() for one in x.by_scenario))],
+        *(7.0, 1.0),
     ),
-    "limits": ([Panel(plots.plot_limits, _limited)], 7.0, 4.2),
     "loads": (
         _panels(
-            ["loads"], stress_Pa=plots.plot_stress, flapwise_moment_Nm=plots.plot_flapwise_moment
-        )
-        + _panels(["loads"], cavitation=plots.plot_suction),
-        *(5.6, 7.2),
+            ["loads"],
+            stress_Pa=plots.plot_stress,
+            flapwise_moment_Nm=plots.plot_flapwise_moment,
+            cavitation=plots.plot_suction,
+        ),
+        *(5.6, 2.0),
     ),
-    "convergence": (_panels(["convergence"], plots.plot_convergence), 6.2, 3.9),
+    "convergence": (_panels(["convergence"], plots.plot_convergence), 6.2, 2.7),
 }
-"""Panels from the top, width and, with all panels, height (inches)."""
-_BESIDES = 1.2  # inches of a figure's height that its panels do not share
+"""Panels from the top, width, and height of a panel (inches)."""
 
 
-def figure_of(solutions: Solutions, name: str) -> Figure | None:
-    """Return one of the `FIGURES`, with the panels that a solution has data for; None if none."""
+def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
+    """Return one of the `FIGURES`, with the panels that a solution has data for; None if none.
+
+    The title of a single solution has the name of its case and the `scenario`.
+    """
     panels, width, height = FIGURES[name]
-    shown = [each for each in panels if any(each.known(one) for one, _ in named(solutions))]
+    chosen = [one for one, _ in named(solutions)]
+    shown = [each.plot for each in panels if any(map(each.known, chosen))]
     if not shown:
         return None
-    height = _BESIDES + (height - _BESIDES) * len(shown) / len(panels)
     if name == "limits":  # each bar has room for its number
-        bars = [len(one.limit_shares("trajectory")) for one, _ in named_scenarios(solutions)]
-        height = max(height, 1.5 + 0.16 * max(bars) * len(bars))
-    share = sum(each.plot is not plots.plot_sections for each in shown)  # which have no radius
-    drawn = [partial(each.plot, solutions) for each in shown]
-    heights = [1.0] * len(shown)
-    if name == "blade" and shown[0].plot is plots.plot_planform:
-        blades = [each.blade for each, _ in named(solutions) if each.blade]
-        most = (max(np.max(each[x]) for each in blades) for x in ("chord_m", "r_m"))
-        wide = (width - 1.2) * np.divide(*most) / 1.6  # over the height of the other panels
-        heights[0] = max(1.0, 1.2 * float(wide))
-        height *= (len(heights) - 1.0 + heights[0]) / len(heights)
-    return style.figure_of(width, height, drawn, share, heights)
+        bars = [len(one.limit_shares()) for one, _ in named_scenarios(solutions)]
+        height += 0.2 * max(bars) * len(bars)
+    names = joined(printable(chosen[0].name) if len(chosen) == 1 else "", scenario)
+    title = ": ".join(filter(None, (names, name.replace("_", " "))))
+    share = sum(plot is not plots.plot_sections for plot in shown)  # which have no radius
+    drawn = [partial(plot, solutions) for plot in shown]
+    return style.figure_of(width, style.BESIDES + height * len(shown), drawn, share, title)
 
 
 class Figures(dict[str, Figure]):
@@ -158,10 +167,10 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
     for name in names or FIGURES:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
-        if name in _OVER_TIME and any(len(each.scenarios) > 1 for each in chosen):
+        if name in _OF_ONE and any(len(each.scenarios) > 1 for each in chosen):
             for one in scenarios:
                 alone = [of_scenario(each, one) for each in chosen]
-                drawn[f"{name}_{one}"] = figure_of(alone, name)
+                drawn[f"{name}_{one}"] = figure_of(alone, name, one)
         else:
             drawn[name] = figure_of(solutions, name)
     return Figures({name: each for name, each in drawn.items() if each})

@@ -18,11 +18,11 @@ MARKER = ".hkt_result"
 _MARKED = "Written by a run of hkt_mdo. hkt run --force replaces the files of a run, and no others."
 _WRITTEN = (
     r"((summary|iterate)\.json|case\.yaml|n2\.html|(solution|history(_\d+)?)\.db(-journal)?"
-    r"|((trajectory|simulation|loads|year){0}|power_curve|blade|convergence)\.csv"
-    r"|figures/(blade|power_curve|(operation|limits|year){0}|schedule|loads|convergence)\.(png|pdf))"
-    r"(\.part)?"
+    r"|((trajectory|simulation|loads|year){0}|coefficients|power_curve|blade|convergence)\.csv"
+    r"|figures/(blade|coefficients|(operation|limits|year){0}|power_curve|schedule|loads|convergence)"
+    r"\.(png|pdf))(\.part)?"
 )
-"""Pattern of the files of a run; in braces, the endings of those of one scenario."""
+"""Pattern of the files of a run, older ones too; in braces, the endings of those of a scenario."""
 
 
 class InUseError(InputError):

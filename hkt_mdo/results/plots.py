@@ -68,62 +68,56 @@ def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
 
 
 def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot sections of the blade in scale, without twist, about its axis; of several one of each.
+    """Plot sections of the blade in scale, without twist, one beside the other, with its axis.
 
     Results whose files or outlines are not known are left out.
     """
-    ax, chosen = ax or style.new_axes(), named(solutions)
-    for index, (solution, name) in enumerate(chosen):
-        places = shown.SHOWN[1:2] if name else shown.SHOWN
-        for number, section in enumerate(shown.known_sections(solution, places)):
-            look = style.line(index) if name else style.line(number) | {"color": style.COLORS[0]}
-            label = name or f"section at {100.0 * places[number]:g} % of the span"
-            ax.plot(*np.append(section, section[:1], axis=0).T, label=label, **look)
-    if ax.lines:
-        ax.plot([0.0], [0.0], "+", markersize=9, label=shown.AXIS, color=style.REFERENCE["color"])
+    ax, end, color = ax or style.new_axes(), 0.0, style.REFERENCE["color"]
+    found = [(*each, shown.known_sections(each[0])) for each in named(solutions)]
+    known = [(index, name, x) for index, (_, name, x) in enumerate(found) if x.size]
+    for number, place in enumerate(shown.SHOWN if known else ()):
+        low, high = (most([x[number] for *_, x in known], axis=(0, 1)) for most in (np.min, np.max))
+        axis, words = end - low[0], f"{100.0 * place:g} % span"
+        for index, name, x in known:
+            along, across = np.append(x[number], x[number][:1], axis=0).T
+            label = f"_{words}" if number or not name else name
+            ax.plot(axis + along, across, label=label, **style.line(index))
+        ax.plot([axis], [0.0], "+", label="_" if number else shown.AXIS, markersize=9, color=color)
+        above: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "ha": "center"}
+        above |= {"fontsize": style.FONT_SIZE - 1.5}
+        ax.annotate(words, (end + 0.5 * (high[0] - low[0]), high[1]), **above)
+        end += 1.15 * (high[0] - low[0])
     ax.set_aspect("equal", adjustable="datalim")
-    ax.locator_params(axis="x", prune="both")  # a label at the end would be cut off
-    label = (
-        f"section at {100.0 * shown.SHOWN[1]:g} %,\nin scale (m)"
-        if len(chosen) > 1
-        else "sections,\nin scale (m)"
-    )
-    return style.finish(ax, "along the chord, from the blade's axis (m)", label)
+    style.finish(ax, "", "sections,\nin scale (m)")
+    ax.tick_params(bottom=False, labelbottom=False)
+    return ax
 
 
-def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the power coefficient over tip speed ratio, its peak, and the range operated in.
+def _over_ratio(word: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+    """Plot a coefficient over tip speed ratio, its peak if known, and the range operated in.
 
     The bar at the foot of the axes spans the tip speed ratios of the trajectory.
     """
-    ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "power_coefficient")
+    column = f"{word}_coefficient"
+    ax = _beside_start(solutions, ax, "coefficients", "tip_speed_ratio", column)
+    across, bars = ax.get_xaxis_transform(), 0
     for index, (solution, _) in enumerate(named(solutions)):
-        if not solution.power_curve:
-            continue
         get, color = solution.summary.get, style.line(index)["color"]
-        ratio, power = get("tip_speed_ratio_at_power_coefficient_max"), get("power_coefficient_max")
-        peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
-        ax.plot([ratio], [power], **peak, **style.marker(index))
-    return _with_operation(solutions, ax, "power coefficient (-)")
-
-
-def plot_thrust_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the thrust coefficient over tip speed ratio, and the range operated in."""
-    ax = _beside_start(solutions, ax, "power_curve", "tip_speed_ratio", "thrust_coefficient")
-    return _with_operation(solutions, ax, "thrust coefficient (-)")
-
-
-def _with_operation(solutions: Solutions, ax: Axes, label: str) -> Axes:
-    """Draw the tip speed ratios operated in as bars at the foot of axes from zero."""
-    bars: list[Any] = []
-    for index, (solution, _) in enumerate(named(solutions)):
-        if reach := solution.summary.get("tip_speed_ratio"):
-            look = _BAR | {"color": style.line(index)["color"]}
-            look |= {"label": None if bars else "range operated in"}
-            height, across = 0.035 + 0.04 * index, ax.get_xaxis_transform()
-            bars += ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
+        if solution.coefficients and (most := get(f"{column}_max")) is not None:
+            peak = {"color": color, "linestyle": "none", "label": "_" if index else "largest value"}
+            ax.plot(
+                [get(f"tip_speed_ratio_at_{column}_max")], [most], **peak, **style.marker(index)
+            )
+        if reach := get("tip_speed_ratio"):
+            look = _BAR | {"color": color, "label": "_" if bars else "range operated in"}
+            height, bars = 0.035 + 0.04 * index, bars + 1
+            ax.plot([reach["min"], reach["max"]], [height] * 2, transform=across, **look)
     ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "tip speed ratio (-)", label)
+    return style.finish(ax, "tip speed ratio (-)", f"{word} coefficient (-)")
+
+
+plot_power_coefficient = partial(_over_ratio, "power")
+plot_thrust_coefficient = partial(_over_ratio, "thrust")
 
 
 def _few_markers(index: int, count: int, size: int) -> dict[str, Any]:
@@ -158,7 +152,7 @@ def _over_time(quantity: str, solutions: Solutions, ax: Axes | None = None) -> A
     return style.finish(ax, "time (s)", f"{words} ({unit})")
 
 
-# over time: m/s, rpm, dimensionless, N m, kW and kN
+# over time, in the units of `hkt_mdo.results.shown.WORDS`
 plot_inflow_speed = partial(_over_time, "inflow_speed")
 plot_rotor_speed = partial(_over_time, "rotor_speed")
 plot_tip_speed_ratio = partial(_over_time, "tip_speed_ratio")
@@ -166,12 +160,15 @@ plot_hydrodynamic_torque = partial(_over_time, "hydrodynamic_torque")
 plot_control_torque = partial(_over_time, "control_torque")
 plot_power = partial(_over_time, "generator_power")
 plot_thrust = partial(_over_time, "thrust")
+plot_root_moment = partial(_over_time, "root_moment")
+plot_stress_over_time = partial(_over_time, "stress")
+plot_suction_over_time = partial(_over_time, "cavitation")
 
 
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a bar for each limit: the largest value over the limit, which is 1; of each solution."""
     ax, chosen = ax or style.new_axes(), named_scenarios(solutions)
-    shares = [x.limit_shares("simulation" if x.simulation else "trajectory") for x, _ in chosen]
+    shares = [solution.limit_shares() for solution, _ in chosen]
     rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
     height = 0.8 / len(chosen)
     for index, ((_, name), found) in enumerate(zip(chosen, shares, strict=True)):
@@ -195,7 +192,7 @@ def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
+def _over_flow(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a quantity over the flow speed, from zero: means, most instants, steady operation."""
     chosen, ax = named_scenarios(solutions), ax or style.new_axes()
     words, unit, scale = shown.words_of(quantity, (each for each, _ in chosen))
@@ -229,14 +226,14 @@ def _schedule(quantity: str, solutions: Solutions, ax: Axes | None = None) -> Ax
 
 
 # over the flow speed, with their limits
-plot_torque_schedule = partial(_schedule, "control_torque")
-plot_thrust_schedule = partial(_schedule, "thrust")
-plot_speed_schedule = partial(_schedule, "rotor_speed")
+plot_torque_curve = partial(_over_flow, "control_torque")
+plot_thrust_curve = partial(_over_flow, "thrust")
+plot_speed_curve = partial(_over_flow, "rotor_speed")
 
 
-def plot_power_schedule(solutions: Solutions, ax: Axes | None = None) -> Axes:
+def plot_power_curve(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot shaft power and, of a generator with losses, the mean electrical power over the flow."""
-    ax, label = _schedule("generator_power", solutions, ax), "electrical power, mean"
+    ax, label = _over_flow("generator_power", solutions, ax), "electrical power, mean"
     chosen = named_scenarios(solutions)
     for index, (solution, name) in enumerate(chosen):
         table = solution.simulation or solution.trajectory
@@ -277,7 +274,7 @@ def _over_span(column: str, solutions: Solutions, ax: Axes | None = None) -> Axe
     lines = [line.get_ydata() for line in ax.lines]
     if all(np.min(values) > -0.01 * np.max(values) for values in lines):
         ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "radius over that of the tip (-)", label)
+    return style.finish(ax, "radius over that of the tip, r/R (-)", label)
 
 
 # along the blade, at the times of the largest stress and suction
@@ -299,55 +296,37 @@ def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot infeasibility, and the distance of the energy from its last value, over evaluations."""
     ax = ax or style.new_axes()
     for index, (solution, name) in enumerate(named(solutions)):
-        if not (table := solution.convergence):
+        count, distance, infeasibility = shown.convergence(solution)
+        if not count.size:
             continue
-        count, look, prefix = table["evaluation"], style.line(index), f"{name}, " if name else ""
-        known = table["energy_J"][np.isfinite(table["energy_J"])]
-        end = known[-1] if known.size and known[-1] else 1.0
-        distance = np.abs(table["energy_J"] / end - 1.0)
+        look, prefix = style.line(index), f"{name}, " if name else ""
         look |= style.marker(index, 3.0) | {"markevery": max(1, count.size // 40)}
         ax.plot(count, distance, label=f"{prefix}energy: distance from its last value", **look)
         look |= {"linestyle": ":", "linewidth": 1.0} | ({} if name else {"color": style.COLORS[1]})
-        ax.plot(count, table["infeasibility"], label=f"{prefix}infeasibility, scaled", **look)
-    values = np.concatenate([[0.0], *(line.get_ydata() for line in ax.lines)])
-    values = values[np.isfinite(values) & (values > 0.0)]
-    if values.size:
-        ax.set_yscale("log", nonpositive="mask")
-        ax.set_ylim(bottom=max(1e-10, 0.5 * float(np.min(values))))
+        ax.plot(count, infeasibility, label=f"{prefix}infeasibility, scaled", **look)
+        ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:.0e}")
-    return style.finish(ax, "evaluation (-)", "relative (-)")
+    return style.finish(ax, "evaluation (-)", f"relative, at least {shown.LEAST_SHOWN:.0e} (-)")
 
 
-def plot_year_power(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the electrical power over the flow speed, bin by bin."""
-    ax = ax or style.new_axes()
-    for index, (solution, name) in enumerate(named_scenarios(solutions)):
-        if table := solution.year:
-            look = style.line(index) | style.marker(index, 3.5)
-            look = look if name else style.colored(look, "electrical_power")
-            along = table["inflow_speed_m_s"], 1e-3 * table["electrical_power_W"]
-            ax.plot(*along, label=name or "mean electrical power", **look)
-    ax.set_ylim(bottom=0.0)
-    return style.finish(ax, "inflow speed (m/s)", "power (kW)")
-
-
-def _by_bin(
-    column: str, label: str, quantity: str, solutions: Solutions, ax: Axes | None = None
-) -> Axes:
+def _by_bin(column: str, solutions: Solutions, ax: Axes | None = None) -> Axes:
     """Plot a column of the year over the flow speed as bars, one a bin, in a quantity's colour."""
     chosen, ax = named_scenarios(solutions), ax or style.new_axes()
+    label, scale, quantity = shown.YEAR[column]
     for index, (solution, name) in enumerate(chosen):
         if table := solution.year:
             speed = table["inflow_speed_m_s"]
             step = float(np.min(np.diff(speed), initial=0.1)) / len(chosen)
             at = speed + step * (index - 0.5 * (len(chosen) - 1))
             look = style.bar(index) if name else style.colored(style.bar(index), quantity)
-            ax.bar(at, table[column], width=0.9 * step, label=name or "_a year", **look)
+            ax.bar(at, scale * table[column], width=0.9 * step, label=name or "_a year", **look)
     return style.finish(ax, "inflow speed (m/s)", label)
 
 
-plot_year_hours = partial(_by_bin, "hours", "hours a year (h)", "inflow_speed")
-plot_year_energy = partial(_by_bin, "energy_kWh", "energy a year\n(kW h)", "power")
+# over the bins of a year
+plot_year_power = partial(_by_bin, "electrical_power_W")
+plot_year_hours = partial(_by_bin, "hours")
+plot_year_energy = partial(_by_bin, "energy_kWh")
 
 
 def _beside_start(solutions: Solutions, ax: Axes | None, source: str, x: str, y: str) -> Axes:

@@ -68,6 +68,9 @@ WORDS = {
     "hydrodynamic_torque": ("flow's torque", "N m", 1.0),
     "generator_power": ("generator power", "kW", 1e-3),
     "thrust": ("thrust", "kN", 1e-3),
+    "root_moment": ("root moment", "kN m", 1e-3),
+    "stress": ("stress", "MPa", 1e-6),
+    "cavitation": ("suction, 1: cavitation", "-", 1.0),
 }
 """Name, unit and scale of what is drawn over time and over the flow speed."""
 LARGE_TORQUE = 1e3  # N m
@@ -101,6 +104,12 @@ OVER_SPAN = {
     "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
 }
 """Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
+YEAR = {
+    "electrical_power_W": ("mean electrical\npower (kW)", 1e-3, "power"),
+    "hours": ("hours a year (h)", 1.0, "inflow_speed"),
+    "energy_kWh": ("electrical energy\na year (kWh)", 1.0, "power"),
+}
+"""Label, scale and quantity of the columns of a year."""
 
 
 def levels_of(
@@ -238,3 +247,30 @@ def beside_start(
             starts.append(start)
             yield None, table[x], start, "blade at the start"
         yield index, table[x], table[y], name or ("blade" if same else "optimized blade")
+
+
+LEAST_SHOWN = 1e-10
+"""Smallest value on the axes of the convergence."""
+
+
+def convergence(solution: Solution) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return how an optimization converged.
+
+    Parameters
+    ----------
+    solution : Solution
+        The result.
+
+    Returns
+    -------
+    evaluation, distance, infeasibility : numpy.ndarray, shape (n_evaluations,)
+        The distance of the energy from its last value over that value, and the largest scaled
+        violation, neither below `LEAST_SHOWN`; empty where there are none.
+    """
+    if not (table := solution.convergence):
+        return np.empty(0), np.empty(0), np.empty(0)
+    energy = table["energy_J"]
+    known = energy[np.isfinite(energy)]
+    distance = np.abs(energy / (known[-1] if known.size and known[-1] else 1.0) - 1.0)
+    values = (np.maximum(each, LEAST_SHOWN) for each in (distance, table["infeasibility"]))
+    return table["evaluation"], *values

@@ -49,7 +49,7 @@ _MAYBE = {
     "trajectory": _ASKED,
     "simulation": _ASKED,
     "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
-    "power_curve": {"thrust_coefficient", "start_thrust_coefficient"},
+    "coefficients": {"thrust_coefficient", "start_thrust_coefficient"},
 }
 """Columns that are there only if they are known of the rotor; older results lack them."""
 
@@ -99,7 +99,7 @@ class Solution:
         Figures of merit: attributes, or values by the keys of ``summary.json``.
     tables : dict of ScenarioTables
         Tables over time and along the blade, by scenario.
-    power_curve, convergence : dict of ndarray
+    coefficients, convergence : dict of ndarray
         Tables of the whole result: column[n_rows] by name; `TABLES` has units and meanings.
     """
 
@@ -107,7 +107,7 @@ class Solution:
     case: Case
     summary: Summary
     tables: dict[str, ScenarioTables]
-    power_curve: dict[str, np.ndarray]
+    coefficients: dict[str, np.ndarray]
     convergence: dict[str, np.ndarray]
 
     @classmethod
@@ -142,9 +142,9 @@ class Solution:
         path = folder / "summary.json"
         summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
 
-        def read(name: str, suffix: str = "") -> dict[str, np.ndarray]:
+        def read(name: str, suffix: str = "", file: str = "") -> dict[str, np.ndarray]:
             columns, maybe = tuple(TABLES[name]), _MAYBE.get(name, set())
-            return _read_csv(folder / f"{name}{suffix}.csv", columns, maybe)
+            return _read_csv(folder / f"{file or name}{suffix}.csv", columns, maybe)
 
         names = tuple(summary.scenarios or (_ONLY,))
         suffixes = [f"_{name}" if len(names) > 1 else "" for name in names]
@@ -152,7 +152,8 @@ class Solution:
             name: ScenarioTables(*(read(table, suffix) for table in _OF_SCENARIOS))
             for name, suffix in zip(names, suffixes, strict=True)
         }
-        return cls(folder, case, summary, tables, read("power_curve"), read("convergence"))
+        coefficients = read("coefficients") or read("coefficients", file="power_curve")  # older
+        return cls(folder, case, summary, tables, coefficients, read("convergence"))
 
     @property
     def scenarios(self) -> tuple[str, ...]:
@@ -308,13 +309,13 @@ class Solution:
         given = (torque, *(each.on(None, material) for each in over_time))
         return tuple(each for each in given if each.caps_series)
 
-    def limit_shares(self, table: str = "simulation") -> dict[str, np.ndarray]:
+    def limit_shares(self) -> dict[str, np.ndarray]:
         """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.
 
-        Of `trajectory` or `simulation`. A limit is left out if the table lacks its quantities, as
-        in older results.
+        Of `simulation`, else of `trajectory`. A limit is left out if the table lacks its
+        quantities, as in older results.
         """
-        columns: dict[str, Any] = getattr(self, table)
+        columns: dict[str, Any] = self.simulation or self.trajectory
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
         known = {name: columns[header] for name, header in headers.items() if header in columns}
         known |= {
@@ -412,8 +413,8 @@ class Solution:
         Parameters
         ----------
         *names : str
-            Of `hkt_mdo.results.figures.FIGURES`; by default blade, operation, schedule and limits,
-            as far as the result has their data.
+            Of `hkt_mdo.results.figures.FIGURES`; by default blade, operation, power_curve and
+            limits, as far as the result has their data.
 
         Returns
         -------
@@ -426,7 +427,7 @@ class Solution:
             If there is no figure of a name.
         """
         drawn = import_module("hkt_mdo.results.figures")  # Matplotlib takes its time
-        return drawn.figures(self, names or ("blade", "operation", "schedule", "limits"))
+        return drawn.figures(self, names or ("blade", "operation", "power_curve", "limits"))
 
     def __repr__(self) -> str:
         energy = self.summary.energy_J

@@ -72,7 +72,7 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
         Columns as in `simulation`, shape (n_flows,); empty where the curve is not known. The thrust
         is there if the power curve has its coefficient.
     """
-    law, curve, gain = solution.case.control, solution.power_curve, solution.gain
+    law, curve, gain = solution.case.control, solution.coefficients, solution.gain
     radius, table = solution.summary.rotor_radius_m, solution.simulation or solution.trajectory
     if not isinstance(law, FeedbackLaw) or law.states or not (curve and table and radius):
         return {}

@@ -39,6 +39,8 @@ REFERENCE: dict[str, Any] = {"color": "0.45", "linewidth": 1.1}
 FONT_SIZE = 9
 DPI = 150
 """Dots per inch of a PNG."""
+BESIDES = 1.3
+"""Inches of a figure's height that its axes do not share: labels, legend and title."""
 
 
 class _Layout(TightLayoutEngine):
@@ -50,7 +52,12 @@ class _Layout(TightLayoutEngine):
     def execute(self, fig: Figure) -> None:
         """Lay the axes out, then move each label as far to the left as the leftmost one."""
         super().execute(fig)
-        labels = [ax.yaxis for ax in fig.axes if ax.get_ylabel()]
+        if scaled := [ax for ax in fig.axes if ax.get_aspect() == 1.0]:
+            for ax in scaled:
+                ax.apply_aspect()  # to this size, which gives it other ticks
+            super().execute(fig)
+        axes = [ax.yaxis for ax in fig.axes if ax.get_ylabel()]
+        labels = [axis for axis in axes if axis.get_label_position() == "left"]  # no colour bar
         left = [axis.label.get_window_extent().x0 for axis in labels]
         for axis, start in zip(labels, left, strict=True):
             axis.labelpad += (start - min(left)) * 72.0 / fig.dpi
@@ -66,21 +73,24 @@ def figure_of(
     height: float,
     plots: Sequence[Callable[[Axes], Axes]],
     share: int | None = None,
-    heights: Sequence[float] | None = None,
+    title: str = "",
 ) -> Figure:
     """Return a figure (inches) of plots, one below the other, with one legend above all.
 
-    `share`: how many, from the top, have one horizontal axis; None: all. `heights`: those of the
-    plots, relative to one another.
+    `share`: how many, up to the lowest, have one horizontal axis; None: all. Axes in scale are as
+    high as what they show, and change the height of the figure.
     """
     figure = Figure(figsize=(width, height), layout=_Layout())
     FigureCanvasAgg(figure)
-    panels = figure.subplots(len(plots), squeeze=False, height_ratios=heights)[:, 0]
+    if title:
+        figure.suptitle(title.replace("$", r"\$"), fontsize=FONT_SIZE + 1.5)
+    grid = figure.add_gridspec(len(plots), 1)
+    panels = grid.subplots(squeeze=False)[:, 0]
     for ax in panels:
         ax.spines[:].set_in_layout(False)  # they lie on the axes' edges, and would measure ticks
-    sharing = panels[:share]
+    sharing = panels[len(panels) - (len(panels) if share is None else share) :]
     for ax in sharing[1:]:
-        ax.sharex(panels[0])
+        ax.sharex(sharing[0])
     for plot, ax in zip(plots, panels, strict=True):
         plot(ax)
         if (own := ax.get_legend()) is not None:
@@ -88,7 +98,15 @@ def figure_of(
     for ax in sharing[:-1]:
         ax.set_xlabel("")
         ax.tick_params(labelbottom=False)
-    legend(figure.axes)
+    heights = [
+        max(0.85, 1.3 * (width - 1.2) * ax.dataLim.height / ax.dataLim.width)
+        if ax.get_aspect() == 1.0
+        else (height - BESIDES) / len(panels)
+        for ax in panels
+    ]
+    grid.set_height_ratios(heights)
+    rows = legend(figure.axes)
+    figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, rows - 2))
     return figure
 
 
@@ -149,21 +167,22 @@ def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
     return ax
 
 
-def legend(axes: Sequence[Axes]) -> None:
-    """Draw the legend of some axes above the first, in as many columns as there is room for."""
+def legend(axes: Sequence[Axes]) -> int:
+    """Draw the legend of axes above the first, in columns as there is room; return its rows."""
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             if getattr(handle, "get_gid", lambda: None)() != _TOLD:
                 entries.setdefault(label, handle)
     if not entries:
-        return
+        return 0
     room = axes[0].figure.get_figwidth() - 0.7
     fitting = int(room / (0.6 + 0.06 * max(map(len, entries))))
     columns = max(1, min(fitting, 3 if len(entries) == 3 else 2))
     place: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": columns}
     look = {"fontsize": FONT_SIZE, "frameon": False, "borderaxespad": 0.2}
     axes[0].legend(list(entries.values()), list(entries), **place, **look)
+    return -(-len(entries) // columns)
 
 
 def widen(ax: Axes) -> None:

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from hkt_mdo.case.document import unit_at
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_text, write_files
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.words import prefixed
+from hkt_mdo.results.words import PREFIXED, plain_unit, prefixed
 
 TABLE = "table.csv"
 VERIFIED, REFUSED, ERROR = "verified", "refused", "error"
@@ -199,12 +200,17 @@ class SweepTable:
         """
         values = self.columns[name].astype(float)
         words, _, unit = name.rpartition("_")
+        words = words.replace("_", " ")
         if name == "objective":
             words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
-        if unit not in ("W", "J", "N", "Pa", "Nm"):
-            return values, f"{name} ({unit})" if name == "objective" else name
-        prefix, scale = prefixed(float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0)))
-        return values / scale, f"{words.replace('_', ' ')} ({prefix}{unit.replace('Nm', 'N m')})"
+        elif name in self.sweep.over:
+            words, unit = name, unit_at("control.torque_limit" if name == "limits.torque" else name)
+        elif unit not in ("W", "J", "N", "Pa", "Nm", "kg"):
+            return values, name
+        plain = plain_unit(unit.replace("Nm", "N m"))
+        most = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+        prefix, scale = prefixed(most) if plain in PREFIXED else ("", 1.0)
+        return values / scale, f"{words} ({prefix}{plain or '-'})"
 
     @property
     def numeric(self) -> list[str]:

@@ -31,17 +31,18 @@ def plot_map(table: SweepTable, ax: Axes | None = None) -> Axes:
 
     Of runs that differ in other keys, the best is on top.
     """
-    ax, (x, y) = ax or style.new_axes(), table.numeric[:2]
+    ax, axes = ax or style.new_axes(), [table.shown(key) for key in table.numeric[:2]]
     good, sign = table.verified, 1.0 if table.maximize else -1.0
     order = np.flatnonzero(good)[np.argsort(sign * table.objective[good])]
-    places = table.columns[x][order], table.columns[y][order]
     objective, label = table.shown("objective")
-    drawn = ax.scatter(*places, c=objective[order], s=60, marker="s", cmap="viridis")
+    drawn = ax.scatter(
+        *(x[order] for x, _ in axes), c=objective[order], s=60, marker="s", cmap="viridis"
+    )
     ax.figure.colorbar(drawn, ax=ax, label=label)
     if not good.all():
         look = {"linestyle": "none", "marker": "x", "color": style.COLORS[1]}
-        ax.plot(table.columns[x][~good], table.columns[y][~good], label="no success", **look)
-    return style.finish(ax, x, y)
+        ax.plot(*(x[~good] for x, _ in axes), label="no success", **look)
+    return style.finish(ax, *(label for _, label in axes))
 
 
 def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
@@ -69,7 +70,7 @@ def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
     shades = np.linspace(0.0, 1.0, good.size)
     for shade, place in zip(shades, order, strict=True):
         ax.plot([each[place] for each in heights], color=colormaps["viridis"](shade), alpha=0.6)
-    ax = style.finish(ax, "", "from least to largest")
+    ax = style.finish(ax, "", "from least to largest (-)")
     ax.set_xticks(range(len(names)), labels, fontsize=style.FONT_SIZE - 2)
     return ax
 
@@ -102,9 +103,14 @@ def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png
     if not table.verified.any():
         raise InputError("has no verified run to draw", "see its column message", file=table.folder)
     width = 1.2 * len(table.sweep.over) + 5.5
-    figures = {"parallel": style.figure_of(width, 3.9, [partial(plot_parallel, table)])}
+    plots = {"parallel": (plot_parallel, "all runs, in the colour of their objective", width)}
     if table.cost:
-        figures["front"] = style.figure_of(6.2, 3.9, [partial(plot_front, table)])
+        plots["front"] = plot_front, "Pareto front", 6.2
     if len(table.numeric) > 1:
-        figures["map"] = style.figure_of(6.2, 4.4, [partial(plot_map, table)])
+        plots["map"] = plot_map, "objective over two keys", 6.2
+    case = Path(table.sweep.case).stem
+    figures = {
+        name: style.figure_of(wide, 4.4, [partial(plot, table)], title=f"{case}: {words}")
+        for name, (plot, words, wide) in plots.items()
+    }
     return style.save(figures, folder, formats)

@@ -15,7 +15,7 @@ import numpy as np
 from hkt_mdo.case.document import unit_of
 
 _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
-_PREFIXED = "W", "J", "N", "Pa", "N m"
+PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
 _SMALL = "m", "s"
 _IDLE = (
@@ -99,7 +99,7 @@ def measured(value: Any, unit: str = "", digits: int = 5) -> str:
         return value or "-"
     ends, plain = [float(np.min(value)), float(np.max(value))], plain_unit(unit)
     size, prefix, scale = max(map(abs, ends)), "", 1.0
-    if plain in _PREFIXED:
+    if plain in PREFIXED:
         prefix, scale = prefixed(size)
     elif plain in _SMALL and 0.0 < size < 0.1:
         prefix, scale = "m", 1e-3

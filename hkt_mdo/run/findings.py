@@ -414,7 +414,7 @@ def figure_data(found: Findings) -> dict[str, dict]:
             "met_deg": np.rad2deg([found.stations.met.min(), found.stations.met.max()]),
         },
         **{name: _flow_data(flow, found.rated_speed) for name, flow in flows.items()},
-        "power_curve": {
+        "coefficients": {
             "tip_speed_ratio": ratios,
             "power_coefficient": power,
             "best": (best.tip_speed_ratio, best.power_coefficient),

@@ -547,8 +547,8 @@ def write_tables(out: Path, finished: Finished) -> None:
     ratios = np.linspace(max(low, 0.05 * best), min(high, 5.0 * best), 141)
     known = [physics.rotor.coefficients(each, ratios) for each in (blade, physics.blade)]
     columns = ratios, *(x.power for x in known), *(x.thrust for x in known)
-    header = TABLES["power_curve"]
-    write_csv(out / "power_curve.csv", header, zip(*columns, strict=True))
+    header = TABLES["coefficients"]
+    write_csv(out / "coefficients.csv", header, zip(*columns, strict=True))
 
 
 def _shown(rows):

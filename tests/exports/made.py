@@ -30,7 +30,7 @@ def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solut
             write_csv(folder / f"{table}{suffix}.csv", own, rows)
     curve = dict.fromkeys(("tip_speed_ratio", "power_coefficient", "start_power_coefficient"))
     curve = {name: np.linspace(1.0, 2.0, 3) for name in curve}
-    write_csv(folder / "power_curve.csv", curve, zip(*curve.values(), strict=True))
+    write_csv(folder / "coefficients.csv", curve, zip(*curve.values(), strict=True))
     found = {
         "case": case.name,
         "success": True,

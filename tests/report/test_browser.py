@@ -1,15 +1,20 @@
 """The report in a real browser: Debian's Chromium draws every panel, and asks no network."""
 
 import io
+import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, sync_playwright
+from plotly.offline import get_plotlyjs
 
 from hkt_mdo.pages import page
 from hkt_mdo.results.solution import ScenarioTables, Solution
@@ -22,6 +27,10 @@ pytestmark = pytest.mark.slow
 CHROMIUM = shutil.which("chromium")
 WEBGL = "--use-angle=swiftshader", "--enable-unsafe-swiftshader"
 WITHOUT = ("--disable-3d-apis",)
+CUT_OUT = TWO.replace("torque_limit: 700", "torque_limit: 700, cut_out: 1.9")
+OLDEST = re.search(
+    r"plotly>=([0-9.]+)", (Path(__file__).parents[2] / "pyproject.toml").read_text()
+)[1]
 ALL = {"solid", "shape", "sections", "flow", "time", "coefficients", "limits", "span"}
 
 
@@ -32,7 +41,8 @@ def pages(tmp_path_factory) -> dict[str, Path]:
     one = Solution.load(make_result(base / "a"))
     other = Solution.load(make_result(base / "b", "linear", None))
     two = made(base / "c", TWO, [7.5])
-    chosen = {"one": [one], "both": [one, other], "two": [two]}
+    cut_out = made(base / "d", CUT_OUT, [7.5])
+    chosen = {"one": [one], "both": [one, other], "two": [two], "cut_out": [cut_out]}
     return {name: page.write_report(x, base / f"{name}.html") for name, x in chosen.items()}
 
 
@@ -52,8 +62,8 @@ def browser(start) -> Browser:
     return start(*WEBGL)
 
 
-def opened(browser, path, width=1400, scheme="light"):
-    """Return a page when it has drawn all, with the errors and the requests that it made."""
+def opened(browser, path, width=1400, scheme="light", wrong=()):
+    """Return a page when it has drawn all; `wrong`: what its only errors begin with."""
     tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
     seen = []
     tab.on("console", lambda x: seen.append(x.text) if x.type == "error" else None)
@@ -61,7 +71,9 @@ def opened(browser, path, width=1400, scheme="light"):
     tab.on("request", lambda x: seen.append(x.url) if not x.url.startswith("data:") else None)
     tab.goto(path.as_uri(), timeout=60_000)
     tab.wait_for_selector("body[data-ready]", timeout=60_000)
-    assert seen == [path.as_uri()]
+    assert seen.pop(0) == path.as_uri()
+    assert len(seen) == len(wrong)
+    assert all(map(str.startswith, seen, wrong))
     return tab
 
 
@@ -87,7 +99,19 @@ def test_every_panel_is_drawn(pages, browser, name, width, scheme):
     assert len(np.unique(np.round(picture.reshape(-1, picture.shape[-1]), 2), axis=0)) > 30
     if name == "two":
         choose_a_scenario(tab)
+    if width == 400:
+        there_is_more_on_the_right(tab)
     tab.close()
+
+
+def there_is_more_on_the_right(tab):
+    """Hold a table that is cut off at the right to a shadow there, and none at the left."""
+    cut_off = "x => x.scrollWidth > x.clientWidth + 20"
+    places = f"[...document.querySelectorAll('.wide')].map({cut_off})"
+    table = tab.locator(".wide").nth(tab.evaluate(places).index(True))
+    picture = imread(io.BytesIO(table.screenshot()))[..., :3]
+    left, right = (np.median(picture[:, place].mean(axis=-1)) for place in (1, -2))
+    assert abs(right - left) > 0.15
 
 
 def choose_a_scenario(tab):
@@ -99,6 +123,39 @@ def choose_a_scenario(tab):
     assert "margin: thrust" in tab.evaluate(names)
     axes = tab.evaluate("[...new Set(document.getElementById('time').data.map(x => x.xaxis))]")
     assert axes == ["x"]  # the panels zoom together
+
+
+@pytest.mark.parametrize("wanted", ["", f"=={OLDEST}", f">={OLDEST}"], ids=["set up", "old", "new"])
+def test_a_cut_out_is_drawn_by_every_plotly(pages, browser, tmp_path, wanted):
+    path = pages["cut_out"]
+    if wanted:
+        how = [sys.executable, "-m", "pip"] if find_spec("pip") else ["uv", "pip"]
+        command = [*how, "install", "-q", "--no-deps", "--target", str(tmp_path), f"plotly{wanted}"]
+        if subprocess.run(command, capture_output=True, check=False).returncode:
+            pytest.skip(f"plotly{wanted} cannot be installed: no network, or no pip")
+        script = (tmp_path / "plotly/package_data/plotly.min.js").read_text("utf-8")
+        path = tmp_path / "report.html"
+        path.write_text(
+            pages["cut_out"].read_text("utf-8").replace(get_plotlyjs(), script), "utf-8"
+        )
+        assert script in path.read_text("utf-8")
+    tab = opened(browser, path)
+    tab.select_option("#view", "fast")
+    tab.wait_for_selector("#limits[data-drawn=fast]")
+    assert drawn(tab) == ALL - {"span"}
+    assert tab.get_by_text("cut-out 1.9 m/s").count()
+    tab.close()
+
+
+def test_a_chart_that_fails_is_the_only_one(pages, browser, tmp_path):
+    """A layout of which plotly.js makes an error costs its own chart, and is told in its place."""
+    path = tmp_path / "report.html"
+    text = pages["one"].read_text("utf-8")
+    path.write_text(text.replace('"shape": {"data": [', '"shape": {"data": [null, '), "utf-8")
+    tab = opened(browser, path, wrong=["TypeError"])
+    assert drawn(tab) == ALL - {"shape"} | {"convergence"}
+    assert tab.locator("#shape").inner_text().startswith("This chart cannot be drawn")
+    tab.close()
 
 
 def test_a_picture_replaces_the_solid_without_webgl(pages, start):

@@ -122,6 +122,12 @@ def test_one_result_shows_all_required_parts(texts, read, folders):
     assert f"{322240.5 / 60.0 * 24e-3:.4g} kWh" in texts["one"]
 
 
+def test_only_several_scenarios_are_told_together(texts, two, tmp_path):
+    told = page.write_report([two], tmp_path / "two.html").read_text("utf-8")
+    assert "Of all scenarios together" in told
+    assert "of all scenarios together" not in texts["one"].lower()
+
+
 def test_page_loads_nothing(texts, read):
     for name, text in texts.items():
         assert read[name].links
@@ -163,6 +169,9 @@ def test_what_a_case_models_is_not_missing():
         " ".join(page.not_modelled(load_case(flow | {"inflow_dynamics": name})))
         for name in ("quasi_steady", "oye")
     )
+    limited = load_case(flow | {"limits": {"cavitation": {"depth": "3 m"}}})
+    assert "Cavitation is not known" in told
+    assert "Cavitation is not known" not in " ".join(page.not_modelled(limited))
     assert "The wake answers at once." in told
     assert "The wake answers at once." not in memory
 
@@ -214,13 +223,16 @@ def test_thinning_keeps_extremes_ends_and_gaps(values, most):
         assert np.nanmax(values[kept]) == np.nanmax(values)
 
 
-def test_solid_is_the_blade(folders):
-    """The volume of the drawn mesh is the integral of the outlines, its normals point outwards."""
+def test_solid_is_the_rotor(folders):
+    """Three blades, which reach into the hub, by the integral of their outlines; normals outwards.
+
+    A blade is along x, and the third part of a turn moves the rotor onto itself.
+    """
     solution = Solution.load(folders[0])
     found, reasons = blade.bodies([panels.Labelled(solution, "")])
     assert not reasons
     assert [each.name for each in found] == ["optimized blade", "blade at the start"]
-    mesh = blade.solid(found)["data"][0]
+    mesh = blade.solid(found[:1])["data"][0]
 
     def unpacked(key):
         return np.frombuffer(base64.b64decode(mesh[key]["bdata"]), f"<{mesh[key]['dtype']}")
@@ -228,10 +240,18 @@ def test_solid_is_the_blade(folders):
     points = np.stack([unpacked(key) for key in "xyz"], axis=-1).astype(float)
     one, two, three = (points[unpacked(key)] for key in "ijk")
     volume = np.sum(one * np.cross(two, three)) / 6.0
-    # a section of 48 points and a thicker trailing edge
-    assert volume == pytest.approx(outline_volume(solution.design()), rel=0.02)
-    assert np.min(points[:, 0]) == pytest.approx(0.125 * 1.4)
+    design, hub = solution.design(), 0.125 * 1.4
+    begin, end, radius = blade.SOLIDS[0].cylinder(design)
+    inside = hub - blade.SOLIDS[0].reaching(design, np.array([hub]))[0]
+    root = design.outlines[0].area * design.blade.chord[0] ** 2
+    expected = 3.0 * (outline_volume(design) + root * inside) + np.pi * radius**2 * (end - begin)
+    assert volume == pytest.approx(expected, rel=0.01)  # of 48 points, a thicker trailing edge
     assert np.max(points[:, 0]) == pytest.approx(1.4)
+    angle = np.rad2deg(np.arctan2(points[:, 1], points[:, 0])[np.hypot(*points.T[:2]) > 1.3])
+    sectors = np.histogram(angle, [-180.0, -90.0, -30.0, 30.0, 90.0, 180.0])[0]
+    assert sectors.tolist() == [sectors[2], 0, sectors[2], 0, sectors[2]]
+    first, second = (np.mean(each.reshape(-1, 3), axis=0) for each in blade._beside(found))
+    assert second[0] - first[0] > 2.0 * 1.4  # one beside the other
 
 
 def test_results_keep_their_colours_where_others_lack_a_scenario(two, folders):
@@ -295,7 +315,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     )
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
     summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
-    half = replace(solution, summary=summary, tables=tables, power_curve={}, convergence={})
+    half = replace(solution, summary=summary, tables=tables, coefficients={}, convergence={})
     text = hkt_mdo.report(half, tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text

@@ -9,6 +9,7 @@ from hkt_mdo.case.sweep import SWEEP, load_sweep
 from hkt_mdo.cli import main
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable, row_of, write_table
+from hkt_mdo.results.sweep_plots import plot_map
 from tests.conftest import make_result
 from tests.report.test_browser import browser, start  # noqa: F401 - fixtures
 
@@ -59,7 +60,14 @@ def test_columns_are_shown_in_peoples_units(folder):
     np.testing.assert_array_equal(values, [100.0, 200.0, np.nan, 3.0])
     assert label == "stress (MPa)"
     assert table.shown("objective")[1] == "objective (J)"
-    assert table.shown("limits.torque")[1] == "limits.torque"
+    assert table.shown("mass_kg")[1] == "mass (kg)"
+    labels = ["limits.torque (N m)", "inflow.mean (m/s)"]
+    assert [table.shown(key)[1] for key in table.numeric] == labels
+    ax, bar = plot_map(table).figure.axes
+    assert [ax.get_xlabel(), ax.get_ylabel(), bar.get_ylabel()] == [*labels, "objective (J)"]
+    ax.figure.draw_without_rendering()
+    assert bar.yaxis.label.get_window_extent().x1 < ax.figure.bbox.x1
+    assert bar.yaxis.label.get_window_extent().x0 > bar.get_window_extent().x1
 
 
 def test_figures_of_a_sweep(folder, capsys):

@@ -8,7 +8,7 @@ from hkt_mdo.results.folder import MARKER, check_folder, claim, write_text
 
 OWN = [
     *("case.yaml", "summary.json", "iterate.json", "trajectory.csv", "simulation.csv"),
-    *("power_curve.csv", "loads.csv", "blade.csv", "convergence.csv", "solution.db", "history.db"),
+    *("coefficients.csv", "loads.csv", "blade.csv", "convergence.csv", "solution.db", "history.db"),
     *("history_2.db", "history.db-journal", "n2.html", "summary.json.part", ".hkt_result.part"),
     *(f"figures/{name}.{form}" for name in FIGURES for form in ("png", "pdf")),
 ]

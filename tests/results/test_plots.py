@@ -28,7 +28,7 @@ PLOTS = [  # of a year: tests/run/test_year.py; of a thickness, which not all re
     for name, plot in vars(plots).items()
     if name.startswith("plot_") and not name.startswith(("plot_year", "plot_thickness"))
 ]
-FIGURES = ("blade", "power_curve", "operation", "schedule", "limits", "loads", "convergence")
+FIGURES = ("blade", "coefficients", "operation", "power_curve", "limits", "loads", "convergence")
 
 
 def legend_texts(ax: Axes) -> list[str]:
@@ -53,7 +53,8 @@ def test_plot_draws_in_its_own_figure(plot, solution: Solution) -> None:
     ax = plot(solution)
     ax.figure.canvas.draw()
     assert ax.lines
-    assert ax.get_xlabel().endswith(")")  # a unit
+    # a unit; sections lie one beside the other
+    assert ax.get_xlabel().endswith(")") or plot is plots.plot_sections
     assert ax.get_ylabel().endswith(")") or plot is plots.plot_limits  # whose bars have names
     assert legend_texts(ax)
     assert dict(mpl.rcParams) == before
@@ -110,7 +111,7 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     assert [text.get_text() for text in drawn.texts] == [limit.get_label()]
     assert limit.get_label() not in legend_texts(drawn)  # it stands at its line
     reach = solution.summary["tip_speed_ratio"]
-    for plot in (plots.plot_power_curve, plots.plot_thrust_curve):
+    for plot in (plots.plot_power_coefficient, plots.plot_thrust_coefficient):
         bar = next(line for line in plot(solution).lines if len(line.get_xdata()) == 2)
         assert list(bar.get_xdata()) == [reach["min"], reach["max"]]
 
@@ -118,7 +119,7 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
 def test_torques_of_large_machines_are_in_kilonewton_metres(solution: Solution) -> None:
     summary = solution.summary.model_copy(update={"control_torque_max_Nm": 4e5})
     for large, label in ((solution, "(N m)"), (replace(solution, summary=summary), "(kN m)")):
-        ax = plots.plot_torque_schedule(large)
+        ax = plots.plot_torque_curve(large)
         assert ax.get_ylabel() == f"generator torque {label}"
         scale = {"(N m)": 1.0, "(kN m)": 1e-3}[label]
         assert line_of(ax, "generator torque limit 700 N m").get_ydata()[0] == 700.0 * scale
@@ -175,21 +176,21 @@ def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
     rpm, power = 30.0 / np.pi, table["control_torque_Nm"] * table["rotor_speed_rad_s"]
     for plot, values, levels in (
         (
-            plots.plot_speed_schedule,
+            plots.plot_speed_curve,
             rpm * table["rotor_speed_rad_s"],
             {"tip speed limit 12 m/s": rpm * 12.0 / 1.4, "rotor speed limit 9 rad/s": rpm * 9.0},
         ),
         (
-            plots.plot_torque_schedule,
+            plots.plot_torque_curve,
             table["control_torque_Nm"],
             {"generator torque limit 700 N m": 700.0},
         ),
         (
-            plots.plot_power_schedule,
+            plots.plot_power_curve,
             power / 1e3,
             {"electrical power limit 4.8 kW": 4.8, "power limit 5 kW": 5.0},
         ),
-        (plots.plot_thrust_schedule, table["thrust_N"] / 1e3, {"thrust limit 6.5 kN": 6.5}),
+        (plots.plot_thrust_curve, table["thrust_N"] / 1e3, {"thrust limit 6.5 kN": 6.5}),
     ):
         ax = plot(solution)
         count, edges = np.histogram(table["inflow_speed_m_s"], steady.BINS)
@@ -204,8 +205,8 @@ def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
             if "limit" in each.get_label()
         }
         assert found == pytest.approx(levels, rel=1e-12)
-    electrical = line_of(plots.plot_power_schedule(solution), "electrical power, mean")
-    shaft = line_of(plots.plot_power_schedule(solution), "mean at this flow speed")
+    electrical = line_of(plots.plot_power_curve(solution), "electrical power, mean")
+    shaft = line_of(plots.plot_power_curve(solution), "mean at this flow speed")
     np.testing.assert_allclose(electrical.get_ydata(), 0.9 * shaft.get_ydata(), rtol=1e-8)
 
 
@@ -225,14 +226,14 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     curve, law = steady.steady_curve(solution), solution.case.control
     speed, flow = curve["rotor_speed_rad_s"], curve["inflow_speed_m_s"]
     ratio, radius = 1.4 * speed / flow, 1.4
-    power = np.interp(ratio, *(solution.power_curve[x] for x in list(solution.power_curve)[:2]))
+    power = np.interp(ratio, *(solution.coefficients[x] for x in list(solution.coefficients)[:2]))
     pressure = 0.5 * 1000.0 * np.pi * radius**2 * flow**2
     np.testing.assert_allclose(
         law.torque(speed, np.array([solution.gain])), pressure * radius * power / ratio, rtol=2e-3
     )
     np.testing.assert_allclose(curve["control_torque_Nm"] * speed, curve["generator_power_W"])
     thrust = np.interp(
-        ratio, *(solution.power_curve[x] for x in ("tip_speed_ratio", "thrust_coefficient"))
+        ratio, *(solution.coefficients[x] for x in ("tip_speed_ratio", "thrust_coefficient"))
     )
     np.testing.assert_allclose(curve["thrust_N"], pressure * thrust, rtol=2e-3)
     assert flow[0] < 0.3  # from near zero to the largest speed that was met
@@ -241,7 +242,7 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     longer = steady.steady_curve(replace(solution, case=stopped))
     assert longer["inflow_speed_m_s"][-1] == 2.5
     assert "cut-out 2.5 m/s" in legend_texts(
-        plots.plot_power_schedule(replace(solution, case=stopped))
+        plots.plot_power_curve(replace(solution, case=stopped))
     )
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
@@ -254,14 +255,14 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
     flow, power = steady.rated_point(solution)
     assert 1.4 < flow < 1.46
     assert power == pytest.approx(bound, rel=0.02)
-    labels = legend_texts(plots.plot_power_schedule(solution))
+    labels = legend_texts(plots.plot_power_curve(solution))
     assert f"rated at {flow:.2f} m/s" in labels
 
 
 def test_figures_of_one_result_have_a_colour_for_each_quantity(result_folder: Path) -> None:
     solution = limited(result_folder, "thrust: 6.5 kN")
     over_time = plots.plot_thrust(solution).lines[0].get_color()
-    over_flow = line_of(plots.plot_thrust_schedule(solution), "mean at this flow speed")
+    over_flow = line_of(plots.plot_thrust_curve(solution), "mean at this flow speed")
     bar = plots.plot_limits(solution).patches[1].get_facecolor()
     assert over_time == over_flow.get_color()
     assert to_rgba(over_time)[:3] == bar[:3]
@@ -269,7 +270,7 @@ def test_figures_of_one_result_have_a_colour_for_each_quantity(result_folder: Pa
 
 def test_a_notebook_is_shown_the_four_that_matter(solution: Solution) -> None:
     shown = solution.plot()
-    assert list(shown) == ["blade", "operation", "schedule", "limits"]
+    assert list(shown) == ["blade", "operation", "power_curve", "limits"]
     page = shown._repr_html_()
     pictures = re.findall(r'<img src="data:image/png;base64,([^"]+)">', page)
     assert [base64.b64decode(each)[:4] for each in pictures] == 4 * [b"\x89PNG"]
@@ -292,7 +293,9 @@ def test_sections_are_in_scale_about_the_axis(solution: Solution) -> None:
     """Chord at 50 % of the span; NACA 63-815 has 15 % of it, by its own name; axis at a quarter."""
     ax = plots.plot_sections(solution)
     assert ax.get_aspect() == 1.0
-    x, y = line_of(ax, "section at 50 % of the span").get_data()
+    x, y = line_of(ax, "_50 % span").get_data()
+    axis = [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "+"]
+    x = x - axis[1]
     blade, middle = solution.blade, 0.5 * (0.125 + 1.0) * 1.4
     chord = np.interp(middle, blade["r_m"], blade["chord_m"])
     assert np.ptp(x) == pytest.approx(chord, rel=1e-3)
@@ -308,7 +311,7 @@ def test_sections_are_in_scale_about_the_axis(solution: Solution) -> None:
 def test_a_designed_thickness_is_drawn(solution: Solution) -> None:
     thickness = np.linspace(0.24, 0.12, solution.blade["r_m"].size).tolist()
     summary = solution.summary.model_copy(update={"thickness_over_chord": thickness})
-    ax = figure_of(replace(solution, summary=summary), "blade").axes[3]
+    ax = figure_of(replace(solution, summary=summary), "blade").axes[4]
     assert ax.get_ylabel() == "thickness\nover chord (-)"
     assert line_of(ax, "optimized blade").get_ydata().tolist() == thickness
     assert ax.get_ylim()[0] == 0.0
@@ -328,7 +331,9 @@ def test_the_energy_converges_to_its_last_value(solution: Solution) -> None:
     ax = plots.plot_convergence(solution)
     energy = solution.convergence["energy_J"]
     line = line_of(ax, "energy: distance from its last value")
-    np.testing.assert_allclose(line.get_ydata(), np.abs(energy / energy[-1] - 1.0))
+    distance = np.maximum(np.abs(energy / energy[-1] - 1.0), 1e-10)  # which is within the axes
+    np.testing.assert_allclose(line.get_ydata(), distance)
+    assert 0.0 < ax.get_ylim()[0] < 1e-10
     assert ax.get_yscale() == "log"
 
 
@@ -351,6 +356,38 @@ def test_loads_are_along_the_span_with_their_limits(result_folder: Path) -> None
     assert ax.get_ylim()[0] < -0.2  # it is not cut off
 
 
+def test_limited_loads_are_over_time_too(result_folder: Path) -> None:
+    free = figure_of(Solution.load(result_folder), "operation")
+    both = figure_of(limited(result_folder, "stress: 100 MPa, cavitation: {depth: 3}"), "operation")
+    found = [[ax.get_ylabel() for ax in figure.axes] for figure in (free, both)]
+    assert found[1] == [*found[0], "stress (MPa)", "suction, 1: cavitation (-)"]
+    assert line_of(both.axes[-2], "stress limit 100 MPa").get_ydata()[0] == 100.0
+
+
+def test_titles_have_the_name_of_the_case(both: list[Solution]) -> None:
+    titles = {name: x.get_suptitle() for name, x in drawn.figures(both[0]).items()}
+    assert titles.keys() == set(FIGURES)
+    assert all(title.startswith("sine_quadratic: ") for title in titles.values())
+    assert figure_of(both[0], "limits", "fast").get_suptitle() == "sine_quadratic, fast: limits"
+    assert figure_of(both, "blade").get_suptitle() == "blade"  # the legend names the cases
+
+
+def test_bars_of_limits_are_of_one_height(result_folder: Path) -> None:
+    heights = []
+    for limits in ("", "power: 5 kW, thrust: 6.5 kN, stress: 100 MPa, cavitation: {depth: 3}"):
+        figure = figure_of(limited(result_folder, limits), "limits")
+        figure.draw_without_rendering()
+        heights.append(figure.axes[0].patches[0].get_window_extent().height / figure.dpi)
+    assert heights[0] == pytest.approx(heights[1], rel=0.5)
+    assert max(heights) < 0.4  # inches
+
+
+def test_an_older_table_of_coefficients_is_read(result_folder: Path) -> None:
+    new = Solution.load(result_folder).coefficients
+    (result_folder / "coefficients.csv").rename(result_folder / "power_curve.csv")
+    np.testing.assert_equal(Solution.load(result_folder).coefficients, new)
+
+
 def test_panels_without_data_are_left_out(result_folder: Path) -> None:
     """A rotor whose depth is not known has no suction, an older result no loads."""
     for name, gone in (("simulation", "thrust_N"), ("trajectory", "thrust_N"), ("loads", "cavit")):
@@ -360,7 +397,7 @@ def test_panels_without_data_are_left_out(result_folder: Path) -> None:
         lines = (",".join(row[index] for index in kept) for row in rows)
         path.write_text("\n".join(lines) + "\n")
     solution = Solution.load(result_folder)
-    schedule, loads = (figure_of(solution, name) for name in ("schedule", "loads"))
+    schedule, loads = (figure_of(solution, name) for name in ("power_curve", "loads"))
     assert [ax.get_ylabel() for ax in schedule.axes] == [
         "generator power (kW)",
         "rotor speed (rpm)",
@@ -404,7 +441,7 @@ def test_save_figures_writes_all(solution: Solution, tmp_path: Path) -> None:
     [
         ((), FIGURES),
         (("simulation",), FIGURES),
-        (("power_curve", "simulation", "trajectory"), ("blade", "loads", "convergence")),
+        (("coefficients", "simulation", "trajectory"), ("blade", "loads", "convergence")),
         (("loads",), tuple(name for name in FIGURES if name != "loads")),
     ],
 )

@@ -36,7 +36,7 @@ def test_load_reads_everything(result_folder: Path) -> None:
 
 
 def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
-    for name in ("trajectory", "simulation", "power_curve"):
+    for name in ("trajectory", "simulation", "coefficients"):
         (result_folder / f"{name}.csv").unlink()
     (result_folder / "convergence.csv").write_text("evaluation,energy_J,infeasibility\n")
     summary = {"case": "sine_quadratic", "success": False, "message": "interrupted", "gain": None}
@@ -61,12 +61,12 @@ def test_load_takes_what_an_optimizer_met(result_folder: Path) -> None:
 
 
 def test_load_ignores_more_columns(result_folder: Path) -> None:
-    path = result_folder / "power_curve.csv"
+    path = result_folder / "coefficients.csv"
     lines = path.read_text().splitlines()
     path.write_text("\n".join([f"new,{lines[0]}", *(f"1,{line}" for line in lines[1:])]))
     solution = Solution.load(result_folder)
-    assert set(solution.power_curve) == set(lines[0].split(","))
-    assert solution.power_curve["tip_speed_ratio"][0] == 2.2
+    assert set(solution.coefficients) == set(lines[0].split(","))
+    assert solution.coefficients["tip_speed_ratio"][0] == 2.2
 
 
 def test_load_needs_no_blade_file(result_folder: Path) -> None:

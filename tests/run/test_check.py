@@ -504,7 +504,7 @@ def test_command_draws_only_where_a_folder_is_given(
     assert main(["check", "a.yaml", "--out", "b", "--no-figures"]) == 0  # an option of 0.1
     assert list(folders(tmp_path)) == ["a.yaml"]
     assert main(["check", "a.yaml", "--out", "b"]) == 0
-    names = ("blade", "inflow", "polar", "power_curve")
+    names = ("blade", "coefficients", "inflow", "polar")
     assert list(folders(tmp_path)) == ["a.yaml", *(f"b/{name}.png" for name in names)]
     assert (tmp_path / "b" / "polar.png").stat().st_size > 10_000
     assert "a can be run" in capsys.readouterr().out
@@ -529,8 +529,8 @@ def test_figures_show_what_the_report_says() -> None:
     from hkt_mdo.results import check_plots as plots
 
     report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
-    figures = plots.check_figures(report.figures)
-    assert list(figures) == ["blade", "polar", "inflow", "power_curve"]
+    figures = plots.check_figures(report.name, report.figures)
+    assert list(figures) == ["blade", "polar", "inflow", "coefficients"]
     words = [ax.get_ylabel().partition(" (")[0] for ax in figures["polar"].axes]
     assert words[2:] == ["lift over drag", "largest suction, -cp"]
     for figure in figures.values():
@@ -544,7 +544,7 @@ def test_figures_show_what_the_report_says() -> None:
     np.testing.assert_allclose(file.get_ydata(), np.rad2deg(found.given.twist))
     assert points.get_xdata().size == 5
     assert points.get_xdata()[[0, -1]] == pytest.approx([0.175, 1.4])
-    ax = figures["power_curve"].axes[0]
+    ax = figures["coefficients"].axes[0]
     assert ax.lines[0].get_ydata().max() == pytest.approx(found.best.power_coefficient, rel=1e-3)
     assert dict(rcParams) == before
 

@@ -99,7 +99,7 @@ def test_a_line_over_time_breaks_at_the_standstill(solution, tmp_path):
     (gap,) = np.flatnonzero(np.isnan(x))
     np.testing.assert_allclose(x[[gap - 1, gap + 1]], SPANS[[0, 1], [1, 0]], rtol=1e-8)
     written = {path.stem for path in save_figures(solution, tmp_path)}
-    assert {"operation", "schedule", "limits", "power_curve"} <= written
+    assert {"operation", "power_curve", "limits", "coefficients"} <= written
 
 
 def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():

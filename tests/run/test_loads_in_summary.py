@@ -192,7 +192,7 @@ def test_the_summary_tells_the_same(result):
 
 def test_an_older_result_is_read(result, tmp_path):
     """Its tables have no loads, and its summary no places along the blade."""
-    for name in ("case.yaml", "summary.json", "power_curve.csv", "convergence.csv"):
+    for name in ("case.yaml", "summary.json", "coefficients.csv", "convergence.csv"):
         (tmp_path / name).write_bytes((result.folder / name).read_bytes())
     for name in ("trajectory", "simulation"):
         lines = (result.folder / f"{name}.csv").read_text().splitlines()

@@ -140,7 +140,7 @@ def test_result_folder_is_complete(short):
     names = {path.name for path in short.folder.iterdir()}
     assert {
         "case.yaml", "summary.json", "solution.db", "history.db", "trajectory.csv",
-        "simulation.csv", "power_curve.csv", "convergence.csv", "blade.csv", "n2.html", "figures",
+        "simulation.csv", "coefficients.csv", "convergence.csv", "blade.csv", "n2.html", "figures",
     } <= names  # fmt: skip
     assert "lock" not in names
 

@@ -10,7 +10,7 @@ from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.figures import save_figures
-from hkt_mdo.results.plots import plot_rotor_speed, plot_speed_schedule
+from hkt_mdo.results.plots import plot_rotor_speed, plot_speed_curve
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
@@ -90,7 +90,7 @@ def test_no_table_is_silently_the_first(solution):
         solution.scenario("third")
     assert solution.to_pandas("simulation", "fast")["inflow_speed_m_s"].max() > 1.6
     assert solution.to_xarray("simulation", "slow").attrs["scenario"] == "slow"
-    assert solution.table("power_curve") is solution.power_curve
+    assert solution.table("coefficients") is solution.coefficients
 
 
 def test_one_scenario_is_a_result_of_its_own(solution):
@@ -105,9 +105,14 @@ def test_one_scenario_is_a_result_of_its_own(solution):
 
 def test_figures_are_of_every_scenario(solution, tmp_path):
     names = {path.name for path in (solution.folder / "figures").iterdir()}
-    assert {"operation_slow.png", "operation_fast.png", "limits_fast.png", "schedule.png"} <= names
+    assert {
+        "operation_slow.png",
+        "operation_fast.png",
+        "limits_fast.png",
+        "power_curve.png",
+    } <= names
     assert "operation.png" not in names
-    for plot in (plot_rotor_speed, plot_speed_schedule):
+    for plot in (plot_rotor_speed, plot_speed_curve):
         labels = [line.get_label() for line in plot(solution).lines]
         assert {"slow", "fast"} <= set(labels)
     assert {path.name for path in save_figures([solution, solution], tmp_path)} == names

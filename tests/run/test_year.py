@@ -259,7 +259,7 @@ def test_a_year_is_reported(year):
 @pytest.mark.slow
 def test_a_year_has_figures_and_a_check(year):
     drawn = set(figures(year))
-    assert {"year", "schedule"} <= drawn
+    assert {"year", "power_curve"} <= drawn
     assert "operation" not in drawn
     kind = next(row for row in check_case(year.case).tables["Flow"] if row.label == "kind")
     assert kind.text.startswith("histogram")

@@ -199,6 +199,6 @@ def _energy(folder: Path) -> float | None:
         return None
     if not summary["success"]:
         return None
-    tables = ("trajectory", "simulation", "power_curve", "blade", "convergence")
+    tables = ("trajectory", "simulation", "coefficients", "blade", "convergence")
     whole = all((folder / f"{name}.csv").exists() for name in tables)
     return summary["simulated_energy_J"] if whole else np.nan

@@ -134,7 +134,7 @@ def test_failures_by_injected_faults_are_reported(tmp_path, monkeypatch, code, s
         folder.mkdir(exist_ok=True)
         summary = {"success": energy is not None, "simulated_energy_J": energy}
         (folder / "summary.json").write_text(json.dumps(summary))
-        for name in ("trajectory", "simulation", "power_curve", "blade", "convergence"):
+        for name in ("trajectory", "simulation", "coefficients", "blade", "convergence"):
             (folder / f"{name}.csv").write_text("")
         return SimpleNamespace(communicate=lambda: (said, None), returncode=code)
 

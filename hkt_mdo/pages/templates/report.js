@@ -41,11 +41,10 @@
       if (key.startsWith("yaxis")) layout[key] = { ...axis, fixedrange: true, automargin: true, ...own };
     }
     if (layout.scene) {
-      const high = Math.min(layout.height - margin.t, 110 + 0.45 * width);
-      const view = layout.scene, wide = Math.min(3.6, 1.75 * width / high, 2.1 / view.aspectratio.y);
+      const view = layout.scene, { x, y } = view.aspectratio;
+      const high = Math.min(640, 1.1 * width * y / x), wide = 1.4 * Math.min(width / high / x, 1 / y);
       layout.height = high + margin.t; // below the legend
       view.domain = { y: [0, high / layout.height] };
-      Object.assign(view.xaxis, { color: ink, gridcolor: rule });
       for (const side of "xyz") view.aspectratio[side] *= wide;
       layout.margin = { l: 0, r: 0, t: 0, b: 0 };
       delete layout.dragmode;
@@ -58,6 +57,7 @@
     const chart = of.chart ? page.charts[of.chart] : page.views[chosen()][of.view];
     element.closest("figure").hidden = !chart;
     if (!chart) return Promise.resolve();
+    if (!element.dataset.drawn) element.textContent = "";
     return Plotly.react(element, ...themed(chart, element), config)
       .then(() => { element.dataset.drawn = of.chart || chosen(); });
   }
@@ -66,7 +66,15 @@
   const turned = webgl();
   const elements = [...document.querySelectorAll(".chart")]
     .filter(element => turned || !("webgl" in element.dataset));
-  const drawAll = which => which.reduce((before, each) => before.then(() => draw(each)), Promise.resolve());
+  // one that fails says so in its place, and the others are drawn
+  const failed = (element, error) => {
+    console.error(error);
+    Plotly.purge(element);
+    delete element.dataset.drawn;
+    element.textContent = `This chart cannot be drawn (${error.message}); please report it.`;
+  };
+  const drawAll = which => which.reduce((before, each) =>
+    before.then(() => draw(each)).catch(error => failed(each, error)), Promise.resolve());
 
   if (!turned) document.getElementById("solid")?.remove();
   else document.getElementById("picture")?.remove();
