@@ -24,6 +24,7 @@ POINTS = 5  # of a normal distribution of turbulence: exact for polynomials of t
 FINE = 64  # points of Gauss's rule in a bin of a distribution
 TAIL = 1e-5  # share of the time above the fastest bin of a distribution, five minutes a year
 TIDE_STEP = 600.0  # s, at which a tide is sampled
+YEAR_ROUNDED = 3e-3  # a year has 8760, 8766 or 8784 hours
 SAME = 1e-9  # m/s, by which speeds of one bin differ at most
 MOST_SPEEDS = 2000
 WIDEST = 0.1  # m/s, of the bins of IEC TS 62600-200
@@ -356,16 +357,20 @@ class HistogramResource(Resource):
         from hkt_mdo.files.record_table import read_pairs
 
         speed, hours = read_pairs(self.file, ("speed_m_s", "hours"))
-        for row in np.flatnonzero((hours < 0.0) | (np.abs(speed) > 20.0))[:1]:
-            remedy = "give hours of at least 0 and speeds of at most 20 m/s"
-            raise InputError(
-                f"has {hours[row]:g} hours of {speed[row]:g} m/s", remedy, file=self.file,
-                key="hours",
-            )  # fmt: skip
-        if not np.sum(hours) > 0.0:
+        speed.refuse(np.abs(speed.values) > 20.0, "is no speed of a flow", "give at most 20 m/s")
+        hours.refuse(hours.values < 0.0, "is negative", "give hours of at least 0")
+        if not np.sum(hours.values) > 0.0:
             problem, remedy = "sum to nothing: the year has no flow", "give the hours of each speed"
             raise InputError(problem, remedy, file=self.file, key="hours")
-        return speed, hours
+        return speed.values, hours.values
+
+    @property
+    def messages(self):
+        total, year = float(np.sum(self._table[1])), YEAR / 3600.0
+        if abs(total / year - 1.0) < YEAR_ROUNDED:
+            return super().messages
+        note = f"resource.hours: they sum to {total:.6g} and are scaled to a year of {year:g} h"
+        return (*super().messages, note)
 
     def occurrence(self):
         speed, hours = self._table

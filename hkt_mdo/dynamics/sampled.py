@@ -43,7 +43,7 @@ class SampledInflow(Inflow):
         return spline(held) + spline(held, 1) * (held == time.real) * (time - time.real)
 
 
-TimeUnit = Literal["s", "ms", "min", "h", "days"]
+TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "days"]
 SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
 Bins = Pair[Annotated[float, Quantity("m")]]
 
@@ -65,6 +65,9 @@ class RecordInflow(SampledInflow):
     file, the only time in a NetCDF file, or that over which its speed is."""
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
+    second_column: str | None = None
+    """Column or variable of the other horizontal component, where `speed_column` is one of the
+    velocity: the speed is that of both."""
     time_unit: TimeUnit | None = None
     """Unit of times that are numbers; null: as in the column's name, such as `time_s` or `time
     [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
@@ -78,8 +81,8 @@ class RecordInflow(SampledInflow):
     """Range of the depth bins of a profiler that are averaged, [lower, upper], such as those that
     the rotor spans; null: the record has no bins."""
     component: str | None = None
-    """Label of the velocity component to use, such as `E` or `streamwise`; null: the horizontal
-    speed, from the first two components."""
+    """Label of the velocity component to use, such as `E` or `streamwise`, or of two with a comma
+    between them; null: the horizontal speed, from the first two components."""
     start: Annotated[float, Quantity("s", ge=0)] = 0.0
     """Time in the record, from its first sample, that becomes t = 0."""
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
