@@ -663,7 +663,7 @@ def physics(case: Case) -> Physics:
     shape = build_shape(
         case,
         turbine.blade,
-        several_sections=np.ndim(turbine.thickness) > 0,
+        several_sections=Hydrodynamics(turbine.polar).several_sections,
         thickness_bounds=Hydrodynamics(turbine.polar).thickness_bounds,
     )
     scenarios, notes = [], []
