@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import ValidationInfo, field_validator, model_validator
 
+from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
 from hkt_mdo.sections import Quantity, Section, existing_file, refusal
 
@@ -23,6 +24,7 @@ _LOSSES = {
 """By the key of a loss: the key of the torque or speed at which it is given."""
 
 BEYOND = 0.05  # share of a table's range by which it is continued at its ends
+RATIOS = 0.5, 15.0  # tip speed ratios between which rotors work
 _Loss = Annotated[float, Quantity("W", ge=0)]
 _WAYS = "give efficiency, losses at rated torque and speed, or table: one of the three"
 
@@ -114,10 +116,22 @@ class Generator(Section):
             shaft = shaft - self.iron_loss * (speed / self.rated_speed) ** 2
         return shaft
 
-    def check(self) -> None:
-        """Read the table, if there is one; InputError if it is broken."""
-        if self.table is not None:
-            _ = self._surface
+    def check(self, radius: float, slowest: float, fastest: float) -> None:
+        """Read the table, if there is one; InputError if it is broken or of another shaft.
+
+        The rotor's tip radius is in m, the smallest and largest speed of the flow in m/s.
+        """
+        if self.table is None:
+            return
+        low, high = (
+            ratio * v / radius for ratio, v in zip(RATIOS, (slowest, fastest), strict=True)
+        )
+        first, last = self._surface.speeds
+        if first > high or last < low:
+            problem = f"has speeds from {first:.4g} to {last:.4g} rad/s, and this rotor turns at "
+            problem += f"{low:.3g} to {high:.3g}"
+            remedy = "give torque and speed of the rotor's shaft, not of the shaft behind a gearbox"
+            raise InputError(problem, remedy, file=self.table)
 
     @property
     def proportional(self) -> bool:
@@ -199,6 +213,11 @@ class _Surface:
             by_speed = np.sum(rows * (by_w @ self._table.T), axis=1)
             found = found + 1j * (by_torque * u.imag + by_speed * w.imag)
         return found.reshape(torque.shape)
+
+    @property
+    def speeds(self) -> tuple[float, float]:
+        """Slowest and fastest speed of the table, rad/s."""
+        return self._speed.low, self._speed.high
 
     def beyond(self, torque, speed) -> float:
         """Return by how much of its range the table is left, along the worse of its axes."""

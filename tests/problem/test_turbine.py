@@ -173,9 +173,10 @@ def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
     assert any(words in text for text in found.messages)
     (tmp_path / "even.csv").write_text(re.sub(r"0\.\d+$", "0.24", CSV, flags=re.MULTILINE))
     even = turbine("blade: even.csv, radius: 1").structure
-    each = np.ones(even.xx.size)
-    np.testing.assert_allclose(even.xx, each * (0.24 / foil.thickness) ** 3 * own.structure.xx)
-    np.testing.assert_allclose(even.yy, each * 0.24 / foil.thickness * own.structure.yy)
+    ratio = 0.24 / foil.thickness * np.ones(even.xx.size)
+    # outlines of several stations are resampled
+    np.testing.assert_allclose(even.xx, ratio**3 * own.structure.xx, rtol=2e-4)
+    np.testing.assert_allclose(even.yy, ratio * own.structure.yy, rtol=2e-4)
     text = re.sub(r"0\.\d+$", "0.15,1", CSV, flags=re.MULTILINE)
     (tmp_path / "same.csv").write_text(text.replace("t_over_c", "T_over_C,thicknes"))
     same = turbine("blade: same.csv, radius: 1")
