@@ -12,25 +12,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
-from hkt_mdo.dynamics.records import (
-    FASTEST,
-    MIN_SAMPLES,
-    check_order,
-    check_speeds,
-    read_columns,
-)
+from hkt_mdo.dynamics.records import FASTEST, MIN_SAMPLES, check_order, check_speeds, read_columns
 from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
-from hkt_mdo.dynamics.sampled import Bins, SpeedUnit, TimeUnit
+from hkt_mdo.dynamics.sampled import RecordFile
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import Columns, RecordOptions, read_pairs
-from hkt_mdo.sections import Quantity, existing_file
 
 LONGEST_STILL = 1.0  # days
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
 POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
-_SAMPLES = "time_column speed_column second_column time_unit speed_unit area bins component".split()
 _ANGLE = {"speed_unit": "m/s", "component": None, "area": None}  # degrees are read as a speed
 
 
@@ -112,40 +104,18 @@ class Rating:
         return float(1.0 - left / np.sum((self.speed - np.mean(self.speed)) ** 2))
 
 
-class RecordResource(Resource):
+class RecordResource(RecordFile, Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
-    Missing samples are left out; all others have equal weight.
+    Missing samples are left out; all others have equal weight. Of two components it takes the speed
+    along the principal axis of the flow, with its sign.
     """
 
     profile: Literal["long_record"] = "long_record"
     """The kind of resource."""
-    file: str
-    """Path of the record: `.csv`, `.nc` or `.parquet` as of the profile `record`, or `.json` as
-    MHKiT saves NOAA's and USGS' stations."""
-    time_column: str | None = None
-    """Column of the time, as of the profile `record`."""
-    speed_column: str | None = None
-    """Column of the speed or the discharge, as of the profile `record`."""
-    second_column: str | None = None
-    """Column of the other horizontal component of the velocity, to the north where `speed_column`
-    is that to the east: the speed is then that along the principal axis of the flow, with its sign.
-    """
     direction_column: str | None = None
     """Column of the direction that the flow runs to, degrees from north to east: the speed is then
     that along the principal axis of the flow, with its sign."""
-    time_unit: TimeUnit | None = None
-    """Unit of times that are numbers, as of the profile `record`."""
-    speed_unit: SpeedUnit | None = None
-    """Unit of the speed or the discharge, as of the profile `record`."""
-    area: Annotated[float, Quantity("m**2", gt=0)] | None = None
-    """Area of the channel's cross section, for a record of the discharge without a rating curve."""
-    bins: Bins | None = None
-    """Range of the depth bins of a profiler that are averaged, as of the profile `record`."""
-    component: str | None = None
-    """Label of the component of a velocity that is taken, with its sign; of two with a comma
-    between them, such as `E,N`, the speed along the principal axis of the flow; null: the first
-    two."""
     rating: str | None = None
     """Path of a CSV file with the columns `discharge_m3_s` and `speed_m_s`, for a record of the
     discharge."""
@@ -156,12 +126,6 @@ class RecordResource(Resource):
     """Treatment of spikes as of the profile `record`, and of a flow of exactly 0 for more than a
     day: the record is refused, such samples are left out, as are those above 20 m/s and discharges
     below zero, or they are kept as part of the flow."""
-
-    @field_validator("file", "rating")
-    @classmethod
-    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
-        remedy = "give the path of a CSV, JSON, NetCDF or Parquet file"
-        return None if value is None else existing_file(value, info, remedy)
 
     @cached_property
     def samples(self) -> FlowSamples:
@@ -176,7 +140,7 @@ class RecordResource(Resource):
 
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
-        options = {name: getattr(self, name) for name in _SAMPLES} | others
+        options = self.model_dump(include={*RecordFile.model_fields} - {"file"}) | others
         return read_columns(Path(self.file), RecordOptions(**options))
 
     def _of_discharge(self) -> FlowSamples:

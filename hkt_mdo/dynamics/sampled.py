@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Pair, Quantity, existing_file, refusal
+from hkt_mdo.sections import Pair, Quantity, Section, existing_file, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -48,14 +48,9 @@ SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s"
 Bins = Pair[Annotated[float, Quantity("m")]]
 
 
-class RecordInflow(SampledInflow):
-    """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
+class RecordFile(Section):
+    """A file of samples over time, and its columns."""
 
-    The record is repaired only where a key below allows it, and every repair is reported.
-    """
-
-    profile: Literal["record"] = "record"
-    """The kind of flow."""
     file: str
     """Path of the record, from the folder of the case file: `.csv` with a header line, `.json` of
     tidal currents (MHKiT) or of USGS, `.nc` (NetCDF) or `.parquet`; the latter two, as MHKiT's data
@@ -66,8 +61,8 @@ class RecordInflow(SampledInflow):
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
     second_column: str | None = None
-    """Column or variable of the other horizontal component, where `speed_column` is one of the
-    velocity: the speed is that of both."""
+    """Column or variable of the other horizontal component of the velocity, to the north where
+    `speed_column` is that to the east."""
     time_unit: TimeUnit | None = None
     """Unit of times that are numbers; null: as in the column's name, such as `time_s` or `time
     [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
@@ -82,7 +77,24 @@ class RecordInflow(SampledInflow):
     the rotor spans; null: the record has no bins."""
     component: str | None = None
     """Label of the velocity component to use, such as `E` or `streamwise`, or of two with a comma
-    between them; null: the horizontal speed, from the first two components."""
+    between them, such as `E,N`; null: the first two."""
+
+    @field_validator("file", "rating", check_fields=False)
+    @classmethod
+    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
+        remedy = "give the path of a CSV, JSON, NetCDF or Parquet file"
+        return value and existing_file(value, info, remedy)
+
+
+class RecordInflow(RecordFile, SampledInflow):
+    """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
+
+    The record is repaired only where a key below allows it, and every repair is reported. Of two
+    components it takes the horizontal speed.
+    """
+
+    profile: Literal["record"] = "record"
+    """The kind of flow."""
     start: Annotated[float, Quantity("s", ge=0)] = 0.0
     """Time in the record, from its first sample, that becomes t = 0."""
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
@@ -104,11 +116,6 @@ class RecordInflow(SampledInflow):
     """Cutoff frequency of the low-pass, which has no phase shift; null: half of Nyquist's
     frequency. A rotor averages over eddies smaller than itself: speed over rotor diameter is a good
     cutoff."""
-
-    @field_validator("file")
-    @classmethod
-    def _find_file(cls, value: str, info: ValidationInfo) -> str:
-        return existing_file(value, info, "give the path of a CSV, JSON, NetCDF or Parquet file")
 
     @cached_property
     def _record(self):

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,9 +19,8 @@ from hkt_mdo.files.record_table import (
     TIME_UNITS,
     Columns,
     RecordOptions,
-    check_length,
     choose,
-    column_key,
+    parse_rows,
 )
 from hkt_mdo.files.table import parse_number, read_text
 
@@ -30,7 +30,7 @@ TIME = "time"
 """What messages call the times of a JSON file."""
 
 _KNOWN = "columns over times since 1970 (MHKiT, pandas), or a response of USGS"
-_EPOCHS = "s", "ms", "us", "ns"
+_TIME = re.compile(r"-?\d+(\.\d*)?$|\d{4}-")
 _PLAUSIBLE = 3e7, 4.2e9  # s since 1970: from 1971 to 2103, which no other unit of these reaches
 
 
@@ -93,28 +93,15 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     _, times, values, _, unit = series[columns.index(names[1])]
     if noaa and not options.speed_unit:
         unit = NOAA[names[1]]
-    check_length(len(times), str(path))
-    rows, dated, time_unit = _times(times, options.time_unit)
-    speeds = list(map(_speed, values))
-    for name, numbers, given in zip(names, (rows, speeds), (times, values), strict=True):
-        for row in [at for at, number in enumerate(numbers) if number is None][:1]:
-            problem = "is neither a number nor a date" if numbers is rows else "is no number"
-            key = f"row {row + 1}, {column_key(name)}"
-            remedy = "correct it, or write the file as CSV"
-            raise InputError(problem, remedy, file=path, key=key, value=given[row])
-    seconds, speed = np.array(rows, dtype=float), np.array(speeds, dtype=float)
-    order = np.argsort(seconds, kind="stable")  # an object of JSON has no order
-    place = [f"row {row + 1}" for row in order]
+    rows = zip(count(1), map(str, times), map(str, values), strict=False)
+    raw, dated = parse_rows(rows, names, path, "row")
+    if not dated and options.time_unit is None:
+        options = replace(options, time_unit=_epoch_unit(raw.time))
+    order = np.argsort(raw.time, kind="stable")  # an object of JSON has no order
     messages += ["rows sorted by time"] * bool(np.any(np.diff(order) != 1))
-    raw = Columns(
-        str(path),
-        names,
-        (seconds - np.min(seconds, initial=np.inf))[order],
-        speed[order],
-        place.__getitem__,
-        tuple(messages),
-    )
-    return raw.in_si(dated, replace(options, time_unit=time_unit), ("", unit))
+    time, speed, place = raw.time[order], raw.speed[order], raw.place
+    raw = Columns(str(path), names, time, speed, lambda row: place(order[row]), tuple(messages))
+    return raw.in_si(dated, options, ("", unit))
 
 
 def _series(data: Any) -> list[_Series]:
@@ -132,7 +119,7 @@ def _series(data: Any) -> list[_Series]:
     return [
         _Series(name, list(table), list(table.values()))
         for name, table in tables.items()
-        if _times([next(iter(table))], None)[0] != [None]
+        if _TIME.match(next(iter(table)))
     ]
 
 
@@ -145,7 +132,7 @@ def _usgs(entry: dict[str, Any], sensor: dict[str, Any]) -> _Series:
     about = [f"site {site.get('value')} {source.get('siteName', '')}".strip()]
     about += [f"method {method.get('methodID')} {method.get('methodDescription', '')}".strip()]
     numbers = [parse_number(str(each["value"])) for each in samples]
-    values = [None if number is None or number == missing else number for number in numbers]
+    values = [None if number == missing else number for number in numbers]
     return _Series(name, [each["dateTime"] for each in samples], values, about, name)
 
 
@@ -153,39 +140,16 @@ def _names(series: list[_Series]) -> list[str]:
     """Return a name of each series, with as much about it as makes the name unique."""
     names = [each.name for each in series]
     for at in range(max(len(each.about) for each in series)):
-        count = Counter(names)
+        found = Counter(names)
         names = [
-            f"{name}, {each.about[at]}" if count[name] > 1 else name
+            f"{name}, {each.about[at]}" if found[name] > 1 else name
             for name, each in zip(names, series, strict=True)
         ]
     return names
 
 
-def _times(
-    times: Sequence[Any], unit: str | None
-) -> tuple[Sequence[float | None], bool, str | None]:
-    """Return times, whether they are dates, in seconds, and the unit of times since 1970."""
-    numbers = [parse_number(str(time)) for time in times]
-    if unit is None and numbers[:1] not in ([], [None]):
-        known = [abs(number) for number in numbers if number is not None]
-        ends = np.array([[min(known), max(known)]]) * [[TIME_UNITS[each]] for each in _EPOCHS]
-        plausible = np.all((ends > _PLAUSIBLE[0]) & (ends < _PLAUSIBLE[1]), axis=1)
-        unit = next((_EPOCHS[at] for at in np.flatnonzero(plausible)), None)
-    dated = numbers[:1] == [None] or (unit is None and _date(*times[:1]) is not None)
-    return (list(map(_date, times)) if dated else numbers), dated, unit
-
-
-def _date(time: object = "") -> float | None:
-    """Return a date in seconds, in UTC where it has no zone."""
-    try:
-        date = datetime.fromisoformat(str(time)[:64])
-    except ValueError:
-        return None
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
-
-
-def _speed(value: object) -> float | None:
-    """Return a number, NaN of a missing one, None of all else."""
-    if value is None:
-        return np.nan
-    return parse_number(str(value)) if isinstance(value, int | float | str) else None
+def _epoch_unit(time: np.ndarray) -> str | None:
+    """Return the unit of times since 1970 that makes their years plausible, if any."""
+    low, high = _PLAUSIBLE
+    known = ((unit, np.abs(time) * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns"))
+    return next((unit for unit, t in known if low < np.min(t) and np.max(t) < high), None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.shipped import SPELLINGS
-from hkt_mdo.files.table import LONGEST_NAME, Column, Csv, line_error, parse_number, read_text
+from hkt_mdo.files.table import LONGEST_NAME, Column, Csv, parse_number, read_text
 
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
@@ -386,15 +386,50 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
     ------
     InputError
         If the file is broken, or its columns or units are not clear; with file, line and column.
-    """  # noqa: DOC501 - `line_error` returns an InputError
+    """
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)
     indices = [table.place(name) for name in names]
+    cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
+    raw, dated = parse_rows(cells, names, path, "line")
+    return raw.in_si(dated, options, ("", ""))
+
+
+def parse_rows(
+    rows: Iterable[tuple[int, str, str]], names: tuple[str, str], file: Path, where: str
+) -> tuple[Columns, bool]:
+    """Return texts of time and speed as numbers, and whether the times are dates.
+
+    Parameters
+    ----------
+    rows : iterable of (int, str, str)
+        Number, time and speed of each row.
+    names : tuple of str
+        Names of the time and of the speed.
+    file : pathlib.Path
+        The file, for messages.
+    where : str
+        What messages call a row, such as ``line``.
+
+    Returns
+    -------
+    Columns, bool
+        As in the file; dates in seconds since the first.
+
+    Raises
+    ------
+    InputError
+        If there are no or too many rows, or a text is neither number nor date.
+    """  # noqa: DOC501 - `refuse` returns an InputError
+
+    def refuse(line: int, column: int, wrong: tuple[str, str], value: str) -> InputError:
+        key = f"{where} {line}, {column_key(names[column])}"
+        return InputError(*wrong, file=file, key=key, value=value)
+
     lines, times, speeds = array("q"), array("d"), array("d")
     first: datetime | None = None  # where the times are dates
-    for line, cells in table:
-        time, speed = (cells[index].strip() for index in indices)
+    for line, time, speed in rows:
         seconds, wrong = parse_number(time), _NO_NUMBER
         if first or (seconds is None and not lines):
             try:
@@ -404,18 +439,19 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
             except (ValueError, TypeError) as error:
                 seconds, wrong = None, _NO_DATE if isinstance(error, ValueError) else _MIXED_ZONES
         if seconds is None:
-            raise line_error(path, line, *wrong, f"column {names[0]}", value=time)
+            raise refuse(line, 0, wrong, time)
         number = np.nan if speed.lower() in _MISSING else parse_number(speed)
         if number is None:
-            raise line_error(path, line, *_NO_SPEED, f"column {names[1]}", value=speed)
+            raise refuse(line, 1, _NO_SPEED, speed)
         lines.append(line)
         times.append(seconds)
         speeds.append(number)
-        check_length(len(lines), file)
+        check_length(len(lines), str(file))
     if not lines:
-        raise InputError("has a header but no samples", "add its rows", file=path)
-    raw = Columns(file, names, np.array(times), np.array(speeds), lambda row: f"line {lines[row]}")
-    return raw.in_si(first is not None, options, ("", ""))
+        raise InputError("has no samples", "add its rows", file=file)
+    time, speed = np.array(times), np.array(speeds)
+    raw = Columns(str(file), names, time, speed, lambda row: f"{where} {lines[row]}")
+    return raw, first is not None
 
 
 def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Column]:
