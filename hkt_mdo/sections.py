@@ -244,12 +244,12 @@ def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool
         raise refusal("cannot be a path", remedy) from None
 
 
-def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
+def _existing_file(value: str, info: ValidationInfo) -> str:
     """Return the absolute path of a file that a case names, which must exist.
 
     Parameters
     ----------
-    value, info, remedy
+    value, info
         As of `find_file`.
 
     Returns
@@ -262,10 +262,15 @@ def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
     pydantic_core.PydanticCustomError
         If there is no such file.
     """
+    remedy = "give the path of a file"
     path, fine = find_file(value, info, remedy)
     if not fine:
         raise refusal("is not a file", f"{remedy}, relative to the case's folder")
     return str(path)
+
+
+ExistingFile = Annotated[str, AfterValidator(_existing_file)]
+"""A file that a case names, which must exist; an absolute path."""
 
 
 @cache

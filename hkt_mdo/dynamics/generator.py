@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import ValidationInfo, field_validator, model_validator
+from pydantic import model_validator
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
-from hkt_mdo.sections import Quantity, Section, existing_file, refusal
+from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
 
 _LOSSES = {
     "copper_loss": "rated_torque",
@@ -60,15 +60,10 @@ class Generator(Section):
     torque on the standing rotor is larger."""
     shaft_friction_slope: Annotated[float, Quantity("N*m*s/rad", ge=0)] = 0.0
     """The part of that torque which is proportional to the rotor's speed, over the speed."""
-    table: str | None = None
+    table: ExistingFile | None = None
     """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
     or `speed_rad_s`, and `efficiency`: every torque at every speed. It is interpolated by natural
     cubic splines; a little beyond the table the efficiency becomes constant."""
-
-    @field_validator("table")
-    @classmethod
-    def _find_table(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return value and existing_file(value, info, "give the path of a CSV file")
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:

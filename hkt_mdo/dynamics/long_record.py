@@ -19,6 +19,7 @@ from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
 from hkt_mdo.dynamics.sampled import RecordFile
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import Columns, RecordOptions, read_pairs
+from hkt_mdo.sections import ExistingFile
 
 LONGEST_STILL = 1.0  # days
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
@@ -116,7 +117,7 @@ class RecordResource(RecordFile, Resource):
     direction_column: str | None = None
     """Column of the direction that the flow runs to, degrees from north to east: the speed is then
     that along the principal axis of the flow, with its sign."""
-    rating: str | None = None
+    rating: ExistingFile | None = None
     """Path of a CSV file with the columns `discharge_m3_s` and `speed_m_s`, for a record of the
     discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None

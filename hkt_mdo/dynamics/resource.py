@@ -12,11 +12,11 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.sections import Quantity, existing_file, refusal
+from hkt_mdo.sections import ExistingFile, Quantity, refusal
 
 YEAR = 8766.0 * 3600.0
 """A year, s: 8766 hours."""
@@ -149,14 +149,6 @@ class DurationCurve(Inflow):
         pass
 
 
-def _find_file(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a file that a resource names."""
-    return existing_file(value, info, "give the path of a file")
-
-
-_File = Annotated[str, AfterValidator(_find_file)]
-
-
 class Resource(Inflow):
     """How long a flow has each speed in a year, with cut-in, availability and losses.
 
@@ -181,7 +173,7 @@ class Resource(Inflow):
     reversal: Literal["turns", "stands", "backwards"] = "turns"
     """What the turbine does in reversed flow, of negative speed: it turns into the flow, it stands
     still, or its rotor turns backwards in flow from behind, with `reversed_polar`."""
-    reversed_polar: _File | None = None
+    reversed_polar: ExistingFile | None = None
     """Path of the polar of a section in flow from behind, for `reversal: backwards`: a file as of
     `rotor.polar`, with the angle of attack that the section has when it is turned by 180 degrees
     about the blade's axis, its trailing edge in front; that is the angle of the section itself less
@@ -329,7 +321,7 @@ class HistogramResource(Resource):
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
-    file: _File | None = None
+    file: ExistingFile | None = None
     """Path of a CSV file with the columns `speed_m_s` and `hours` in place of both, such as
     `hkt resource` writes."""
 

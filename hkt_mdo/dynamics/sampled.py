@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
+from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Pair, Quantity, Section, existing_file, refusal
+from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -51,7 +51,7 @@ Bins = Pair[Annotated[float, Quantity("m")]]
 class RecordFile(Section):
     """A file of samples over time, and its columns."""
 
-    file: str
+    file: ExistingFile
     """Path of the record, from the folder of the case file: `.csv` with a header line, `.json` of
     tidal currents (MHKiT) or of USGS, `.nc` (NetCDF) or `.parquet`; the latter two, as MHKiT's data
     are saved, need `hkt_mdo[records]`."""
@@ -78,12 +78,6 @@ class RecordFile(Section):
     component: str | None = None
     """Label of the velocity component to use, such as `E` or `streamwise`, or of two with a comma
     between them, such as `E,N`; null: the first two."""
-
-    @field_validator("file", "rating", check_fields=False)
-    @classmethod
-    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
-        remedy = "give the path of a CSV, JSON, NetCDF or Parquet file"
-        return value and existing_file(value, info, remedy)
 
 
 class RecordInflow(RecordFile, SampledInflow):

@@ -221,10 +221,9 @@ def _read_old_table(
         )
         raise line_error(path, line, problem, _OLD_REMEDY, where, value=" ".join(cells))
     reynolds = fortran_number(cells[0])
-    if reynolds == 0.0 and alone:
-        reynolds = None
-    else:
-        reynolds = check_reynolds(reynolds, cells[0], path, f"line {line}, Re", 1e6)
+    where_re = f"line {line}, Re"
+    zero = alone and reynolds == 0.0
+    reynolds = None if zero else check_reynolds(reynolds, cells[0], path, where_re, 1e6)
     rows = [row for row in block if len(row[1]) > 2 and None not in map(fortran_number, row[1])]
     if not rows:
         raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)

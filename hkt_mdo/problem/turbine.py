@@ -280,9 +280,9 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
         section._replace(thickness=float(each), outline=shape, area=shape.area)
         for each, shape in zip(thickness, shapes, strict=True)
     ]
-    note = f"the section's outline, {100.0 * section.thickness:.3g} % thick, is stretched to the "
-    note += f"thickness of the blade's file, {100.0 * np.min(thickness):.3g} to "
-    note += f"{100.0 * np.max(thickness):.3g} %; the polar is the same at all stations"
+    span = f"{100.0 * np.min(thickness):.3g} to {100.0 * np.max(thickness):.3g} %"
+    note = f"the one outline is stretched to the thickness of the blade's file, {span}; its polar "
+    note += "is the same at all stations"
     return [_with_material(each, rotor, entry) for each in stretched], (note,)
 
 

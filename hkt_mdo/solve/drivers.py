@@ -168,10 +168,8 @@ def _carrier(package: str, optimizer: str) -> str:
     remedies = " or ".join(conda.get(each, f"pip install {each}") for each in candidates)
     if optimizer == "SNOPT":
         remedies = "SNOPT is commercial: build pyoptsparse with your copy of it, or give IPOPT"
-    given = {"key": "driver.package", "value": package}
-    if package == "auto":
-        given = {"key": "driver.optimizer", "value": optimizer}
-    raise InputError(f"{optimizer} is not installed", remedies, **given)
+    key, value = ("optimizer", optimizer) if package == "auto" else ("package", package)
+    raise InputError(f"{optimizer} is not installed", remedies, key=f"driver.{key}", value=value)
 
 
 def _is_usable(package: str, optimizer: str) -> bool:
