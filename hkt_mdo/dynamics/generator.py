@@ -6,7 +6,6 @@ Speeds are those of the rotor's shaft: a gearbox is part of the generator.
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -14,6 +13,7 @@ from pydantic import model_validator
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
+from hkt_mdo.files.table import file_state
 from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
 
 _LOSSES = {
@@ -152,11 +152,7 @@ class Generator(Section):
     @cached_property
     def _surface(self) -> _Surface:
         """The contents of the table's file, read once."""
-        try:
-            state = Path(str(self.table)).stat()
-        except OSError:  # raises an InputError if the file is broken
-            return _Surface(str(self.table))
-        return _read(str(self.table), (state.st_mtime_ns, state.st_size))
+        return _read(str(self.table), file_state(str(self.table)))
 
 
 LOSSLESS = Generator()
@@ -189,6 +185,7 @@ class _Surface:
 
     def __init__(self, path: str):
         torque, speed, self._table = read_efficiency(path)
+        self.speeds = speed[0], speed[-1]
         self._torque, self._speed = _Axis(torque), _Axis(speed)
         rows, columns = (
             axis.basis(np.linspace(2.0 * x[0] - x[-1], 2.0 * x[-1] - x[0], 901))[0]
@@ -208,11 +205,6 @@ class _Surface:
             by_speed = np.sum(rows * (by_w @ self._table.T), axis=1)
             found = found + 1j * (by_torque * u.imag + by_speed * w.imag)
         return found.reshape(torque.shape)
-
-    @property
-    def speeds(self) -> tuple[float, float]:
-        """Slowest and fastest speed of the table, rad/s."""
-        return self._speed.low, self._speed.high
 
     def beyond(self, torque, speed) -> float:
         """Return by how much of its range the table is left, along the worse of its axes."""

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from hkt_mdo.dynamics.records import FASTEST, MIN_SAMPLES, check_order, check_speeds, read_columns
+from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
 from hkt_mdo.dynamics.sampled import RecordFile
 from hkt_mdo.errors import InputError
@@ -142,7 +142,7 @@ class RecordResource(RecordFile, Resource):
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
         options = self.model_dump(include={*RecordFile.model_fields} - {"file"}) | others
-        return read_columns(Path(self.file), RecordOptions(**options))
+        return records.read_columns(Path(self.file), RecordOptions(**options))
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""
@@ -193,20 +193,19 @@ class RecordResource(RecordFile, Resource):
         made = self._made(replace(raw, speed=speed, messages=(*raw.messages, note)))
         return replace(made, axis=angle)
 
-    def _made(self, raw: Columns, least: float = -FASTEST, most: float = FASTEST) -> FlowSamples:
+    def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""
-        check_order(raw)
-        speed = raw.speed
+        records.check_order(raw)
         if self.spikes == "replace":
-            speed = np.where((speed < least) | (speed > most), np.nan, speed)
+            wrong = (raw.speed < least) | (raw.speed > most)
+            raw = replace(raw, speed=np.where(wrong, np.nan, raw.speed))
         if self.spikes != "keep":
-            speed = self._without_standstill(replace(raw, speed=speed))
-        raw = replace(raw, speed=speed)
-        spikes, notes = check_speeds(raw, self.spikes, least, most)
+            raw = replace(raw, speed=self._without_standstill(raw))
+        spikes, notes = records.check_speeds(raw, self.spikes, least, most)
         good = np.isfinite(raw.speed) & ~spikes
         count = int(np.sum(good))
-        if count < MIN_SAMPLES:
-            problem, remedy = f"has {count} samples", f"give {MIN_SAMPLES} at least"
+        if count < records.MIN_SAMPLES:
+            problem, remedy = f"has {count} samples", f"give {records.MIN_SAMPLES} at least"
             raise InputError(problem, remedy, file=self.file)
         time, speed = raw.time[good], raw.speed[good]
         length, steps = time[-1] - time[0], np.diff(time)
@@ -231,12 +230,12 @@ class RecordResource(RecordFile, Resource):
         still = np.diff(speed == 0.0, prepend=False, append=False)
         for begin, end in np.flatnonzero(still).reshape(-1, 2):
             days = (raw.time[end - 1] - raw.time[begin]) / 86400.0
-            if days >= LONGEST_STILL and self.spikes == "refuse":
+            if days < LONGEST_STILL:
+                continue
+            if self.spikes == "refuse":
                 problem = f"begins {days:.3g} days of exactly 0, such as of a sensor that failed"
-                remedy = "give spikes: replace to leave them out, or spikes: keep if that is the "
-                raise raw.refuse(problem, f"{remedy}flow", begin, 1)
-            if days >= LONGEST_STILL:
-                speed[begin:end] = np.nan
+                raise raw.refuse(problem, records.SPIKES, begin, 1)
+            speed[begin:end] = np.nan
         return speed
 
     def occurrence(self):

@@ -27,6 +27,9 @@ MIN_SAMPLES = 16
 FASTEST = 20.0
 """Speed, m/s, that no river reaches: a larger number is in another unit or marks a gap."""
 
+SPIKES = "give spikes: replace to leave such samples out, or spikes: keep if that is the flow"
+"""Remedy of samples that a sensor most likely got wrong."""
+
 SPIKE = 6.0
 """Least distance of a spike from the median of the samples around it, in units of their spread."""
 
@@ -108,25 +111,21 @@ def _with_parts(read: Callable[[RecordOptions], Columns], options: RecordOptions
     The speed of a vector with noise is too large on average (Rice's distribution), unlike the
     vector's mean.
     """
-    raw = read(options)
+    raw, messages = read(options), []
     if options.second_column is not None:
         second = read(replace(options, speed_column=options.second_column))
-        note = f"horizontal speed of {raw.names[1]} and {second.names[1]}"
+        messages.append(f"horizontal speed of {raw.names[1]} and {second.names[1]}")
         parts = np.stack((raw.speed, second.speed))
-        messages = (*raw.messages, note)
-        raw = replace(raw, speed=np.hypot(*parts), parts=parts, messages=messages)
-    if raw.parts is None:
-        return raw
-    good = np.isfinite(raw.time) & np.all(np.isfinite(raw.parts), axis=0)
-    _, place = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
-    mean = np.sum(np.hypot(*(np.bincount(place, part[good]) for part in raw.parts)))
-    above = np.sum(raw.speed[good]) / mean - 1.0 if mean > 0.0 else 0.0
-    if above < NOISY:
-        return raw
-    note = f"speeds of single samples are on average {100.0 * above:.2g} % above those of their "
-    note += f"mean vectors over {AVERAGED / 60.0:g} min: if they are single pings of an ADCP, "
-    note += "average the components over time first, or take the component along the flow"
-    return replace(raw, messages=(*raw.messages, note))
+        raw = replace(raw, speed=np.hypot(*parts), parts=parts)
+    if raw.parts is not None:
+        good = np.isfinite(raw.time) & np.all(np.isfinite(raw.parts), axis=0)
+        _, place = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
+        mean = np.sum(np.hypot(*(np.bincount(place, part[good]) for part in raw.parts)))
+        if (above := np.sum(raw.speed[good]) - mean) > NOISY * mean:
+            text = f"speeds are on average {100.0 * above / mean:.2g} % above those of their mean "
+            text += f"vectors over {AVERAGED / 60.0:g} min: if they are single pings of an ADCP, "
+            messages.append(text + "average the components first, or take that along the flow")
+    return replace(raw, messages=(*raw.messages, *messages))
 
 
 def record_from(data: Any, **options: Any) -> Record:
@@ -176,8 +175,7 @@ def check_speeds(
     if found.size and choice == "refuse":
         others = f", and {found.size - 1} more do" if found.size > 1 else ""
         problem = f"differs from its neighbours like a spike{others}"
-        remedy = "give spikes: replace to leave such samples out, or spikes: keep if that is the "
-        raise raw.refuse(problem, f"{remedy}flow", int(found[0]), 1)
+        raise raw.refuse(problem, SPIKES, int(found[0]), 1)
     if found.size:
         text = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
         notes.append(f"{text}, at t = {_times(raw.time[found])}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.files.table import file_state
 from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
@@ -114,11 +114,7 @@ class RecordInflow(RecordFile, SampledInflow):
     @cached_property
     def _record(self):
         """The record of the file, read once for equal options."""
-        try:
-            state = Path(self.file).stat()
-        except OSError:  # raises an InputError if the file is broken
-            return _read(self, None)
-        return _read(self, (state.st_mtime_ns, state.st_size))
+        return _read(self, file_state(self.file))
 
     def samples(self):
         return self._record.time, self._record.speed, "not-a-knot"

@@ -100,6 +100,25 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
     return text
 
 
+def file_state(path: str | Path) -> tuple[int, int] | None:
+    """Return what changes when a file is written anew.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file.
+
+    Returns
+    -------
+    tuple of int or None
+        Its time, ns, and size; None if it cannot be read.
+    """
+    with suppress(OSError):
+        state = Path(path).stat()
+        return state.st_mtime_ns, state.st_size
+    return None
+
+
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Replace files atomically: a reader never sees an incomplete one.
 
