@@ -56,6 +56,7 @@ _QUANTITY_TEXT = re.compile(
     rf"({_NUMBER}) *({_FACTOR}(?:(?:{_TIMES}| +){_FACTOR})*(?:(?:{_TIMES}|/){_FACTOR})*)?"
 )
 _NEWTON_METRE = re.compile(r"\b([kM]?)Nm\b")
+_COMMA = re.compile(r"[-+]?\d+,\d")
 _PER_CENT = re.compile(rf"({_NUMBER}) *%")
 _LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24  # characters, so that no text takes long to evaluate
 _BOUNDS = (
@@ -129,6 +130,8 @@ class Quantity:
         match = _QUANTITY_TEXT.fullmatch(text)
         if match is None:
             wanted = "a number, or a number and a unit" if self.unit else "a number, or per cent"
+            if _COMMA.match(text):
+                wanted += ", decimals with a point"
             raise self._refuse(f"must be {wanted}")
         if self.unit is None:
             raise self._refuse("must be a plain number or per cent, no text and no unit")
@@ -241,12 +244,12 @@ def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool
         raise refusal("cannot be a path", remedy) from None
 
 
-def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
+def _existing_file(value: str, info: ValidationInfo) -> str:
     """Return the absolute path of a file that a case names, which must exist.
 
     Parameters
     ----------
-    value, info, remedy
+    value, info
         As of `find_file`.
 
     Returns
@@ -259,10 +262,15 @@ def existing_file(value: str, info: ValidationInfo, remedy: str) -> str:
     pydantic_core.PydanticCustomError
         If there is no such file.
     """
+    remedy = "give the path of a file"
     path, fine = find_file(value, info, remedy)
     if not fine:
         raise refusal("is not a file", f"{remedy}, relative to the case's folder")
     return str(path)
+
+
+ExistingFile = Annotated[str, AfterValidator(_existing_file)]
+"""A file that a case names, which must exist; an absolute path."""
 
 
 @cache

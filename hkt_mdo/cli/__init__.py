@@ -118,6 +118,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         what = f"{type(error).__name__}: {error}"
         code, told = BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
+        if isinstance(error, ImportError) and "OPENMDAO_USE_MPI" in what:
+            told = "the environment variable OPENMDAO_USE_MPI is set, and mpi4py cannot be imported"
+            code, told = BAD_INPUT, f"{told}; unset the variable, or install mpi4py"
     finally:
         if arguments is None:
             gc.freeze()  # the process ends: scanning all objects again takes most of a second

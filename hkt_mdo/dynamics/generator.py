@@ -6,14 +6,15 @@ Speeds are those of the rotor's shaft: a gearbox is part of the generator.
 from __future__ import annotations
 
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import ValidationInfo, field_validator, model_validator
+from pydantic import model_validator
 
+from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
-from hkt_mdo.sections import Quantity, Section, existing_file, refusal
+from hkt_mdo.files.table import file_state
+from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
 
 _LOSSES = {
     "copper_loss": "rated_torque",
@@ -23,6 +24,7 @@ _LOSSES = {
 """By the key of a loss: the key of the torque or speed at which it is given."""
 
 BEYOND = 0.05  # share of a table's range by which it is continued at its ends
+RATIOS = 0.5, 15.0  # tip speed ratios between which rotors work
 _Loss = Annotated[float, Quantity("W", ge=0)]
 _WAYS = "give efficiency, losses at rated torque and speed, or table: one of the three"
 
@@ -58,15 +60,10 @@ class Generator(Section):
     torque on the standing rotor is larger."""
     shaft_friction_slope: Annotated[float, Quantity("N*m*s/rad", ge=0)] = 0.0
     """The part of that torque which is proportional to the rotor's speed, over the speed."""
-    table: str | None = None
+    table: ExistingFile | None = None
     """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
     or `speed_rad_s`, and `efficiency`: every torque at every speed. It is interpolated by natural
     cubic splines; a little beyond the table the efficiency becomes constant."""
-
-    @field_validator("table")
-    @classmethod
-    def _find_table(cls, value: str | None, info: ValidationInfo) -> str | None:
-        return value and existing_file(value, info, "give the path of a CSV file")
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:
@@ -114,10 +111,22 @@ class Generator(Section):
             shaft = shaft - self.iron_loss * (speed / self.rated_speed) ** 2
         return shaft
 
-    def check(self) -> None:
-        """Read the table, if there is one; InputError if it is broken."""
-        if self.table is not None:
-            _ = self._surface
+    def check(self, radius: float, slowest: float, fastest: float) -> None:
+        """Read the table, if there is one; InputError if it is broken or of another shaft.
+
+        The rotor's tip radius is in m, the smallest and largest speed of the flow in m/s.
+        """
+        if self.table is None:
+            return
+        low, high = (
+            ratio * v / radius for ratio, v in zip(RATIOS, (slowest, fastest), strict=True)
+        )
+        first, last = self._surface.speeds
+        if first > high or last < low:
+            problem = f"has speeds from {first:.4g} to {last:.4g} rad/s, and this rotor turns at "
+            problem += f"{low:.3g} to {high:.3g}"
+            remedy = "give torque and speed of the rotor's shaft, not of the shaft behind a gearbox"
+            raise InputError(problem, remedy, file=self.table)
 
     @property
     def proportional(self) -> bool:
@@ -143,11 +152,7 @@ class Generator(Section):
     @cached_property
     def _surface(self) -> _Surface:
         """The contents of the table's file, read once."""
-        try:
-            state = Path(str(self.table)).stat()
-        except OSError:  # raises an InputError if the file is broken
-            return _Surface(str(self.table))
-        return _read(str(self.table), (state.st_mtime_ns, state.st_size))
+        return _read(str(self.table), file_state(str(self.table)))
 
 
 LOSSLESS = Generator()
@@ -180,6 +185,7 @@ class _Surface:
 
     def __init__(self, path: str):
         torque, speed, self._table = read_efficiency(path)
+        self.speeds = speed[0], speed[-1]
         self._torque, self._speed = _Axis(torque), _Axis(speed)
         rows, columns = (
             axis.basis(np.linspace(2.0 * x[0] - x[-1], 2.0 * x[-1] - x[0], 901))[0]

@@ -9,22 +9,22 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
-from hkt_mdo.dynamics.records import FASTEST, read_columns
+from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
-from hkt_mdo.dynamics.sampled import Bins, SpeedUnit, TimeUnit
+from hkt_mdo.dynamics.sampled import RecordFile
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record_table import RecordOptions, read_pairs
-from hkt_mdo.sections import Quantity, existing_file
+from hkt_mdo.files.record_table import Columns, RecordOptions, read_pairs
+from hkt_mdo.sections import ExistingFile
 
-FEWEST = 16  # samples
+LONGEST_STILL = 1.0  # days
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
 POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
-_SAMPLES = "time_column", "speed_column", "time_unit", "speed_unit", "area", "bins", "component"
+_ANGLE = {"speed_unit": "m/s", "component": None, "area": None}  # degrees are read as a speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,86 +105,50 @@ class Rating:
         return float(1.0 - left / np.sum((self.speed - np.mean(self.speed)) ** 2))
 
 
-class RecordResource(Resource):
+class RecordResource(RecordFile, Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
-    Missing samples are left out; all others have equal weight.
+    Missing samples are left out; all others have equal weight. Of two components it takes the speed
+    along the principal axis of the flow, with its sign.
     """
 
     profile: Literal["long_record"] = "long_record"
     """The kind of resource."""
-    file: str
-    """Path of the record: `.csv`, `.nc` or `.parquet` as of the profile `record`, or `.json` as
-    MHKiT saves NOAA's and USGS' stations."""
-    time_column: str | None = None
-    """Column of the time, as of the profile `record`."""
-    speed_column: str | None = None
-    """Column of the speed or the discharge, as of the profile `record`."""
     direction_column: str | None = None
     """Column of the direction that the flow runs to, degrees from north to east: the speed is then
     that along the principal axis of the flow, with its sign."""
-    time_unit: TimeUnit | None = None
-    """Unit of times that are numbers, as of the profile `record`."""
-    speed_unit: SpeedUnit | None = None
-    """Unit of the speed or the discharge, as of the profile `record`."""
-    area: Annotated[float, Quantity("m**2", gt=0)] | None = None
-    """Area of the channel's cross section, for a record of the discharge without a rating curve."""
-    bins: Bins | None = None
-    """Range of the depth bins of a profiler that are averaged, as of the profile `record`."""
-    component: str | None = None
-    """Label of the component of a velocity that is taken, with its sign; of two with a comma
-    between them, such as `E,N`, the speed along the principal axis of the flow."""
-    rating: str | None = None
+    rating: ExistingFile | None = None
     """Path of a CSV file with the columns `discharge_m3_s` and `speed_m_s`, for a record of the
     discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None
     """Degree of the polynomial that is fitted to the rating curve; null: straight lines between its
     points, and beyond them the speed of the last point."""
-    spikes: Literal["refuse", "keep"] = "refuse"
-    """What is done about speeds above 20 m/s or discharges below zero: the record is refused, or
-    they are left out."""
-
-    @field_validator("file", "rating")
-    @classmethod
-    def _find_file(cls, value: str | None, info: ValidationInfo) -> str | None:
-        remedy = "give the path of a CSV, JSON, NetCDF or Parquet file"
-        return None if value is None else existing_file(value, info, remedy)
+    spikes: Literal["refuse", "replace", "keep"] = "refuse"
+    """Treatment of spikes as of the profile `record`, and of a flow of exactly 0 for more than a
+    day: the record is refused, such samples are left out, as are those above 20 m/s and discharges
+    below zero, or they are kept as part of the flow."""
 
     @cached_property
     def samples(self) -> FlowSamples:
         """The samples of the file."""
         if self.rating is not None:
             return self._of_discharge()
-        labels = (self.component or "").split(",")
-        if self.direction_column is not None:
-            speed, angle = self._columns(), self._columns(self.direction_column)
-            angle = replace(angle, speed=np.deg2rad(angle.speed))
-            parts = [speed.speed * np.sin(angle.speed), speed.speed * np.cos(angle.speed)]
-            return self._along_axis(speed, parts)
-        if len(labels) == 2:
-            first, second = (self._columns(component=label.strip()) for label in labels)
-            return self._along_axis(first, [first.speed, second.speed])
         raw = self._columns()
-        return self._made(raw.time, raw.speed, raw.messages)
+        if self.direction_column is not None:
+            angle = np.deg2rad(self._columns(speed_column=self.direction_column, **_ANGLE).speed)
+            raw = replace(raw, parts=raw.speed * np.stack((np.sin(angle), np.cos(angle))))
+        return self._made(raw) if raw.parts is None else self._along_axis(raw)
 
-    def _columns(self, column: str | None = None, component: str | None = None, **others):
-        """Return the columns of time and of one quantity, of an angle by its column."""
-        options = {name: getattr(self, name) for name in _SAMPLES} | others
-        options["component"] = component or self.component
-        if column is not None:
-            options |= {
-                "speed_column": column,
-                "speed_unit": "m/s",
-                "component": None,
-                "area": None,
-            }
-        return read_columns(Path(self.file), RecordOptions(**options))
+    def _columns(self, **others: Any) -> Columns:
+        """Return the columns of time and of one quantity, by other options than the keys."""
+        options = self.model_dump(include={*RecordFile.model_fields} - {"file"}) | others
+        return records.read_columns(Path(self.file), RecordOptions(**options))
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""
         curve, raw = self.rating_curve, self._columns(area=1.0)
-        notes = [text for text in raw.messages if "over the area" not in text]
-        made = self._made(raw.time, raw.speed, tuple(notes), most=np.inf, least=0.0)
+        notes = tuple(text for text in raw.messages if "over the area" not in text)
+        made = self._made(replace(raw, messages=notes, unit="m3/s"), 0.0, np.inf)
         low, high = curve.discharge[0], curve.discharge[-1]
         outside = float(np.mean((made.speed < low) | (made.speed > high)))
         notes = f"speed by the rating curve of {curve.discharge.size} points, "
@@ -201,7 +165,8 @@ class RecordResource(Resource):
     def rating_curve(self) -> Rating:
         """The rating curve, its points in the order of rising discharge."""
         assert self.rating is not None
-        discharge, speed = read_pairs(self.rating, ("discharge_m3_s", "speed_m_s"))
+        columns = read_pairs(self.rating, ("discharge_m3_s", "speed_m_s"))
+        discharge, speed = (column.values for column in columns)
         order = np.argsort(discharge)
         discharge, speed = discharge[order], speed[order]
         if discharge.size < 2 or np.any(np.diff(discharge) <= 0.0) or np.any(speed < 0.0):
@@ -213,56 +178,65 @@ class RecordResource(Resource):
             raise InputError(problem, "give a lower one", key="resource.rating_degree")
         return Rating(discharge, speed, self.rating_degree)
 
-    def _along_axis(self, raw, parts) -> FlowSamples:
-        """Return the samples of the speed along the principal axis, of parts to east and north."""
-        good = np.isfinite(parts[0]) & np.isfinite(parts[1])
-        east, north = (part[good] for part in parts)
-        about = np.stack((east, north))
-        if about.size:
-            _, vectors = np.linalg.eigh(about @ about.T)
-            axis = vectors[:, -1]
-            along = axis @ about
-            sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
-            axis, along = sign * axis, sign * along
-            share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
-            angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
-            notes = (
-                f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
-            )
-        else:
-            along, angle, notes = np.empty(0), 0.0, ""
-        made = self._made(raw.time[good], along, (*raw.messages, notes))
+    def _along_axis(self, raw: Columns) -> FlowSamples:
+        """Return the samples of the speed along the principal axis of its parts, east and north."""
+        good = np.all(np.isfinite(raw.parts), axis=0)
+        about = raw.parts[:, good]
+        _, vectors = np.linalg.eigh(about @ about.T)
+        along = vectors[:, -1] @ about
+        sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
+        axis, speed = sign * vectors[:, -1], np.full(good.size, np.nan)
+        speed[good] = sign * along
+        share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
+        angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
+        note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
+        made = self._made(replace(raw, speed=speed, messages=(*raw.messages, note)))
         return replace(made, axis=angle)
 
-    def _made(self, time, speed, notes, most=FASTEST, least=-FASTEST) -> FlowSamples:
-        """Check samples and return them without gaps."""
-        good = np.isfinite(speed) & np.isfinite(time)
-        wrong = good & ((speed > most) | (speed < least))
-        if np.any(wrong) and self.spikes == "refuse":
-            row = int(np.argmax(wrong))
-            problem = (
-                f"has {speed[row]:.4g} in SI units at t = {time[row]:.6g} s, which no river has"
-            )
-            remedy = "correct speed_unit, or give spikes: keep to leave such samples out"
-            raise InputError(problem, remedy, file=self.file)
-        good &= ~wrong
+    def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
+        """Return the samples of checked columns without gaps."""
+        records.check_order(raw)
+        if self.spikes == "replace":
+            wrong = (raw.speed < least) | (raw.speed > most)
+            raw = replace(raw, speed=np.where(wrong, np.nan, raw.speed))
+        if self.spikes != "keep":
+            raw = replace(raw, speed=self._without_standstill(raw))
+        spikes, notes = records.check_speeds(raw, self.spikes, least, most)
+        good = np.isfinite(raw.speed) & ~spikes
         count = int(np.sum(good))
-        if count < FEWEST:
-            problem, remedy = f"has {count} samples", f"give {FEWEST} at least"
+        if count < records.MIN_SAMPLES:
+            problem, remedy = f"has {count} samples", f"give {records.MIN_SAMPLES} at least"
             raise InputError(problem, remedy, file=self.file)
-        time, speed = time[good], speed[good]
-        if np.any(np.diff(time) <= 0.0):
-            row = int(np.argmax(np.diff(time) <= 0.0)) + 1
-            problem = f"has a time that does not rise, {time[row]:.6g} s after the first"
-            raise InputError(problem, "sort the rows and keep one of each", file=self.file)
-        years, needed = (time[-1] - time[0]) / YEAR, YEARS_301 if most == np.inf else YEARS_201
+        time, speed = raw.time[good], raw.speed[good]
+        length, steps = time[-1] - time[0], np.diff(time)
+        years, needed = length / YEAR, YEARS_301 if least == 0.0 else YEARS_201
         first = f"{Path(self.file).name}: {count} samples over {years:.3g} years"
         if count < good.size:
             first += f", {good.size - count} missing"
+        missing = steps[steps > 1.5 * np.median(steps)] - np.median(steps)
+        if missing.size:
+            share = f"{100.0 * np.sum(missing) / length:.2g} % of the time"
+            first += f"; gaps are {share}, the longest {np.max(missing) / 86400.0:.3g} days"
+            first += ": the flow in them counts as that of the samples"
         if years < 0.98 * needed:
-            part = "301" if most == np.inf else "201"
+            part = "301" if least == 0.0 else "201"
             first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)}"
-        return FlowSamples(time - time[0], speed, messages=(first, *filter(None, notes)))
+        messages = (first, *raw.messages, *notes)
+        return FlowSamples(time - time[0], speed, messages=messages)
+
+    def _without_standstill(self, raw: Columns) -> np.ndarray:
+        """Return the speeds without those of a sensor that gives exactly 0 for a day or more."""
+        speed = raw.speed.copy()
+        still = np.diff(speed == 0.0, prepend=False, append=False)
+        for begin, end in np.flatnonzero(still).reshape(-1, 2):
+            days = (raw.time[end - 1] - raw.time[begin]) / 86400.0
+            if days < LONGEST_STILL:
+                continue
+            if self.spikes == "refuse":
+                problem = f"begins {days:.3g} days of exactly 0, such as of a sensor that failed"
+                raise raw.refuse(problem, records.SPIKES, begin, 1)
+            speed[begin:end] = np.nan
+        return speed
 
     def occurrence(self):
         """Return the speeds of bins; those of reversed flow are binned separately."""

@@ -6,7 +6,9 @@ repaired unless an option says so, and every repair is named in `Record.messages
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,9 @@ MIN_SAMPLES = 16
 FASTEST = 20.0
 """Speed, m/s, that no river reaches: a larger number is in another unit or marks a gap."""
 
+SPIKES = "give spikes: replace to leave such samples out, or spikes: keep if that is the flow"
+"""Remedy of samples that a sensor most likely got wrong."""
+
 SPIKE = 6.0
 """Least distance of a spike from the median of the samples around it, in units of their spread."""
 
@@ -33,6 +38,9 @@ LONGEST = 1e10
 
 SHORTEST = 1e-6
 """Step, s, below which no flow is sampled."""
+
+AVERAGED, NOISY = 600.0, 0.01
+"""Time, s, of a mean vector, and the share by which speeds above it are told to be noise."""
 
 UNEVEN = 0.05
 """Share of a step by which a sample may be off its even time."""
@@ -94,7 +102,30 @@ def read_columns(path: Path, options: RecordOptions) -> Columns:
     if reader is None:
         problem = f"has the file extension {ending}" if ending else "has no file extension"
         raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
-    return reader(path, options)
+    return _with_parts(partial(reader, path), options)
+
+
+def _with_parts(read: Callable[[RecordOptions], Columns], options: RecordOptions) -> Columns:
+    """Return columns with the speed of two components, and a note where noise adds to it.
+
+    The speed of a vector with noise is too large on average (Rice's distribution), unlike the
+    vector's mean.
+    """
+    raw, messages = read(options), []
+    if options.second_column is not None:
+        second = read(replace(options, speed_column=options.second_column))
+        messages.append(f"horizontal speed of {raw.names[1]} and {second.names[1]}")
+        parts = np.stack((raw.speed, second.speed))
+        raw = replace(raw, speed=np.hypot(*parts), parts=parts)
+    if raw.parts is not None:
+        good = np.isfinite(raw.time) & np.all(np.isfinite(raw.parts), axis=0)
+        _, place = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
+        mean = np.sum(np.hypot(*(np.bincount(place, part[good]) for part in raw.parts)))
+        if (above := np.sum(raw.speed[good]) - mean) > NOISY * mean:
+            text = f"speeds are on average {100.0 * above / mean:.2g} % above those of their mean "
+            text += f"vectors over {AVERAGED / 60.0:g} min: if they are single pings of an ADCP, "
+            messages.append(text + "average the components first, or take that along the flow")
+    return replace(raw, messages=(*raw.messages, *messages))
 
 
 def record_from(data: Any, **options: Any) -> Record:
@@ -104,7 +135,55 @@ def record_from(data: Any, **options: Any) -> Record:
     `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
     """
     chosen = RecordOptions(**options)
-    return _Record(columns_from(data, chosen), chosen).made()
+    return _Record(_with_parts(partial(columns_from, data), chosen), chosen).made()
+
+
+def check_order(raw: Columns) -> None:
+    """Refuse a record that is too short, lacks a time, or whose times do not rise plausibly."""
+    time = raw.time
+    if time.size < MIN_SAMPLES:
+        problem = f"has {_count(time.size, 'sample')}"
+        raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
+    for row in np.flatnonzero(~np.isfinite(time))[:1]:
+        raise raw.refuse("is no time", "give a time for every sample", row, 0)
+    for row in np.flatnonzero(np.abs(time) > LONGEST)[:1]:
+        remedy = "correct it or the first time, or time_unit"
+        raise raw.refuse(f"is more than {LONGEST:g} s from the first time", remedy, row, 0)
+    for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
+        after = "also the time of" if time[row + 1] == time[row] else "before"
+        remedy = "sort the rows by time and keep one of each; if the clock was changed, give "
+        remedy += "dates with their zone"
+        raise raw.refuse(f"is {after} {raw.place(row)}", remedy, row + 1, 0)
+    if (step := float(np.median(np.diff(time)))) < SHORTEST:
+        problem = f"is where steps of {step:.3g} s begin, and {SHORTEST:g} s are the shortest"
+        raise raw.refuse(problem, "correct the times, or time_unit", 0, 0)
+
+
+def check_speeds(
+    raw: Columns, choice: str, least: float = -FASTEST, most: float = FASTEST
+) -> tuple[np.ndarray, list[str]]:
+    """Return which samples are spikes that are to be left out, and notes about them.
+
+    Spikes are refused if the choice is ``refuse``, and part of the flow if it is ``keep``; samples
+    below `least` and above `most` that are no spikes are always refused.
+    """
+    speed, spikes = raw.speed, np.zeros(raw.speed.size, dtype=bool)
+    present, notes = np.flatnonzero(np.isfinite(speed)), []
+    if choice != "keep" and present.size >= MIN_SAMPLES:
+        spikes[present[find_spikes(speed[present])]] = True
+    found = np.flatnonzero(spikes)
+    if found.size and choice == "refuse":
+        others = f", and {found.size - 1} more do" if found.size > 1 else ""
+        problem = f"differs from its neighbours like a spike{others}"
+        raise raw.refuse(problem, SPIKES, int(found[0]), 1)
+    if found.size:
+        text = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
+        notes.append(f"{text}, at t = {_times(raw.time[found])}")
+    for row in np.flatnonzero(((speed > most) | (speed < least)) & ~spikes)[:1]:
+        problem = f"is faster than any river, {FASTEST:g} m/s" if most == FASTEST else "is negative"
+        remedy = "correct speed_unit, or leave cells empty where samples are missing"
+        raise raw.refuse(problem, remedy, row, 1)
+    return spikes, notes
 
 
 class _Record:
@@ -114,13 +193,11 @@ class _Record:
         self.raw, self.options, self.messages = raw, options, list(raw.messages)
 
     def made(self) -> Record:
-        self.check_order()
+        check_order(self.raw)
         self.cut()
-        raw, spikes = self.raw, self.spikes()
-        for row in np.flatnonzero((np.abs(raw.speed) > FASTEST) & ~spikes)[:1]:
-            problem = f"is faster than any river, {FASTEST:g} m/s"
-            remedy = "correct speed_unit, or leave cells empty where samples are missing"
-            raise raw.refuse(problem, remedy, row, 1)
+        raw = self.raw
+        spikes, notes = check_speeds(raw, self.options.spikes)
+        self.messages += notes
         step, speed = self.even(spikes)
         cutoff, smooth = self.low_passed(step, speed)
         low = int(np.argmin(smooth))
@@ -135,26 +212,6 @@ class _Record:
         )
         time = step * np.arange(smooth.size)
         return Record(time, smooth, step, cutoff, (summary, *self.messages))
-
-    def check_order(self) -> None:
-        """Refuse a record that is too short, lacks a time, or whose times do not rise plausibly."""
-        raw, time = self.raw, self.raw.time
-        if time.size < MIN_SAMPLES:
-            problem = f"has {_count(time.size, 'sample')}"
-            raise InputError(problem, f"give {MIN_SAMPLES} at least", file=raw.file)
-        for row in np.flatnonzero(~np.isfinite(time))[:1]:
-            raise raw.refuse("is no time", "give a time for every sample", row, 0)
-        for row in np.flatnonzero(np.abs(time) > LONGEST)[:1]:
-            remedy = "correct it or the first time, or time_unit"
-            raise raw.refuse(f"is more than {LONGEST:g} s from the first time", remedy, row, 0)
-        for row in np.flatnonzero(np.diff(time) <= 0.0)[:1]:
-            after = "also the time of" if time[row + 1] == time[row] else "before"
-            remedy = "sort the rows by time and keep one of each; if the clock was changed, give "
-            remedy += "dates with their zone"
-            raise raw.refuse(f"is {after} {raw.place(row)}", remedy, row + 1, 0)
-        if (step := float(np.median(np.diff(time)))) < SHORTEST:
-            problem = f"is where steps of {step:.3g} s begin, and {SHORTEST:g} s are the shortest"
-            raise raw.refuse(problem, "correct the times, or time_unit", 0, 0)
 
     def cut(self) -> None:
         """Take the rows from start to start + duration, times anew from 0."""
@@ -184,25 +241,6 @@ class _Record:
             speed=raw.speed[first:last],
             place=lambda row: raw.place(row + first),
         )
-
-    def spikes(self) -> np.ndarray:
-        """Return which samples are spikes that are to be replaced."""
-        speed, time, choice = self.raw.speed, self.raw.time, self.options.spikes
-        spikes = np.zeros(speed.size, dtype=bool)
-        present = np.flatnonzero(np.isfinite(speed))
-        if choice == "keep" or present.size < MIN_SAMPLES:
-            return spikes
-        found = present[find_spikes(speed[present])]
-        if found.size and choice == "refuse":
-            others = f", and {found.size - 1} more do" if found.size > 1 else ""
-            problem = f"differs from its neighbours like a spike{others}"
-            remedy = "give spikes: replace to interpolate there, or spikes: keep if that is the "
-            raise self.raw.refuse(problem, f"{remedy}flow", int(found[0]), 1)
-        if found.size:
-            spikes[found] = True
-            text = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
-            self.messages.append(f"{text}, at t = {_times(time[found])}")
-        return spikes
 
     def even(self, spikes: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the step, and the speeds at even times, interpolated where there are none."""

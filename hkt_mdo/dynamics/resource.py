@@ -12,11 +12,11 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, model_validator
+from pydantic import Field, model_validator
 
 from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.sections import Quantity, existing_file, refusal
+from hkt_mdo.sections import ExistingFile, Quantity, refusal
 
 YEAR = 8766.0 * 3600.0
 """A year, s: 8766 hours."""
@@ -24,6 +24,7 @@ POINTS = 5  # of a normal distribution of turbulence: exact for polynomials of t
 FINE = 64  # points of Gauss's rule in a bin of a distribution
 TAIL = 1e-5  # share of the time above the fastest bin of a distribution, five minutes a year
 TIDE_STEP = 600.0  # s, at which a tide is sampled
+YEAR_ROUNDED = 3e-3  # a year has 8760, 8766 or 8784 hours
 SAME = 1e-9  # m/s, by which speeds of one bin differ at most
 MOST_SPEEDS = 2000
 WIDEST = 0.1  # m/s, of the bins of IEC TS 62600-200
@@ -148,14 +149,6 @@ class DurationCurve(Inflow):
         pass
 
 
-def _find_file(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a file that a resource names."""
-    return existing_file(value, info, "give the path of a file")
-
-
-_File = Annotated[str, AfterValidator(_find_file)]
-
-
 class Resource(Inflow):
     """How long a flow has each speed in a year, with cut-in, availability and losses.
 
@@ -180,7 +173,7 @@ class Resource(Inflow):
     reversal: Literal["turns", "stands", "backwards"] = "turns"
     """What the turbine does in reversed flow, of negative speed: it turns into the flow, it stands
     still, or its rotor turns backwards in flow from behind, with `reversed_polar`."""
-    reversed_polar: _File | None = None
+    reversed_polar: ExistingFile | None = None
     """Path of the polar of a section in flow from behind, for `reversal: backwards`: a file as of
     `rotor.polar`, with the angle of attack that the section has when it is turned by 180 degrees
     about the blade's axis, its trailing edge in front; that is the angle of the section itself less
@@ -328,7 +321,7 @@ class HistogramResource(Resource):
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
-    file: _File | None = None
+    file: ExistingFile | None = None
     """Path of a CSV file with the columns `speed_m_s` and `hours` in place of both, such as
     `hkt resource` writes."""
 
@@ -356,16 +349,20 @@ class HistogramResource(Resource):
         from hkt_mdo.files.record_table import read_pairs
 
         speed, hours = read_pairs(self.file, ("speed_m_s", "hours"))
-        for row in np.flatnonzero((hours < 0.0) | (np.abs(speed) > 20.0))[:1]:
-            remedy = "give hours of at least 0 and speeds of at most 20 m/s"
-            raise InputError(
-                f"has {hours[row]:g} hours of {speed[row]:g} m/s", remedy, file=self.file,
-                key="hours",
-            )  # fmt: skip
-        if not np.sum(hours) > 0.0:
+        speed.refuse(np.abs(speed.values) > 20.0, "is no speed of a flow", "give at most 20 m/s")
+        hours.refuse(hours.values < 0.0, "is negative", "give hours of at least 0")
+        if not np.sum(hours.values) > 0.0:
             problem, remedy = "sum to nothing: the year has no flow", "give the hours of each speed"
             raise InputError(problem, remedy, file=self.file, key="hours")
-        return speed, hours
+        return speed.values, hours.values
+
+    @property
+    def messages(self):
+        total, year = float(np.sum(self._table[1])), YEAR / 3600.0
+        if abs(total / year - 1.0) < YEAR_ROUNDED:
+            return super().messages
+        note = f"resource.hours: they sum to {total:.6g} and are scaled to a year of {year:g} h"
+        return (*super().messages, note)
 
     def occurrence(self):
         speed, hours = self._table

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
+from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Pair, Quantity, existing_file, refusal
+from hkt_mdo.files.table import file_state
+from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -43,20 +43,15 @@ class SampledInflow(Inflow):
         return spline(held) + spline(held, 1) * (held == time.real) * (time - time.real)
 
 
-TimeUnit = Literal["s", "ms", "min", "h", "days"]
+TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "days"]
 SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
 Bins = Pair[Annotated[float, Quantity("m")]]
 
 
-class RecordInflow(SampledInflow):
-    """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
+class RecordFile(Section):
+    """A file of samples over time, and its columns."""
 
-    The record is repaired only where a key below allows it, and every repair is reported.
-    """
-
-    profile: Literal["record"] = "record"
-    """The kind of flow."""
-    file: str
+    file: ExistingFile
     """Path of the record, from the folder of the case file: `.csv` with a header line, `.json` of
     tidal currents (MHKiT) or of USGS, `.nc` (NetCDF) or `.parquet`; the latter two, as MHKiT's data
     are saved, need `hkt_mdo[records]`."""
@@ -65,6 +60,9 @@ class RecordInflow(SampledInflow):
     file, the only time in a NetCDF file, or that over which its speed is."""
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
+    second_column: str | None = None
+    """Column or variable of the other horizontal component of the velocity, to the north where
+    `speed_column` is that to the east."""
     time_unit: TimeUnit | None = None
     """Unit of times that are numbers; null: as in the column's name, such as `time_s` or `time
     [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
@@ -78,8 +76,19 @@ class RecordInflow(SampledInflow):
     """Range of the depth bins of a profiler that are averaged, [lower, upper], such as those that
     the rotor spans; null: the record has no bins."""
     component: str | None = None
-    """Label of the velocity component to use, such as `E` or `streamwise`; null: the horizontal
-    speed, from the first two components."""
+    """Label of the velocity component to use, such as `E` or `streamwise`, or of two with a comma
+    between them, such as `E,N`; null: the first two."""
+
+
+class RecordInflow(RecordFile, SampledInflow):
+    """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
+
+    The record is repaired only where a key below allows it, and every repair is reported. Of two
+    components it takes the horizontal speed.
+    """
+
+    profile: Literal["record"] = "record"
+    """The kind of flow."""
     start: Annotated[float, Quantity("s", ge=0)] = 0.0
     """Time in the record, from its first sample, that becomes t = 0."""
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
@@ -102,19 +111,10 @@ class RecordInflow(SampledInflow):
     frequency. A rotor averages over eddies smaller than itself: speed over rotor diameter is a good
     cutoff."""
 
-    @field_validator("file")
-    @classmethod
-    def _find_file(cls, value: str, info: ValidationInfo) -> str:
-        return existing_file(value, info, "give the path of a CSV, JSON, NetCDF or Parquet file")
-
     @cached_property
     def _record(self):
         """The record of the file, read once for equal options."""
-        try:
-            state = Path(self.file).stat()
-        except OSError:  # raises an InputError if the file is broken
-            return _read(self, None)
-        return _read(self, (state.st_mtime_ns, state.st_size))
+        return _read(self, file_state(self.file))
 
     def samples(self):
         return self._record.time, self._record.speed, "not-a-knot"

@@ -201,7 +201,8 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
         if cells[0].upper() != "EOT":
             block += [(line, cells)] if content.strip() else []
         elif block:
-            tables.append(_read_old_table(block, path, f"table {len(tables) + 1}", fourth))
+            where = f"table {len(tables) + 1}"
+            tables.append(_read_old_table(block, path, where, fourth, count == 1))
             block = []
     if len(tables) != count:
         problem = f"is not the number of tables that end with EOT, {len(tables)}"
@@ -210,16 +211,19 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
 
 
 def _read_old_table(
-    block: list[tuple[int, list[str]]], path: Path, where: str, fourth: str
+    block: list[tuple[int, list[str]]], path: Path, where: str, fourth: str, alone: bool
 ) -> PolarTable:
-    """Read a table of AeroDyn 13 from the lines between two EOT."""
+    """Read a table of AeroDyn 13 from the lines between two EOT; one alone may have Re = 0."""
     line, cells = block[0]
     if len(cells) > 1 and fortran_number(cells[1]) is not None:
         problem = (
             "has several Reynolds numbers: its tables stand beside each other, as of AeroDyn 12"
         )
         raise line_error(path, line, problem, _OLD_REMEDY, where, value=" ".join(cells))
-    reynolds = check_reynolds(fortran_number(cells[0]), cells[0], path, f"line {line}, Re", 1e6)
+    reynolds = fortran_number(cells[0])
+    where_re = f"line {line}, Re"
+    zero = alone and reynolds == 0.0
+    reynolds = None if zero else check_reynolds(reynolds, cells[0], path, where_re, 1e6)
     rows = [row for row in block if len(row[1]) > 2 and None not in map(fortran_number, row[1])]
     if not rows:
         raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)

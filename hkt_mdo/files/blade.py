@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.aerodyn import read_blade_definition
 from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
 from hkt_mdo.files.shipped import locate
@@ -103,7 +103,8 @@ _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 
 def _read_csv(text: str, file: Path) -> BladeTable:
     """Return the blade of a CSV file."""
-    table = Csv(text, file, "a header such as r_m,chord_m,twist_deg")
+    known = ["section", *" ".join(columns for columns, _ in _QUANTITIES.values()).split()]
+    table = Csv(text, file, "a header such as r_m,chord_m,twist_deg", known)
     names = {quantity: _column_of(table, quantity) for quantity in _QUANTITIES}
     relative = names["radius"] == "r_over_R"
     if relative != names["chord"].endswith("_over_R"):
@@ -111,7 +112,11 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         remedy = "give radius and chord both as lengths or both over the tip radius"
         raise table.refuse(problem, remedy)
     columns = table.columns(list(filter(None, names.values())), "blade")
-    messages = []
+    messages = [
+        f"the column {name} is not read; {did_you_mean(name, known)}".rstrip("; ")
+        for name in table.header
+        if name not in known
+    ]
     for name, column in columns.items():
         unit = name.rpartition("_")[2]
         if unit == "deg":

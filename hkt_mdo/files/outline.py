@@ -29,7 +29,7 @@ _ORDER = "give the points from the trailing edge over the upper side to the lead
 _CHORD_AXES = "give coordinates over the chord: leading edge at (0, 0), trailing edge at (1, 0)"
 _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer's order"
 _COUNT = re.compile(r"(\d+)\s+NumCoords\b", re.IGNORECASE)
-_TEXT = re.compile(r"(?!.*\b(nan|inf)).*[^\W\d_]{3}")
+_TEXT = re.compile(r"(?!.*\b(nan|inf))(.*[^\W\d_]{3}|\D*[^\W\d_]\D*$)")
 
 _ROUNDING = 1e-12
 """Twice the area of a triangle, over the chord squared, below which its corners are on a line."""

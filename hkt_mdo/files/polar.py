@@ -91,13 +91,14 @@ def _read_file(path: Path) -> list[PolarTable]:
 
 def _read_csv(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a CSV file, one for each number in its column reynolds."""
-    table = Csv(text, path, "alpha_deg,cl,cd")
+    optional = "cm", "reynolds", "cpmin", *SURFACES
+    known = "alpha_deg", "alpha_rad", "cl", "cd", *optional
+    table = Csv(text, path, "alpha_deg,cl,cd", known)
     angle = "alpha_rad" if "alpha_rad" in table.header else "alpha_deg"
     if {"alpha_rad", "alpha_deg"} <= set(table.header):
         raise table.refuse("names both alpha_deg and alpha_rad", "keep one of them")
     if not {angle, "cl", "cd"} & set(table.header):
         raise table.refuse(f"is no header of {angle},cl,cd", f"give {_FORMATS}")
-    optional = "cm", "reynolds", "cpmin", *SURFACES
     columns = table.columns((angle, "cl", "cd"), "polar", optional)
     reynolds = columns.pop("reynolds", None)
     pressure = {name: columns.pop(name) for name in ("cpmin", *SURFACES) if name in columns}

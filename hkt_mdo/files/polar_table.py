@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
@@ -116,9 +117,9 @@ def polar_table(
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
-    Rows of a symmetric section that begin between -5 and 0 degrees are mirrored: lift and moment
-    change their sign with the angle, drag does not. A section counts as symmetric if that is so of
-    the rows that have a counterpart.
+    A row that repeats the one before is left out. Rows of a symmetric section that begin between -5
+    and 0 degrees are mirrored: lift and moment change their sign with the angle, drag does not. A
+    section counts as symmetric if that is so of the rows that have a counterpart.
 
     Parameters
     ----------
@@ -152,11 +153,19 @@ def polar_table(
     source, messages = source or Source(), ()
     given = {"angle": alpha, "lift": lift, "drag": drag, "moment": moment}
     given = {name: np.asarray(rows, float) for name, rows in given.items() if rows is not None}
+    pressure = {name: np.asarray(rows, float) for name, rows in (pressure or {}).items()}
+    columns = (*given.values(), *pressure.values())
+    new = np.append(True, np.any([np.diff(rows) != 0.0 for rows in columns], axis=0))
+    if not np.all(new) and given["angle"].size:
+        messages = (f"{source.file}: {np.sum(~new)} repeated rows are left out",)
+        given = {name: rows[new] for name, rows in given.items()}
+        pressure = {name: rows[new] for name, rows in pressure.items()}
+        source = source._replace(lines=list(compress(source.lines, new)))
     half_turn = np.pi if source.titles[0].endswith("_rad") else 180.0
     if _is_half_of_symmetric(given, half_turn / 180.0):
         first = f"{given['angle'][0] * 180.0 / half_turn:.4g}"
-        messages = (f"{source.file}: symmetric section, mirrored below {first} degrees",)
-        given, pressure, source = _mirrored(given, pressure or {}, source)
+        messages += (f"{source.file}: symmetric section, mirrored below {first} degrees",)
+        given, pressure, source = _mirrored(given, pressure, source)
     alpha, lift, drag, moment = (given.get(name) for name in ("angle", *LARGEST))
     angle, *coefficients = (
         source.column(title, values)
@@ -167,7 +176,7 @@ def polar_table(
     radians, circle = _angles(angle, not source.titles[0].endswith("_rad"), constant)
     for name, column in zip(LARGEST, coefficients, strict=False):
         _check_coefficient(name, column, circle)
-    pressures = {title: source.column(title, cp) for title, cp in (pressure or {}).items()}
+    pressures = {title: source.column(title, cp) for title, cp in pressure.items()}
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,

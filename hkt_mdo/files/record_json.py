@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
+    TIME_UNITS,
     Columns,
     RecordOptions,
-    check_length,
     choose,
-    column_key,
+    parse_rows,
 )
 from hkt_mdo.files.table import parse_number, read_text
 
@@ -28,18 +29,29 @@ NOAA = {"s": "cm/s", "d": ""}
 TIME = "time"
 """What messages call the times of a JSON file."""
 
-_KNOWN = "columns over times in milliseconds (MHKiT, pandas), or a response of USGS"
-_MILLISECONDS = re.compile(r"-?\d{6,16}", re.ASCII)
+_KNOWN = "columns over times since 1970 (MHKiT, pandas), or a response of USGS"
+_TIME = re.compile(r"-?\d+(\.\d*)?$|\d{4}-")
+_PLAUSIBLE = 3e7, 4.2e9  # s since 1970: from 1971 to 2103, which no other unit of these reaches
 
-_Series = tuple[Sequence[Any], Sequence[Any]]  # times and values
+
+class _Series(NamedTuple):
+    """A column of a file with its times."""
+
+    name: str
+    times: Sequence[Any]
+    values: Sequence[Any]
+    about: Sequence[str] = ()  # what tells it from others of the same name, in this order
+    unit: str = ""
 
 
 def read_json(path: Path, options: RecordOptions) -> Columns:
     """Read time and speed from a JSON file.
 
     Three forms are known: columns as pandas writes them, ``{"s": {"1478606640000": 67.3, ...}}``,
-    times in milliseconds since 1970 or as dates; ``{"columns": ..., "index": ..., "data": ...}``;
-    and a response of USGS' water services (WaterML in JSON), its columns by their description.
+    times since 1970 or dates; ``{"columns": ..., "index": ..., "data": ...}``; and a response of
+    USGS' water services (WaterML in JSON), its columns by their description and, where there are
+    several of one, by site and method (sensor). The unit of times since 1970 is
+    `RecordOptions.time_unit`, else the one that makes the year plausible.
 
     Parameters
     ----------
@@ -70,76 +82,74 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     if not series:
         remedy = f"give {_KNOWN}, or write it as CSV"
         raise InputError("is JSON, and no record of a known form", remedy, file=path)
-    unit, columns = "", [name for name, _ in series]
-    if "metadata" in data and {*columns} == {*NOAA}:  # a station of NOAA
+    messages = [f"{', '.join((each.name, *each.about))}: no samples" for each in series]
+    messages = [text for text, each in zip(messages, series, strict=True) if not each.times]
+    series = [each for each in series if each.times] or series
+    columns = _names(series)
+    noaa = "metadata" in data and {*columns} == {*NOAA}
+    if noaa:
         options = replace(options, speed_column=options.speed_column or "s")
-        unit = "" if options.speed_unit else NOAA[options.speed_column]
     names = choose([TIME, *columns], TIME, options, str(path))
-    times, values = dict(series)[names[1]]
-    check_length(len(times), str(path))
-    rows, speeds = list(map(_seconds, times)), list(map(_speed, values))
-    for name, numbers, given in zip(names, (rows, speeds), (times, values), strict=True):
-        for row in [at for at, number in enumerate(numbers) if number is None][:1]:
-            problem = "is neither a number nor a date" if numbers is rows else "is no number"
-            key = f"row {row + 1}, {column_key(name)}"
-            remedy = "correct it, or write the file as CSV"
-            raise InputError(problem, remedy, file=path, key=key, value=given[row])
-    seconds, speed = np.array(rows, dtype=float), np.array(speeds, dtype=float)
-    order = np.argsort(seconds, kind="stable")  # an object of JSON has no order
-    place = [f"row {row + 1}" for row in order]
-    messages = () if np.all(np.diff(order) == 1) else ("rows sorted by time",)
-    raw = Columns(
-        str(path),
-        names,
-        (seconds - np.min(seconds, initial=np.inf))[order],
-        speed[order],
-        place.__getitem__,
-        messages,
-    )
-    return raw.in_si(True, options, ("", unit))
+    _, times, values, _, unit = series[columns.index(names[1])]
+    if noaa and not options.speed_unit:
+        unit = NOAA[names[1]]
+    rows = zip(count(1), map(str, times), map(str, values), strict=False)
+    raw, dated = parse_rows(rows, names, path, "row")
+    if not dated and options.time_unit is None:
+        options = replace(options, time_unit=_epoch_unit(raw.time))
+    order = np.argsort(raw.time, kind="stable")  # an object of JSON has no order
+    messages += ["rows sorted by time"] * bool(np.any(np.diff(order) != 1))
+    time, speed, place = raw.time[order], raw.speed[order], raw.place
+    raw = Columns(str(path), names, time, speed, lambda row: place(order[row]), tuple(messages))
+    return raw.in_si(dated, options, ("", unit))
 
 
-def _series(data: Any) -> list[tuple[str, _Series]]:
-    """Return the columns of a file by name, each with its times."""
-    if isinstance(data.get("value"), dict):  # USGS
-        return [_usgs(each) for each in data["value"]["timeSeries"]]
+def _series(data: Any) -> list[_Series]:
+    """Return the columns of a file, each with its times."""
+    if isinstance(data.get("value"), dict):
+        entries = data["value"]["timeSeries"]
+        return [_usgs(entry, sensor) for entry in entries for sensor in entry["values"]]
     if {"columns", "index", "data"} <= set(data):
         columns = zip(*data["data"], strict=True)
         return [
-            (str(name), (data["index"], values))
+            _Series(str(name), data["index"], values)
             for name, values in zip(data["columns"], columns, strict=True)
         ]
     tables = {name: table for name, table in data.items() if isinstance(table, dict) and table}
     return [
-        (name, (list(table), list(table.values())))
+        _Series(name, list(table), list(table.values()))
         for name, table in tables.items()
-        if _seconds(next(iter(table))) is not None
+        if _TIME.match(next(iter(table)))
     ]
 
 
-def _usgs(series: dict[str, Any]) -> tuple[str, _Series]:
-    """Return one series of USGS; its number for missing values becomes NaN."""
-    variable = series["variable"]
-    missing = variable.get("noDataValue")
-    samples = series["values"][0]["value"]
+def _usgs(entry: dict[str, Any], sensor: dict[str, Any]) -> _Series:
+    """Return the series of one sensor of USGS; its number for missing values becomes NaN."""
+    variable, samples = entry["variable"], sensor["value"]
+    missing, name = variable.get("noDataValue"), variable["variableDescription"]
+    source, (method, *_) = entry.get("sourceInfo", {}), sensor.get("method") or [{}]
+    (site, *_) = source.get("siteCode") or [{}]
+    about = [f"site {site.get('value')} {source.get('siteName', '')}".strip()]
+    about += [f"method {method.get('methodID')} {method.get('methodDescription', '')}".strip()]
     numbers = [parse_number(str(each["value"])) for each in samples]
-    values = [None if number is None or number == missing else number for number in numbers]
-    return variable["variableDescription"], ([each["dateTime"] for each in samples], values)
+    values = [None if number == missing else number for number in numbers]
+    return _Series(name, [each["dateTime"] for each in samples], values, about, name)
 
 
-def _seconds(time: object) -> float | None:
-    """Return a time in seconds, of milliseconds or of a date in UTC where it has no zone."""
-    if isinstance(time, int | float) or _MILLISECONDS.fullmatch(str(time)):
-        return float(str(time)) / 1e3
-    try:
-        date = datetime.fromisoformat(str(time)[:64])
-    except ValueError:
-        return None
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+def _names(series: list[_Series]) -> list[str]:
+    """Return a name of each series, with as much about it as makes the name unique."""
+    names = [each.name for each in series]
+    for at in range(max(len(each.about) for each in series)):
+        found = Counter(names)
+        names = [
+            f"{name}, {each.about[at]}" if found[name] > 1 else name
+            for name, each in zip(names, series, strict=True)
+        ]
+    return names
 
 
-def _speed(value: object) -> float | None:
-    """Return a number, NaN of a missing one, None of all else."""
-    if value is None:
-        return np.nan
-    return parse_number(str(value)) if isinstance(value, int | float | str) else None
+def _epoch_unit(time: np.ndarray) -> str | None:
+    """Return the unit of times since 1970 that makes their years plausible, if any."""
+    low, high = _PLAUSIBLE
+    known = ((unit, np.abs(time) * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns"))
+    return next((unit for unit, t in known if low < np.min(t) and np.max(t) < high), None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.shipped import SPELLINGS
-from hkt_mdo.files.table import LONGEST_NAME, Csv, line_error, parse_number, read_text
+from hkt_mdo.files.table import LONGEST_NAME, Column, Csv, parse_number, read_text
 
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
@@ -24,7 +24,6 @@ MAX_ROWS = 10_000_000
 _MISSING = {"", "nan", "na", "n/a", "null", "none"}  # cells of missing samples, in small letters
 _LONGEST_DATE = 64  # characters
 _MOST_NAMES = 8  # that a message lists
-_SI = "s since the first", "m/s"
 
 # Problem and remedy of a cell.
 _NO_NUMBER = "must be a finite number", "write it with a decimal point, no unit"
@@ -37,7 +36,8 @@ _MIXED_ZONES = "has a zone and others have none, or the other way round", "write
 
 # Units --------------------------------------------------------------------------------------------
 
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "days": 86400.0}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_UNITS |= {"min": 60.0, "h": 3600.0, "days": 86400.0}
 """Seconds in each unit of time."""
 
 SPEED_UNITS = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001, "km/h": 1 / 3.6, "ft/s": 0.3048}
@@ -98,6 +98,8 @@ class RecordOptions:
     """Name of the time; by default the first column, the index, or the only time."""
     speed_column: str | None = None
     """Name of the speed; by default the only other column."""
+    second_column: str | None = None
+    """Name of the other horizontal component of the velocity, where `speed_column` is one."""
     time_unit: str | None = None
     """One of `TIME_UNITS`; by default as the name or the file says."""
     speed_unit: str | None = None
@@ -107,7 +109,7 @@ class RecordOptions:
     bins: tuple[float, float] | None = None
     """Range of depth bins to average over, m."""
     component: str | None = None
-    """Label of a velocity's component; by default the horizontal speed."""
+    """Label of a velocity's component, or of two; by default the horizontal speed."""
     start: float = 0.0
     """Where the part that is read begins, s since the first sample."""
     duration: float | None = None
@@ -186,6 +188,10 @@ class Columns:
     """place(row) says where a row is, such as ``line 7``."""
     messages: tuple[str, ...] = ()
     """Notes on how the numbers were changed."""
+    parts: np.ndarray | None = None
+    """Two horizontal components of the velocity, m/s, shape (2, n_samples), where known."""
+    unit: str = "m/s"
+    """SI unit of the speed, or of a discharge in its place."""
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error of a sample.
@@ -205,7 +211,11 @@ class Columns:
             To be raised.
         """
         number = float((self.time, self.speed)[column][row])
-        value = {} if np.isnan(number) else {"value": f"{number:.10g} {_SI[column]}"}
+        value = (
+            {}
+            if np.isnan(number)
+            else {"value": f"{number:.10g} {('s since the first', self.unit)[column]}"}
+        )
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
@@ -257,7 +267,8 @@ class Columns:
         messages = self.messages if unit == "m/s" else (*self.messages, note)
         with np.errstate(over="ignore"):
             speed = self.speed * factor
-        return replace(self, time=time, speed=speed, messages=messages)
+        parts = None if self.parts is None else self.parts * factor
+        return replace(self, time=time, speed=speed, parts=parts, messages=messages)
 
     def _unit(self, column: int, attribute: str, options: RecordOptions) -> str:
         """Return a column's unit, which an option, an attribute in the file or its name states."""
@@ -331,7 +342,8 @@ def choose(
 
 def _listed(names: Sequence[str]) -> str:
     """Return the first of some names."""
-    listed = [name[:LONGEST_NAME] or "''" for name in names[:_MOST_NAMES]]
+    cut = [name[:LONGEST_NAME] for name in names[:_MOST_NAMES]]
+    listed = [name if name and "," not in name else f"'{name}'" for name in cut]
     return ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
 
 
@@ -374,15 +386,50 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
     ------
     InputError
         If the file is broken, or its columns or units are not clear; with file, line and column.
-    """  # noqa: DOC501 - `line_error` returns an InputError
+    """
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)
     indices = [table.place(name) for name in names]
+    cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
+    raw, dated = parse_rows(cells, names, path, "line")
+    return raw.in_si(dated, options, ("", ""))
+
+
+def parse_rows(
+    rows: Iterable[tuple[int, str, str]], names: tuple[str, str], file: Path, where: str
+) -> tuple[Columns, bool]:
+    """Return texts of time and speed as numbers, and whether the times are dates.
+
+    Parameters
+    ----------
+    rows : iterable of (int, str, str)
+        Number, time and speed of each row.
+    names : tuple of str
+        Names of the time and of the speed.
+    file : pathlib.Path
+        The file, for messages.
+    where : str
+        What messages call a row, such as ``line``.
+
+    Returns
+    -------
+    Columns, bool
+        As in the file; dates in seconds since the first.
+
+    Raises
+    ------
+    InputError
+        If there are no or too many rows, or a text is neither number nor date.
+    """  # noqa: DOC501 - `refuse` returns an InputError
+
+    def refuse(line: int, column: int, wrong: tuple[str, str], value: str) -> InputError:
+        key = f"{where} {line}, {column_key(names[column])}"
+        return InputError(*wrong, file=file, key=key, value=value)
+
     lines, times, speeds = array("q"), array("d"), array("d")
     first: datetime | None = None  # where the times are dates
-    for line, cells in table:
-        time, speed = (cells[index].strip() for index in indices)
+    for line, time, speed in rows:
         seconds, wrong = parse_number(time), _NO_NUMBER
         if first or (seconds is None and not lines):
             try:
@@ -392,21 +439,22 @@ def read_csv(path: Path, options: RecordOptions) -> Columns:
             except (ValueError, TypeError) as error:
                 seconds, wrong = None, _NO_DATE if isinstance(error, ValueError) else _MIXED_ZONES
         if seconds is None:
-            raise line_error(path, line, *wrong, f"column {names[0]}", value=time)
+            raise refuse(line, 0, wrong, time)
         number = np.nan if speed.lower() in _MISSING else parse_number(speed)
         if number is None:
-            raise line_error(path, line, *_NO_SPEED, f"column {names[1]}", value=speed)
+            raise refuse(line, 1, _NO_SPEED, speed)
         lines.append(line)
         times.append(seconds)
         speeds.append(number)
-        check_length(len(lines), file)
+        check_length(len(lines), str(file))
     if not lines:
-        raise InputError("has a header but no samples", "add its rows", file=path)
-    raw = Columns(file, names, np.array(times), np.array(speeds), lambda row: f"line {lines[row]}")
-    return raw.in_si(first is not None, options, ("", ""))
+        raise InputError("has no samples", "add its rows", file=file)
+    time, speed = np.array(times), np.array(speeds)
+    raw = Columns(str(file), names, time, speed, lambda row: f"{where} {lines[row]}")
+    return raw, first is not None
 
 
-def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
+def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Column]:
     """Read two columns of numbers of a CSV file.
 
     Parameters
@@ -419,31 +467,16 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[np.ndarray, 
 
     Returns
     -------
-    numpy.ndarray, numpy.ndarray
+    Column, Column
         Their values, (n_rows,), finite.
 
     Raises
     ------
     InputError
-        If the file is broken, or has none of them; with file, line and column.
-    """  # noqa: DOC501 - `line_error` returns an InputError
+        If the file is broken, or lacks one of them; with file, line and column.
+    """
     path = Path(path)
     table = Csv(read_text(path, "table", MAX_BYTES), path, f"a header with {','.join(columns)}")
     if len(table.header) == 2 and not {*table.header} & {*columns}:
-        first, second = table.header
-        columns = first, second
-    for name in columns:
-        if name not in table.header:
-            remedy = f"name its columns {' and '.join(columns)}"
-            raise InputError(f"has no column {name}", remedy, file=path)
-    places, rows = [table.place(name) for name in columns], []
-    for line, cells in table:
-        row = [parse_number(cells[place].strip()) for place in places]
-        for name, place, value in zip(columns, places, row, strict=True):
-            if value is None:
-                raise line_error(path, line, *_NO_NUMBER, f"column {name}", value=cells[place])
-        rows.append(row)
-    if not rows:
-        raise InputError("has a header but no rows", "add its rows", file=path)
-    first, second = np.array(rows, dtype=float).T
-    return first, second
+        return tuple(table.columns(table.header, "table").values())
+    return tuple(table.columns(columns, "table").values())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -122,8 +123,26 @@ def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
         raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
     elif find_spec("h5netcdf") is None:
         _need("netCDF4", path)
-    with xarray.open_dataset(path, decode_timedelta=False, **engine) as dataset:
-        return columns_from(dataset, options, str(path))
+    with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, **engine) as dataset:
+        return columns_from(_with_dates(dataset, xarray.decode_cf), options, str(path))
+
+
+def _with_dates(data: Any, decode: Callable) -> Any:
+    """Return a Dataset with dates for those times since a date that can be decoded.
+
+    Files of EPIC (USGS) have the Julian day and the milliseconds of the day beside each other.
+    """
+    dates = {}
+    for name, variable in data.variables.items():
+        unit = str(variable.attrs.get("units", ""))
+        if re.search(r"since \d+-\d", unit):
+            with suppress(ValueError, OverflowError):
+                alone = decode(type(data)({name: variable}), decode_timedelta=False)
+                dates[name] = alone.variables[name]
+        elif "julian day" in unit.lower() and f"{name}2" in data:
+            seconds = 86400.0 * variable.values + 1e-3 * data[f"{name}2"].values
+            dates[name] = variable.dims, seconds, {"units": "s"}
+    return data.assign(dates)
 
 
 def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) -> None:
@@ -185,10 +204,11 @@ def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
     names = choose(columns, None if default is None else str(default), options, file)
     time, speed = data[names[0]], data[names[1]]
     _check_kinds((time, speed), names, file)
-    values, messages = _profile(speed, dimension, file, options)
+    values, parts, messages = _profile(speed, dimension, file, options)
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    return _in_si(Columns(file, names, times, values, messages=messages), options, units)
+    raw = Columns(file, names, times, values, messages=messages, parts=parts)
+    return _in_si(raw, options, units)
 
 
 def _unlikeness(variable: Any) -> int:
@@ -200,8 +220,8 @@ def _unlikeness(variable: Any) -> int:
 
 def _profile(
     speed: Any, dimension: Any, file: str, options: RecordOptions
-) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the speed over time, averaged over bins, and messages about what was chosen."""
+) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
+    """Return the speed and two components over time, averaged over bins, and what was chosen."""
 
     def refuse(problem: str, remedy: str) -> InputError:
         return InputError(problem, remedy, file=file, key=column_key(str(speed.name)))
@@ -213,6 +233,9 @@ def _profile(
         if name in speed.coords and (name == "dir" or speed[name].dtype.kind in "USOT")
     ]
     bins = [name for name in others if name not in labelled]
+    if len(bins) > 1 or options.bins is None:  # such as one latitude and one longitude
+        speed = speed.squeeze([name for name in bins if speed.sizes[name] == 1])
+        bins = [name for name in bins if name in speed.dims]
     if len(labelled) > 1 or len(bins) > 1:
         remedy = "give a variable over time, depth bins and components at most"
         raise refuse(f"has the dimensions {', '.join(map(str, speed.dims))}", remedy)
@@ -225,7 +248,7 @@ def _profile(
         labels = [str(label) for label in speed[name].values]
         chosen = _chosen_components(labels, options, file, refuse)
         parts = [speed.isel({name: labels.index(label)}) for label in chosen]
-        kind = "component" if options.component else "horizontal speed of"
+        kind = "component" if len(chosen) == 1 else "horizontal speed of"
         messages.append(f"{speed.name}: {kind} {' and '.join(chosen)}")
     for name in bins:
         if name not in speed.coords or speed[name].dtype.kind not in "iuf" or not speed[name].size:
@@ -243,14 +266,16 @@ def _profile(
     if sum(part.size for part in parts) > MAX_VALUES:
         raise refuse(f"has more than {MAX_VALUES:,} values to read", "take fewer bins")
     arrays = [part.transpose(dimension, *bins).values.astype(float) for part in parts]
-    size = arrays[0] if len(arrays) == 1 else np.hypot(*arrays)
-    return np.mean(size, axis=1) if bins else size, tuple(messages)
+    if len(arrays) == 2:
+        arrays.append(np.hypot(*arrays))
+    *components, size = (np.mean(array, axis=1) if bins else array for array in arrays)
+    return size, np.stack(components) if components else None, tuple(messages)
 
 
 def _chosen_components(
     labels: list[str], options: RecordOptions, file: str, refuse: Callable[[str, str], InputError]
 ) -> list[str]:
-    """Return the labels of the requested component, or of the two horizontal ones."""
+    """Return the labels of the requested components, or of the two horizontal ones."""
     available = f"there are {', '.join(labels)}"
     if all(label.isdigit() for label in labels):
         remedy = "rotate it to earth or flow coordinates"
@@ -260,9 +285,10 @@ def _chosen_components(
             problem = "has no two horizontal components at its head"
             raise refuse(problem, f"give component: {available}")
         return labels[:2]
-    if options.component not in labels:
+    wanted = [label.strip() for label in options.component.split(",")]
+    if len(wanted) > 2 or not {*wanted} <= {*labels}:
         raise options.refuse("component", "is no component", available, file)
-    return [options.component]
+    return wanted
 
 
 def _span(centres: np.ndarray) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, did_you_mean
 
 MAX_TEXT_BYTES = 16 * 1024**2
 """Largest text file that is read where nothing else is said, in bytes."""
@@ -98,6 +98,25 @@ def read_text(path: Path, what: str, largest: int = MAX_TEXT_BYTES) -> str:
         line = content.count(b"\n", 0, wrong) + 1
         raise line_error(path, line, "is not UTF-8 text", "save it as UTF-8")
     return text
+
+
+def file_state(path: str | Path) -> tuple[int, int] | None:
+    """Return what changes when a file is written anew.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The file.
+
+    Returns
+    -------
+    tuple of int or None
+        Its time, ns, and size; None if it cannot be read.
+    """
+    with suppress(OSError):
+        state = Path(path).stat()
+        return state.st_mtime_ns, state.st_size
+    return None
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
@@ -347,6 +366,8 @@ class Csv:
         The file, for messages.
     expected : str
         The header that is expected, for messages.
+    known : collection of str
+        Names of columns that are recognized in capital or small letters.
 
     Raises
     ------
@@ -355,13 +376,14 @@ class Csv:
         has more or fewer cells than the header or is no CSV.
     """
 
-    def __init__(self, text: str, file: Path, expected: str) -> None:
+    def __init__(self, text: str, file: Path, expected: str, known: Collection[str] = ()) -> None:
         self.file = file
         self.header: list[str] = []
         stream = io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8", newline="")
         self._rows = self._read(csv.reader(stream, strict=True))
         self.header_line, cells = next(self._rows, (1, []))
-        self.header = [cell.strip() for cell in cells]
+        names = {name.lower(): name for name in known}
+        self.header = [names.get(cell.strip().lower(), cell.strip()) for cell in cells]
         begin = f"its first line is {expected}"
         if not cells:
             raise line_error(file, 1, "is empty", begin)
@@ -479,6 +501,7 @@ class Csv:
             self.place(name)
         for name in names:
             if name not in wanted:
-                remedy = f"the {what} has the columns {','.join(names)}"
+                remedy = did_you_mean(name, self.header)
+                remedy += f"the {what} has the columns {','.join(names)}"
                 raise self.refuse(f"lacks the column {name}", remedy)
         return number_columns(self.rows, self.header, self.file, wanted, parse=parse_number)

@@ -214,8 +214,11 @@ class _Turbine:
         given = diameter and diameter.number(-EDGE, 1000.0, "give the rotor's diameter in metres")
         error = abs(given / own - 1.0) if given and given > 0.0 else 0.0
         if error > DIAMETER_OFF:
-            remedy = "correct components.hub.diameter, the reference axis or it"
-            raise diameter.refuse(f"does not fit hub and blade, which give {own:.6g} m", remedy)
+            problem = f"does not fit hub and blade, which give {own:.6g} m (WISDEM scales the axis)"
+            remedy = (
+                "delete it, or correct hub or axis; rotor.radius scales all lengths, chords too"
+            )
+            raise diameter.refuse(problem, remedy)
         if error > DIAMETER_ROUNDED:
             note = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"
             self.messages.append(f"assembly.rotor_diameter = {note}")

@@ -432,7 +432,10 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
         for key, value in node.value:
             line = f"line {key.start_mark.line + 1}"
             if not isinstance(key, yaml.ScalarNode) or (case and word(key) != "str"):
-                raise refuse(f"has a key that is not a word ({line})", "write a word")
+                remedy = "write a word"
+                if isinstance(key, yaml.ScalarNode) and word(key) == "int":
+                    remedy += "; a decimal has a point, not a comma, which begins the next key"
+                raise refuse(f"has a key that is not a word ({line})", remedy)
             member = place.below(value, key.value)
             if key.value == "<<":
                 raise refuse("merge keys (<<) are refused", "write the values out", member)

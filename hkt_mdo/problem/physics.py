@@ -645,7 +645,6 @@ def physics(case: Case) -> Physics:
     control = case.control
     if isinstance(control, FeedbackLaw):
         control = control.applied(case.condition.torque_constant)
-    case.generator.check()
     whole = _whole_scenarios(case)
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
     weights = np.concatenate([each.weight * each.sample_weights for each in whole])
@@ -653,16 +652,18 @@ def physics(case: Case) -> Physics:
     if control.cut_out is not None:
         fastest = min(fastest, control.cut_out)
         speed = np.minimum(speed, control.cut_out)
-    control = control.in_flow(float(np.min(speed)), float(np.max(speed)))
+    slowest = float(np.min(speed))
+    control = control.in_flow(slowest, float(np.max(speed)))
     # the speed at which most energy passes; only local Reynolds numbers need it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
+    case.generator.check(turbine.blade.rotor_radius, slowest, fastest)
     turbine = _in_condition(turbine, case)
     case = _with_chord_bounds(case, turbine.blade)
     shape = build_shape(
         case,
         turbine.blade,
-        several_sections=np.ndim(turbine.thickness) > 0,
+        several_sections=Hydrodynamics(turbine.polar).several_sections,
         thickness_bounds=Hydrodynamics(turbine.polar).thickness_bounds,
     )
     scenarios, notes = [], []

@@ -24,6 +24,7 @@ from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: if neither case nor file has them
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
 OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are reported
+BEYOND = 1.1  # factor by which a Reynolds number may be beyond the polars
 ROUNDED = 1e-3  # by which a bound may exceed the sections' thickness, which files round
 
 
@@ -149,8 +150,9 @@ def build_turbine(
         families = families if len(families) > 1 else families * stations.size
         polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
     else:
+        one = all(family is families[0] for family in families)
         polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
-        polar = polar if len(polar) > 1 else polar[0]
+        polar = polar[0] if one else polar
     area, thickness = map(_together, (area, thickness))
     structure = _structure(rotor, sections)
     outlines, notes = tuple(each.outline for each in sections), (*read, *messages, *blended)
@@ -254,13 +256,34 @@ def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tup
         for number, entry in enumerate(rotor.sections)
     }
     if len(named) == 1:
-        (name,) = named
+        ((name, section),) = named.items()
         name = called.get(name, name or Path(rotor.polar or POLAR).stem)
-        return list(named.values()), (), ((name, name, 0.0),)
+        sections, notes = _of_thickness(rotor, table.thickness, section)
+        return sections, notes, ((name, name, 0.0),) * len(sections)
     pairs, messages = _pairs(rotor, table, named)
     mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
     blends = ((called.get(a, a), called.get(b, b), share) for a, b, share in pairs)
     return mixed, messages, tuple(blends)
+
+
+def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str, ...]]:
+    """Return a blade's one section, stretched at each station where its file has the thickness.
+
+    A shipped blade of one section has the same outline everywhere, as the paper assumes.
+    """
+    shipped = rotor.blade in shipped_names("blade")
+    if thickness is None or shipped or np.allclose(thickness, section.thickness, 0.0, ROUNDED):
+        return [section], ()
+    entry, outline = next(iter(rotor.sections), None), section.outline
+    shapes = [outline.stretched(float(each) / outline.thickness) for each in thickness]
+    stretched = [
+        section._replace(thickness=float(each), outline=shape, area=shape.area)
+        for each, shape in zip(thickness, shapes, strict=True)
+    ]
+    span = f"{100.0 * np.min(thickness):.3g} to {100.0 * np.max(thickness):.3g} %"
+    note = f"the one outline is stretched to the thickness of the blade's file, {span}; its polar "
+    note += "is the same at all stations"
+    return [_with_material(each, rotor, entry) for each in stretched], (note,)
 
 
 def _by_thickness(rotor, design, named):
@@ -324,9 +347,16 @@ def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickn
 
 
 def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
-    """Return a rotor with a Reynolds number where a blade's file brings polars for several."""
+    """Return a rotor with a Reynolds number where a blade's file brings polars for several.
+
+    One that the case gives must not lie beyond the polars.
+    """
     numbers = np.unique(np.concatenate([each.polars.reynolds for each in named.values()]))
     numbers = numbers[np.isfinite(numbers)]
+    given, low, high = rotor.reynolds_number, min(numbers, default=0), max(numbers, default=np.inf)
+    if given and not low / BEYOND <= given <= high * BEYOND:
+        problem, remedy = f"is beyond the polars, {low:.3g} to {high:.3g}", "give polars there"
+        raise InputError(problem, remedy, key="rotor.reynolds_number", value=given)
     own = not rotor.sections and rotor.polar is None
     if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
         return rotor, ()
@@ -352,8 +382,8 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
             named[each.name] = (PolarFamily.from_tables(each.polars), outline, each.thickness, None)
         several = sorted({name for pair in table.section or () for name in pair[:2]})
-        if not named and len(several) > 1:
-            problem = f"names {len(several)} sections: {', '.join(several[:8])}"
+        if not named and several:
+            problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
     named = named or {"": (from_file(rotor.polar or POLAR), None, None, None)}

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import (
     BETWEEN,
     LEAST,
@@ -207,6 +208,11 @@ def _of_design(physics, optimum, reference, result, flights):
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
         yield from _recovery(physics, result, flights)
+    if physics.case.generator.table is not None:
+        known = [(x.trajectory["control_torque"], x.trajectory["rotor_speed"]) for x in flights]
+        off = max(physics.generator.beyond_table(*each) for each in known)
+        word = "how far torque or speed leave generator.table, over its range"
+        yield "generator_table", max(off, 0.0), BEYOND, word
     if physics.states:
         yield _closed_loop(flights)
     if physics.remembers:
@@ -533,6 +539,7 @@ TRY = {
     "two_filters_energy": SLOWER,
     "two_filters_speed": SLOWER,
     "wake_induction_turns": "try start.method=quasi_steady, or inflow_dynamics: quasi_steady",
+    "generator_table": "extend the table",
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy includes energy stored in the rotor: try objective=generator, or "

@@ -367,19 +367,6 @@ def _operation(finished, flights, power):
     }
 
 
-def _outside_table(generator, flights):
-    """Yield by how much a trajectory leaves the generator's table."""
-    worst = max(
-        generator.beyond_table(each.trajectory["control_torque"], each.trajectory["rotor_speed"])
-        for each in flights
-    )
-    if worst > 1e-6:
-        yield (
-            f"torque or speed leaves generator.table by up to {100.0 * worst:.2g} % of its range, "
-            "where its efficiency is extrapolated: extend the table"
-        )
-
-
 def _unstable(flights):
     """Yield a note if an open loop needs a controller of its speed."""
     stiffness = max((each.recorded.stiffness for each in flights if each.recorded), default=0.0)
@@ -402,7 +389,6 @@ def _notes(finished):
         *finished.start.messages,
         *(text for _, text in met),
         *_unresolved(physics, blade, finished.flights),
-        *_outside_table(physics.generator, finished.flights),
         *_unstable(finished.flights),
         *filter(None, [start_against_friction(finished.flights[0].plant, physics.scenarios)[0]]),
         *(PULSES,) * physics.may_pulse,

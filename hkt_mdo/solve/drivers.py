@@ -166,7 +166,10 @@ def _carrier(package: str, optimizer: str) -> str:
             return candidate
     conda = {"pyoptsparse": "conda install -c conda-forge pyoptsparse"}
     remedies = " or ".join(conda.get(each, f"pip install {each}") for each in candidates)
-    raise InputError(f"{optimizer} is not installed", remedies, key="driver.package", value=package)
+    if optimizer == "SNOPT":
+        remedies = "SNOPT is commercial: build pyoptsparse with your copy of it, or give IPOPT"
+    key, value = ("optimizer", optimizer) if package == "auto" else ("package", package)
+    raise InputError(f"{optimizer} is not installed", remedies, key=f"driver.{key}", value=value)
 
 
 def _is_usable(package: str, optimizer: str) -> bool:

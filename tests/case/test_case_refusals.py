@@ -210,6 +210,7 @@ DOCUMENTS = [
     ("a: !!python/object/apply:os.system [ls]", "line 1", "", "tags (!) are refused"),
     ("a: " + 5000 * "[" + 5000 * "]", "line 1", "", "20 levels"),
     ("1: 2", "", "", "not a word"),
+    ("inflow: {profile: constant, speed: 1,5}", "inflow", "", "a decimal has a point, not a comma"),
     ("[1, 2]", "", "[1, 2]", "keys and values"),
     ("# nothing\n", "", "", "contains no case"),
 ]

@@ -52,6 +52,7 @@ REFUSED = {
     "is a text without a unit": ["3"],
     # 3 m/s s could be 3 m/s*s or 3 m/(s*s)
     "must be a number, or a number and a unit": ["m", "3 m/s s", "1 400 mm", "3 * m", "3 m^ 2"],
+    "must be a number, or a number and a unit, decimals with a point": ["1,5", "-1,5 m"],
     "a number and a unit": [
         "3 m*9**9**9",
         "3 m^9^9",

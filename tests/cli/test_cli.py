@@ -193,6 +193,11 @@ def test_interrupted_run_exits_with_130(
         (OSError(errno.ENOSPC, "No space left on device", "a.csv"), 2, "a.csv: cannot be .*space"),
         (MemoryError(), 2, "out of memory"),
         (TypeError("a\nb"), 1, r"TypeError: a b \(an error of this program"),
+        (
+            ImportError("Importing MPI failed and OPENMDAO_USE_MPI is true."),
+            2,
+            "variable OPENMDAO_USE_MPI is set, and mpi4py cannot be imported; unset the variable",
+        ),
     ],
 )
 def test_errors_are_one_line(

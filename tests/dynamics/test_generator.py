@@ -66,6 +66,14 @@ def test_a_table_is_met_at_its_nodes_and_between_them_a_plane_is_a_plane(tmp_pat
     assert far == pytest.approx(plane(735.0, 60.0), rel=1e-9)
 
 
+def test_a_table_of_a_fast_shaft_is_refused(tmp_path):
+    """A rotor of 0.8 m in 1 to 2 m/s turns at tip speed ratios of 0.5 to 15: 0.6 to 38 rad/s."""
+    Generator(table=str(table_of(tmp_path, lambda u, n: 0.9))).check(0.8, 1.0, 2.0)
+    path = table_of(tmp_path, lambda u, n: 0.9, speeds=(1000, 2000, 3000))
+    with pytest.raises(InputError, match=r"has speeds from 104\.7 .* turns at 0\.625 to 37\.5"):
+        Generator(table=str(path)).check(0.8, 1.0, 2.0)
+
+
 def test_a_table_is_smooth_at_its_ends(tmp_path):
     generator = Generator(table=str(table_of(tmp_path, lambda u, n: 0.9 - 0.2 * np.exp(-u / 200))))
     step = 0.5

@@ -108,10 +108,56 @@ def test_gaps_are_left_out_and_nonsense_is_refused(tmp_path):
     record = RecordResource(file=str(path))
     assert record.samples.speed.size == 40
     assert "10 missing" in record.messages[0]
-    for row, words in (("180000,99", "which no river has"), ("10,1", "does not rise")):
-        path.write_text("time_s,speed_m_s\n" + "\n".join([*rows, row]))
-        with pytest.raises(InputError, match=words):
-            RecordResource(file=str(path)).messages  # noqa: B018
+    assert "gaps are 19 % of the time, the longest 0.0417 days" in record.messages[0]
+    path.write_text("time_s,speed_m_s\n" + "\n".join([*rows, "10,1"]))
+    with pytest.raises(InputError, match="give dates with their zone"):
+        RecordResource(file=str(path)).messages  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("wrong", "value", "words"),
+    [
+        (slice(None, None, 100), 9.99, "differs from its neighbours like a spike, and 43 more do"),
+        (slice(40, 90), 99.0, "is faster than any river"),
+        (slice(1000, 2600), 0.0, "begins 11.1 days of exactly 0"),
+    ],
+)
+def test_wrong_samples_of_a_month_are_refused_or_left_out(tmp_path, wrong, value, words):
+    time = np.arange(0.0, 30.5 * DAY, 600.0)
+    speed = 1.3 + 0.9 * np.sin(2.0 * np.pi * time / (12.42 * 3600.0))
+    speed[wrong] = value
+    right = np.mean(speed[speed != value] ** 3)
+    file = str(tmp_path / "v.csv")
+    table = np.column_stack((time, speed))
+    np.savetxt(file, table, delimiter=",", header="time_s,speed_m_s", comments="")
+    with pytest.raises(InputError, match=words):
+        RecordResource(file=file).messages  # noqa: B018
+    found = RecordResource(file=file, spikes="replace")
+    assert found.mean_cube == pytest.approx(right, rel=1e-9)
+    assert found.samples.speed.size == np.sum(speed != value)
+    if value < 20.0:
+        kept = RecordResource(file=file, spikes="keep")
+        assert kept.mean_cube == pytest.approx(np.mean(speed**3), rel=1e-9)
+
+
+@pytest.mark.parametrize("form", ["component", "columns"])
+def test_two_components_give_the_speed_along_their_axis(tmp_path, form):
+    xr = pytest.importorskip("xarray")
+    time = np.arange(0, 30_000, 60)
+    along = 1.2 * np.cos(2.0 * np.pi * time / 30_000.0) + 0.2
+    parts = np.stack((0.6 * along, 0.8 * along))
+    units, times = {"units": "m/s"}, {"time": ("time", time, {"units": "s"})}
+    if form == "component":
+        velocity = (("dir", "time"), parts, units)
+        data = xr.Dataset({"vel": velocity}, {**times, "dir": ["E", "N"]})
+        keys = {"component": "E,N"}
+    else:
+        data = xr.Dataset({n: ("time", p, units) for n, p in zip("uv", parts, strict=True)}, times)
+        keys = {"speed_column": "u", "second_column": "v"}
+    data.to_netcdf(tmp_path / "a.nc")
+    samples = RecordResource(file=str(tmp_path / "a.nc"), **keys).samples
+    np.testing.assert_allclose(samples.speed, along, atol=1e-12)
+    assert samples.axis == pytest.approx(np.rad2deg(np.arctan2(0.6, 0.8)), abs=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -82,6 +82,8 @@ def test_a_scenario_of_a_year_has_its_hours():
     np.testing.assert_allclose(scenario.node_weights, [0.5 * YEAR, 0.3 * YEAR], rtol=1e-12)
     assert scenario.mesh.duration - scenario.duration == pytest.approx(0.2 * YEAR, rel=1e-12)
     assert "wider bins than the 0.1 m/s" in scenario.messages[0]
+    assert "they sum to 10 and are scaled to a year of 8766 h" in scenario.messages[1]
+    assert len(year(**data | {"hours": [0, 4383, 4383]}).inflow.messages) == 1
 
 
 @pytest.mark.parametrize(
@@ -118,10 +120,10 @@ def test_a_year_without_flow_is_refused():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("speed_m_s,hours\n1,-2\n", "-2 hours"),
+        ("speed_m_s,hours\n1,-2\n", "line 2, column hours = '-2'"),
         ("speed_m_s,hours\n1,0\n", "sum to nothing"),
         ("speed_m_s,hours\n1,inf\n", "finite number"),
-        ("a,b,c\n1,2,3\n", "no column speed_m_s"),
+        ("a,b,c\n1,2,3\n", "lacks the column speed_m_s"),
         ("speed_m_s,hours\n", "no rows"),
     ],
 )

@@ -243,6 +243,24 @@ def test_polars_of_airfoil_tools_and_xflr5(tmp_path, text):
     np.testing.assert_array_equal(table.moment, moment(ALPHA, 5e4))
 
 
+def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(tmp_path):
+    lines = [f" {a:.3f} {cl} {cd}" for a, cl, cd, _ in rows(ALPHA, 5e4)]
+    head = "made by hand\n\n1 Number of airfoil tables in this file\n0 Table ID parameter\n"
+    text = "\n".join([*lines[:4], lines[3], *lines[4:]])
+    (table,) = read_polars(write(tmp_path, f"{head}12.0 Stall angle (deg)\n{text}\n"))
+    assert table.reynolds is None
+    np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
+    assert "1 repeated rows are left out" in table.messages[0]
+
+
+def test_heads_of_a_csv_polar_may_have_capitals(tmp_path):
+    lines = [f"{a:.3f},{cl},{cd}" for a, cl, cd, _ in rows(ALPHA, 5e4)]
+    (table,) = read_polars(write(tmp_path, "\n".join(["Alpha_deg,CL,Cd", *lines])))
+    np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
+    with pytest.raises(InputError, match="lacks the column cd; did you mean cdd"):
+        read_polars(write(tmp_path, "\n".join(["alpha_deg,cl,cdd", *lines])))
+
+
 def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
     text = airfoil_tools_text().replace("number,50000", "number,fast")
     with pytest.raises(InputError, match=r"line 4, Reynolds number = 'fast': is no Reynolds"):

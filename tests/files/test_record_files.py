@@ -324,7 +324,7 @@ def test_a_series_is_a_record():
     data = usgs()
     record = record_from(data[USGS[1]["speed_column"]])
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
-    with pytest.raises(InputError, match="give speed_column: of Discharge, cubic feet"):
+    with pytest.raises(InputError, match="give speed_column: of 'Discharge, cubic feet"):
         record_from(data)
 
 
@@ -492,6 +492,103 @@ def test_json_of_noaa_and_usgs(tmp_path, form):
     assert told(record, "rows sorted by time") == (form == "unsorted")
 
 
+@pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("us", 1e-6), ("ns", 1e-9)])
+def test_json_times_are_in_the_unit_of_a_plausible_year(tmp_path, unit, seconds):
+    """As pandas' to_json writes them by its option date_unit."""
+    path = tmp_path / "a.json"
+    times = [round((1_478_606_640 + 60 * row) / seconds) for row in range(TIME.size)]
+    path.write_text(json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
+    record = read_record(path, speed_unit="m/s")
+    assert record.step == pytest.approx(60.0, rel=1e-6)
+    chosen = read_record(path, speed_unit="m/s", time_unit=unit)
+    np.testing.assert_allclose(chosen.time, record.time, atol=1e-3)
+    times = [60_000 * row for row in range(TIME.size)]  # of no plausible year
+    path.write_text(json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
+    with pytest.raises(InputError, match=r"column time: has no unit that is known.*give time_unit"):
+        read_record(path, speed_unit="m/s")
+    assert read_record(path, speed_unit="m/s", time_unit="ms").step == pytest.approx(60.0)
+
+
+def usgs_series(factor, site="1 A RIVER", method="[old]", count=TIME.size):
+    """Return a series of USGS' answer, of one site and sensor."""
+    samples = [
+        {"value": str(factor * speed), "dateTime": date}
+        for speed, date in zip(SPEED[:count].tolist(), DATES, strict=False)
+    ]
+    number, _, name = site.partition(" ")
+    methods = [{"methodDescription": method, "methodID": 1}]
+    return {
+        "sourceInfo": {"siteName": name, "siteCode": [{"value": number}]},
+        "variable": {"variableDescription": "Velocity, feet per second", "noDataValue": -1.0},
+        "values": [{"value": samples, "method": methods}],
+    }
+
+
+def test_one_of_several_sensors_or_sites_of_usgs_is_chosen_by_name(tmp_path):
+    path, first = tmp_path / "a.json", usgs_series(1.0, count=40)
+    first["values"] += usgs_series(2.0, method="[new]")["values"]
+    names = [
+        f"Velocity, feet per second, site 1 A RIVER, method 1 [{age}]" for age in ("old", "new")
+    ]
+    path.write_text(json.dumps({"value": {"timeSeries": [first]}}))
+    with pytest.raises(InputError) as caught:
+        read_record(path)
+    assert f"give speed_column: of '{names[0]}', '{names[1]}'" in str(caught.value)
+    record = read_record(path, speed_column=names[1])
+    np.testing.assert_allclose(record.speed, 2.0 * 0.3048 * SMOOTH, rtol=1e-9)
+    first["values"][0]["value"] = []  # the only one with samples needs no name
+    path.write_text(json.dumps({"value": {"timeSeries": [first]}}))
+    record = read_record(path)
+    assert record.time.size == TIME.size
+    assert told(record, f"{names[0]}: no samples")
+    two = [usgs_series(1.0), usgs_series(2.0, "2 A CREEK")]
+    path.write_text(json.dumps({"value": {"timeSeries": two}}))
+    with pytest.raises(InputError, match=r"second, site 1 A RIVER', 'Velocity, .*site 2 A CREEK'"):
+        read_record(path)
+    record = read_record(path, speed_column="Velocity, feet per second, site 2 A CREEK")
+    np.testing.assert_allclose(record.speed, 2.0 * 0.3048 * SMOOTH, rtol=1e-9)
+
+
+def test_times_and_sizes_of_netcdf_files_of_epic_and_stglib(tmp_path):
+    """A Julian day beside milliseconds of the day, also left over beside a time that is known."""
+    xr = pytest.importorskip("xarray")
+    milliseconds = np.round(1000.0 * TIME).astype(int) + 86_340_000
+    day, rest = 2_458_636 + milliseconds // 86_400_000, milliseconds % 86_400_000
+    point = ("time", "depth", "lat", "lon"), 100.0 * SPEED[:, None, None, None]
+    place = {"depth": [10.0], "lat": [41.0], "lon": [-70.0]}
+    data = xr.Dataset({"CS_300": (*point, {"units": "cm/s"})}, place)
+    later = {"units": "msec since 0:00 GMT"}
+    epic = data.assign(time2=("time", rest, later))
+    epic = epic.assign_coords(time=("time", day, {"units": "True Julian Day"}))
+    epic.to_netcdf(tmp_path / "a.nc")
+    record = read_record(tmp_path / "a.nc", speed_column="CS_300")
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    np.testing.assert_allclose(record.time, TIME, atol=1e-3)
+    dates = np.datetime64("2019-06-01T23:59", "ns") + np.round(1e9 * TIME).astype("m8[ns]")
+    left = data.assign(epic_time2=("time", rest, later)).assign_coords(time=dates)
+    left.to_netcdf(tmp_path / "b.nc")
+    record = read_record(tmp_path / "b.nc", speed_column="CS_300")
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    with pytest.raises(InputError, match=r"column epic_time2: has no unit .* msec since 0:00 GMT"):
+        read_record(tmp_path / "b.nc", speed_column="CS_300", time_column="epic_time2")
+
+
+def test_two_columns_are_the_components_of_a_speed(tmp_path):
+    """Noise of 0.3 m/s in each component adds 0.3²/(2 v²) to the mean speed (Rice), 2.9 %."""
+    pd = pytest.importorskip("pandas")
+    data = pd.DataFrame({"time_s": TIME, "u [m/s]": -0.6 * SPEED, "v [m/s]": 0.8 * SPEED})
+    keys = {"speed_column": "u [m/s]", "second_column": "v [m/s]"}
+    record = record_from(data, **keys)
+    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    assert not told(record, "single pings")
+    noise = 0.3 * np.random.default_rng(3).standard_normal((2, TIME.size))
+    data.iloc[:, 1:] += noise.T
+    record = record_from(data, **keys, spikes="keep")
+    above = next(text for text in record.messages if "single pings" in text)
+    share = float(above.partition(" on average ")[2].partition(" %")[0])
+    assert share == pytest.approx(100.0 * np.mean(0.045 / SPEED**2), rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -499,8 +596,11 @@ def test_json_of_noaa_and_usgs(tmp_path, form):
         ("[" * 20_000, "cannot be read as JSON"),
         ("[1, 2]", "is JSON, and no record of a known form; give columns over times"),
         ('{"a": {"b": 1}}', "is JSON, and no record of a known form"),
-        ('{"s": {"1478606640000": 1, "noon": 2}}', "row 2, column time = 'noon': is neither"),
-        ('{"s": {"1478606640000": 1, "1478606650000": "x"}}', "row 2, column s = 'x': is no num"),
+        ('{"s": {"1478606640000": 1, "noon": 2}}', "row 2, column time = 'noon': must be a"),
+        (
+            '{"s": {"1478606640000": 1, "1478606650000": "x"}}',
+            "row 2, column s = 'x': must be a fin",
+        ),
         ('{"s": {"1478606640000": 1}, "d": {"1478606640000": 1}}', "give speed_column: of s, d"),
         ('{"s": {"1478606640000": 1}}', "column s: has no unit that is known"),
     ],

@@ -347,13 +347,14 @@ def test_electrical_energy_is_maximized_where_the_generator_loses_least(run):
     np.testing.assert_allclose(known["electrical_power_W"], expected, rtol=1e-8)
 
 
-def test_a_table_is_read_first_and_leaving_it_is_reported(run, tmp_path):
+def test_a_table_that_is_left_is_no_success(run, tmp_path):
     path, rows = tmp_path / "table.csv", "100,40,0.8\n100,60,0.8\n400,40,0.9\n400,60,0.9\n"
     path.write_text("torque_Nm,speed_rpm,efficiency\n" + rows)
     sections = {"generator": {"table": str(path)}, "objective": "electrical", "control": "linear"}
     found = run(**sections, design={"blade": "fixed"})
-    assert found.success, found.message
-    assert any("leaves generator.table by up to" in note for note in found.notes)
+    assert not found.success
+    assert found.message.startswith("generator_table = ")
+    assert "leave generator.table, over its range (extend the table)" in found.message
     share = found.summary.electrical_energy_J / found.summary.generator_energy_J
     assert 0.85 < share < 0.915
     path.write_text("torque_Nm,speed_rpm,efficiency\n100,40,0.8\n100,60,0.8\n400,40,0.9\n")

@@ -1,5 +1,7 @@
 """The turbine of a case: files, stations and sections fit together, or it is told why not."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.rotor.airfoil import PolarFamily
+from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -41,6 +43,7 @@ def turbine(tmp_path):
     """Return a function that builds the turbine of some keys of `rotor`."""
     (tmp_path / "b.csv").write_text(CSV, encoding="utf-8")
     (tmp_path / "n.csv").write_text(NAMED, encoding="utf-8")
+    (tmp_path / "lone.csv").write_text(NAMED.replace(",b", ",a"), encoding="utf-8")
     (tmp_path / "a.dat").write_text(AERODYN, encoding="utf-8")
 
     def build(keys):
@@ -142,17 +145,43 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     table = f'@"coords.txt" NumCoords\n1 NumTabs\n1.0 Re\nFalse InclUAdata\n25 NumAlf\n{rows}\n'
     (tmp_path / "foil.dat").write_text(table, encoding="utf-8")
     found = turbine("blade: b.csv, radius: 1, polar: foil.dat")
-    assert found.section_area == pytest.approx(foil.area, rel=1e-12)
+    stretched = foil.area * found.thickness / foil.thickness
+    np.testing.assert_allclose(found.section_area, stretched, rtol=1e-12)
     assert any("foil.dat: outline from the coordinates" in line for line in found.messages)
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
-    assert other.section_area == Outline.from_file("naca63815").area
+    stretched = other.thickness * Outline.from_file("naca63815").area
+    np.testing.assert_allclose(other.section_area, stretched / 0.15, rtol=1e-3)
     sections = turbine(
         "blade: n.csv, radius: 1, sections: [{name: a, polar: foil.dat}, "
         "{name: b, polar: foil.dat, outline: naca63815}]"
     )
     assert sections.thickness[0] == pytest.approx(foil.thickness)
     (tmp_path / "coords.txt").unlink()  # the table alone is read as before
-    assert turbine("blade: b.csv, radius: 1, polar: foil.dat").section_area == other.section_area
+    alone = turbine("blade: b.csv, radius: 1, polar: foil.dat")
+    np.testing.assert_array_equal(alone.section_area, other.section_area)
+
+
+def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
+    """Area grows with the thickness, the second moment of area about the chord with its cube."""
+    foil = Outline.from_file("naca63815")
+    found, own = turbine("blade: b.csv, radius: 1"), turbine("")
+    np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
+    stretch = found.thickness / foil.thickness
+    np.testing.assert_allclose(found.section_area, stretch * foil.area, rtol=1e-12)
+    assert isinstance(found.polar, Polar)
+    words = "is stretched to the thickness of the blade's file, 15 to 24 %"
+    assert any(words in text for text in found.messages)
+    (tmp_path / "even.csv").write_text(re.sub(r"0\.\d+$", "0.24", CSV, flags=re.MULTILINE))
+    even = turbine("blade: even.csv, radius: 1").structure
+    ratio = 0.24 / foil.thickness * np.ones(even.xx.size)
+    # outlines of several stations are resampled
+    np.testing.assert_allclose(even.xx, ratio**3 * own.structure.xx, rtol=2e-4)
+    np.testing.assert_allclose(even.yy, ratio * own.structure.yy, rtol=2e-4)
+    text = re.sub(r"0\.\d+$", "0.15,1", CSV, flags=re.MULTILINE)
+    (tmp_path / "same.csv").write_text(text.replace("t_over_c", "T_over_C,thicknes"))
+    same = turbine("blade: same.csv, radius: 1")
+    assert same.section_area == foil.area
+    assert any("thicknes is not read; did you mean" in text for text in same.messages)
 
 
 def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
@@ -187,9 +216,18 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
             "stations: [0.13, 0.5, 0.9]",
             r"blade covers r/R = 0.2 … 1 but rotor.stations reach 0.13 ",
         ),
+        (
+            "polar: naca4415, reynolds_number: 3e8",
+            r"rotor.reynolds_number = 300000000.0: is beyond the polars, 1e\+05 to 1e\+06",
+        ),
+        ("polar: naca4415_Re2e5, reynolds_number: 1e6", "is beyond the polars, 2e.05 to 2e.05"),
+        ("blade: lone.csv, radius: 1", "names the sections a, which nothing describes; give rotor"),
         ("polar: naca4415", r"rotor.reynolds_number: is needed to choose from polars at 1e\+05"),
         ("sections: [{polar: naca4415_Re2e5}]", r"sections\[0\] = .*neither outline nor thickness"),
-        ("blade: n.csv, radius: 1", "n.csv: names 2 sections: a, b; give rotor.sections, one for"),
+        (
+            "blade: n.csv, radius: 1",
+            "n.csv: names the sections a, b, which nothing describes; give rotor.sections, one for",
+        ),
         (
             f"blade: n.csv, radius: 1, sections: [{THIN}, {THICK}]",
             "n.csv: names the section a, which rotor.sections does not have; .*known: 1, 2",

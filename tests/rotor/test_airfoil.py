@@ -124,7 +124,7 @@ def test_spline_reproduces_a_straight_line_inside_the_table():
     ("change", "told"),
     [
         (lambda rows: rows[:5], "at least 8"),
-        (lambda rows: [*rows[:3], rows[2], *rows[3:]], "increase strictly"),
+        (lambda rows: [*rows[:3], rows[2] + "1", *rows[3:]], "increase strictly"),
         (lambda rows: rows[6:], "-5"),
         (lambda rows: rows[:18], "12"),
         (lambda rows: [*rows[:4], "-4,0.1,-0.01", *rows[5:]], "drag must be positive"),
@@ -262,6 +262,7 @@ def outline_files():
             "12 of 3",
         ],
         "Selig below two lines": ["NACA 2412", "These points are of a model.", *selig],
+        "Selig below heads": ["NACA 2412", "   x/c        y/c", *selig],
         "MSES": ["NACA 2412", "-2.0 3.0 -2.5 3.5", *selig],
         "AeroDyn": ["  82  NumCoords ! and the reference", "! x/c y/c", "0.25  0", *selig],
         "AeroDyn from the nose": ["82 NumCoords", "0.25 0", *selig[40::-1], *selig[:39:-1]],

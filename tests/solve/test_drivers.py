@@ -409,7 +409,7 @@ def test_a_broken_pyoptsparse_is_passed_over(monkeypatch):
 @pytest.mark.parametrize(
     ("package", "optimizer", "remedy"),
     [
-        ("auto", "SNOPT", "conda install -c conda-forge pyoptsparse"),
+        ("auto", "SNOPT", "SNOPT is commercial: build pyoptsparse with your copy of it"),
         ("pyoptsparse", "IPOPT", "conda install -c conda-forge pyoptsparse"),
         ("casadi", "IPOPT", "pip install casadi"),
         ("auto", "IPOPT", "conda install -c conda-forge pyoptsparse or pip install casadi"),
@@ -418,6 +418,9 @@ def test_a_broken_pyoptsparse_is_passed_over(monkeypatch):
 def test_a_missing_package_names_its_remedy(package, optimizer, remedy, monkeypatch):
     monkeypatch.setattr(drivers, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=f"{optimizer} is not installed; {remedy}"):
+        make_driver(package, optimizer)
+    key, value = ("optimizer", optimizer) if package == "auto" else ("package", package)
+    with pytest.raises(InputError, match=f"^driver.{key} = '{value}': "):
         make_driver(package, optimizer)
 
 

@@ -191,7 +191,11 @@ _WINDIO = _changed(
         "blade inwards": ("[0.0, 1.225]", "[0.0, -1.225]", "reference_axis.z.values[1]"),
         "span from the centre": ("[0.0, 1.225]", "[0.175, 1.4]", "is not 0 at the blade's root"),
         "no hub": ("diameter: 0.35", "size: 0.35", "components.hub.diameter"),
-        "another diameter": ("diameter: 2.8", "diameter: 28", "assembly.rotor_diameter (line 5)"),
+        "another diameter": (
+            "diameter: 2.8",
+            "diameter: 28",
+            "WISDEM scales the axis); delete it, or",
+        ),
         "half a blade": ("of_blades: 3", "of_blades: 2.5", "assembly.number_of_blades (line 4)"),
         "cone too large": ("cone_angle: 2.5", "cone_angle: 250", "components.hub.cone_angle"),
         "outline": ("-0.12, 0.0]}", "0.0]}", "airfoils[0].coordinates"),

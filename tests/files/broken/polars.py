@@ -177,6 +177,11 @@ _BROKEN_AERODYN: dict[str, tuple[bytes, str]] = {
     "AeroDyn 14": (
         b"AeroDyn airfoil file\nmade by hand\n 1   Number of airfoil tables in this file\n"
         b" 0   Table ID parameter\n 9.0 Stall angle (deg)\n -8 0.1 0.02\nEOT\n",
+        "the polar has 1 rows, at least 8 are needed",
+    ),
+    "AeroDyn 14 without numbers": (
+        b"AeroDyn airfoil file\nmade by hand\n 2   Number of airfoil tables in this file\n"
+        b" 0   Table ID parameter\n -8 0.1 0.02\nEOT\n 0   Table ID\n -8 0.1 0.02\nEOT\n",
         "line 4, Re = '0': is no Reynolds number",
     ),
     "AeroDyn 12": (

@@ -38,7 +38,7 @@ def _dates(zone=lambda i: "") -> list[str]:
 
 _CSV: dict[str, tuple[bytes, str]] = {
     "empty": (b"", "is empty; its first line is a header"),
-    "header only": (_csv([]), "has a header but no samples"),
+    "header only": (_csv([]), "has no samples"),
     "no header": (_csv(ROWS[1:], ROWS[0]), "line 1 = '0.0,1.5"),
     "one column": (_csv(["1.5"] * 60, "speed_m_s"), "has no columns besides the time"),
     "three columns": (
