@@ -14,6 +14,7 @@ from hkt_mdo.run.flight import Flight
 
 HOUR = 3600.0
 KILOWATT_HOUR = 3.6e6
+NARROW = 1e-3  # relative change of the flow's speed below which slopes are those of rounding
 RATED = 0.999  # of the largest power, from which the machine counts as at its rated power
 MEANS = {
     "rotor_speed_rad_s": "rotor_speed",
@@ -110,8 +111,9 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
     """Return the relative standard uncertainties of the energy of a year, by their cause.
 
     The uncertainty of the speed of the flow counts by the slope of the power curve, v dP/dv =
-    3 P + v³ d(P/v³)/d(ln v), at unchanged hours of operation. The length of a record counts by the
-    scatter of the energy over parts of it.
+    3 P + v³ d(P/v³)/d(ln v), at unchanged hours of operation, between speeds that are apart by the
+    uncertainty to both sides. The length of a record counts by the scatter of the energy over parts
+    of it.
 
     Parameters
     ----------
@@ -124,12 +126,15 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
         ``speed`` and ``record``, where they are known.
     """
     resource, found, total, slope = flights[0].scenario.resource, {}, 0.0, 0.0
+    reach = max(resource.speed_uncertainty, NARROW) * np.array([[1.0], [-1.0]])
     for flight in flights:
-        known = _of_direction(flight)
-        speed, power = np.abs(known["inflow_speed_m_s"]), known["electrical_power_W"]
-        changes = 0.0 if speed.size < 2 else np.gradient(power / speed**3, np.log(speed))
-        total += float(known["hours"] @ power)
-        slope += float(known["hours"] @ (3.0 * power + speed**3 * changes))
+        speed, power = (flight.integrated[name] for name in ("inflow_speed", "electrical_power"))
+        place, weights = np.log(speed), flight.scenario.node_weights
+        ends = np.clip(place + reach, place[0], place[-1])
+        change = np.subtract(*np.interp(ends, place, power / speed**3))
+        gap = np.maximum(np.subtract(*ends), NARROW)
+        total += float(weights @ power)
+        slope += float(weights @ (3.0 * power + speed**3 * change / gap))
     if resource.speed_uncertainty and total:
         found["speed"] = resource.speed_uncertainty * abs(slope / total)
     by_bin = {}

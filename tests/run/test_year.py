@@ -1,6 +1,7 @@
 """Steady scenarios and years: held to sums by SciPy, to runs over time, and to differences."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
+from hkt_mdo.run.year import uncertainty
 from hkt_mdo.start.find import find_start
 from hkt_mdo.studies.uncertainty import Design
 
@@ -121,6 +123,23 @@ def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year
     assert told.uncertainty == told.uncertainty_by["speed"] == pytest.approx(share, rel=0.02)
     row = next(row for row in year.summary.rows(year.case) if row.label == "annual energy")
     assert f"± {100.0 * share:.2g} %" in row.text
+
+
+def test_turbulence_and_a_cut_out_leave_the_uncertainty_as_it_is():
+    """Bins then hold few of their speeds near the cut-out, and have nearly the same mean speed."""
+    resource = {"profile": "distribution", "scale": 1.4, "shape": 2.2, "cut_in": 0.7}
+    resource |= {"turbulence_intensity": 0.1, "speed_uncertainty": 0.03}
+    control = {"law": "linear", "cut_out": 2.45}
+    scenario = physics(load_case({"resource": resource, "control": control})).scenarios[0]
+    speed, weights = scenario.speeds, scenario.node_weights
+
+    def power(speed):
+        return speed**3 / (1.0 + (speed / 2.0) ** 8)
+
+    known = {"inflow_speed": speed, "electrical_power": power(speed)}
+    found = uncertainty([SimpleNamespace(scenario=scenario, integrated=known)])
+    change = weights @ (power(1.03 * speed) - power(0.97 * speed)) / 2.0
+    assert found == {"speed": pytest.approx(change / (weights @ power(speed)), rel=5e-3)}
 
 
 @pytest.mark.slow
