@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cached_property, wraps
+from inspect import signature
 from traceback import extract_tb
 from types import FunctionType
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.aggregates import Aggregate
-from hkt_mdo.dynamics.formulas import Formula
+from hkt_mdo.dynamics.formulas import STEP, Formula
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.errors import InputError, show
@@ -28,6 +29,17 @@ _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
 MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
 COMPLEX = "correct the method; it must accept complex numbers, for derivatives by complex step"
+LOST = (
+    "np.abs, math, float() and .real drop the imaginary part, by which derivatives are taken: "
+    "write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of openmdao.utils.cs_safe"
+)
+SLOPES: dict[str, tuple[str, ...]] = {
+    **{"demand": (), "rates": (), "speed_at": (), "rate": (), "rows": ("shares",)},
+    **{"value": ("shares",), "speed_at_rest": ("inflow_speed",)},
+}
+"""Methods with derivatives by complex step, and the arguments by which none are taken."""
+POINTS = 8  # calls of a method whose derivatives are compared with differences
+MOVE, OFF, SMALL = 1e-6, 1e-3, 1e-10  # of an argument, of a difference and of the value, relatively
 
 
 @contextmanager
@@ -78,9 +90,11 @@ _HOW: dict[type, tuple[Callable, Callable]] = {
 
 def _guard(method: Callable, file: str, place: str) -> Callable:
     """Return a method of an extension whose errors and bad results are reported with its place."""
+    left = [True] * POINTS
 
     @wraps(method)
     def told(self, *args, **quantities):
+        given = (*args, *quantities.values())
         try:
             result = method(self, *args, **quantities)
         except InputError:
@@ -88,20 +102,65 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         except Exception as error:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
-            given = [*args, *quantities.values()]
             remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "correct the method"
             problem = f"raises {one_line(error)}{line}"
             raise InputError(problem, remedy, file=file, key=place) from error
         shape = _shape(self, method.__name__, args, quantities)
-        if shape is None or (result is None and method.__name__ in MAY_BE_NONE):
-            return result
-        infinite = method.__name__ in MAY_BE_INFINITE
-        problem, result = _checked(result, shape, (*args, *quantities.values()), infinite)
-        if problem:
-            raise InputError(problem, "correct the method", file=file, key=place)
+        if shape is not None and not (result is None and method.__name__ in MAY_BE_NONE):
+            infinite = method.__name__ in MAY_BE_INFINITE
+            problem, result = _checked(result, shape, given, infinite)
+            if problem:
+                raise InputError(problem, "correct the method", file=file, key=place)
+        if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
+            left.pop()
+            if problem := _wrong_slope(method, self, args, quantities):
+                raise InputError(problem, LOST, file=file, key=place)
         return result
 
     return told
+
+
+def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> str:
+    """Return by which argument a derivative by complex step is wrong; empty if by none.
+
+    It lies between the differences to both sides, which are apart at a kink.
+    """
+    names = [*signature(method).parameters][1:]
+    names = [*(names[min(i, len(names) - 1)] for i in range(len(args))), *quantities]
+    given, count = (*args, *quantities.values()), len(args)
+
+    def moved(place: int, by: Any) -> np.ndarray:
+        values = [*given[:place], given[place] + by, *given[place + 1 :]]
+        named = dict(zip(quantities, values[count:], strict=True))
+        return np.asarray(method(kind, *values[:count], **named))
+
+    for place, name in enumerate(names):
+        value = np.asarray(given[place])
+        if name in SLOPES[method.__name__] or value.dtype.kind not in "iuf" or not value.size:
+            continue
+        step = MOVE * np.maximum(np.abs(value), 1e-3 * np.max(np.abs(value)) or 1.0)
+        try:
+            here, *ends = (moved(place, by * step) for by in (0.0, -1.0, 1.0))
+        except Exception:  # beyond what the method is defined for
+            continue
+        try:
+            slope = np.imag(moved(place, 1j * STEP * step)) / STEP
+        except Exception as error:
+            return f"raises {one_line(error)} for a complex {name}"
+        if not np.all(np.isfinite([here, *ends])):
+            continue
+        sides = np.array([here - ends[0], ends[1] - here])
+        error = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
+        off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - error
+        if np.any(off > 0.0):
+            at = np.unravel_index(np.argmax(off), off.shape)
+            unit = np.broadcast_to(step, off.shape)[at] if step.shape == off.shape else np.max(step)
+            by_steps = np.mean(sides, axis=0)[at]
+            told = (
+                f"{slope[at] / unit:.4g} by complex step and {by_steps / unit:.4g} by differences"
+            )
+            return f"has a derivative by {name} of {told}"
+    return ""
 
 
 def one_line(error: BaseException) -> str:
