@@ -621,8 +621,10 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
         gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
+        captured = self.objective is None or self.objective.kind == "captured"
+        other = "" if captured else "of the captured energy, which is not the objective"
         known = "does not include limits other than that of the torque" if case.limits.given else ""
-        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)
+        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", joined(other, known))
 
     def _design(self, case: Case) -> Iterator[Row]:
         """Yield the rows of controller, blade and computation."""
