@@ -16,8 +16,8 @@ import openmdao.api as om
 from scipy.sparse import csr_array
 
 from hkt_mdo.case import Phase
-from hkt_mdo.dynamics.flows import ConstantInflow, Inflow
-from hkt_mdo.dynamics.resource import DurationCurve, Resource, Speeds, in_bins
+from hkt_mdo.dynamics.flows import SLOWEST, ConstantInflow, Inflow
+from hkt_mdo.dynamics.resource import AT_END, Resource, Speeds, in_bins
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
@@ -26,6 +26,7 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
 CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
 WIDTH = 0.05  # m/s, width of the bins of a flow over time in a steady scenario
+BETWEEN = 50  # looks between two samples for the largest speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +36,15 @@ class SteadyScenario(Scenario):
     `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `place` is the number
     of the bin of each speed, `resource` the resource of the speeds, and `backwards` tells whether
-    they are those of reversed flow, in which the rotor turns backwards.
+    they are those of reversed flow, in which the rotor turns backwards. The first and the last
+    speed are the ends of the flow's range, at which limits hold, and have no energy; `finer` is as
+    in `Speeds`.
     """
 
     place: np.ndarray = None  # type: ignore[assignment]
     resource: Inflow = None  # type: ignore[assignment]
     backwards: bool = False
+    finer: tuple[np.ndarray, np.ndarray] | None = None
     steady: ClassVar[bool] = True
 
     @classmethod
@@ -51,10 +55,10 @@ class SteadyScenario(Scenario):
             speeds, notes = back or inflow.speeds, inflow.messages
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            notes = *inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow"
-        ends = mesh.duration * np.append(speeds.idle, speeds.idle + np.cumsum(speeds.share))
-        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), notes=notes)
-        return cls(curve, mesh, weight, name, ends, place=speeds.place, resource=inflow, **others)
+            notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
+        curve, about = speeds.curve(mesh.duration, notes), {"resource": inflow, **others}
+        about |= {"place": speeds.place, "finer": speeds.finer}
+        return cls(curve, mesh, weight, name, np.array(curve.ends), **about)
 
     @property
     def speeds(self) -> np.ndarray:
@@ -65,12 +69,15 @@ class SteadyScenario(Scenario):
         """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self
-        count = int(np.sum(self.speeds <= cut_out))
-        if not count:
+        shares, idle = np.diff(self.edges) / self.mesh.duration, self.edges[0] / self.mesh.duration
+        found = Speeds(self.speeds, shares, self.place, self.speeds, idle).between(0.0, cut_out)
+        if np.sum(found.share) < 3.0 * AT_END:
             problem = f"leaves no time of operation: the flow has at least {self.speeds[0]:.4g} m/s"
             place = {"key": "control.cut_out", "value": cut_out}
             raise InputError(problem, "give a larger one, or null for none", **place)
-        return replace(self, edges=self.edges[: count + 1], place=self.place[:count])
+        found = found.with_ends(found.speed[0], cut_out)
+        curve = found.curve(self.mesh.duration, self.messages)
+        return replace(self, inflow=curve, edges=np.array(curve.ends), place=found.place)
 
     def when(self, time, digits=".2f"):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
@@ -159,14 +166,22 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
 
 
 def _without_time(whole: Scenario) -> Speeds:
-    """Return the speeds of a flow over time, in bins unless it is constant."""
-    if isinstance(whole.inflow, ConstantInflow):
-        speed, share = np.array([whole.inflow.speed]), np.ones(1)
-    else:
-        weights = whole.node_weights
-        speed = whole.inflow.speed_at(whole.node_times)
-        speed, share = in_bins(speed, weights / np.sum(weights), WIDTH)
-    return Speeds(speed, share, np.arange(speed.size), speed)
+    """Return the speeds of a flow over time, in bins and with its ends unless it is constant."""
+    flow = whole.inflow
+    if isinstance(flow, ConstantInflow):
+        return Speeds(np.array([flow.speed]), np.ones(1), np.zeros(1, dtype=int), np.ones(1))
+    finer = flow.speed_at(whole.node_times), whole.node_weights / np.sum(whole.node_weights)
+    speed, share = in_bins(*finer, WIDTH)
+    found = Speeds(speed, share, np.arange(speed.size), speed, finer=finer)
+    return found.with_ends(max(-_largest(whole, -1.0), SLOWEST), _largest(whole, 1.0))
+
+
+def _largest(whole: Scenario, sign: float) -> float:
+    """Return the largest of a flow's speeds times a sign, between its densest samples too."""
+    times = whole.dense
+    place = np.argmax(sign * whole.inflow.speed_at(times))
+    near = np.linspace(*times[[max(place - 1, 0), min(place + 1, times.size - 1)]], 2 * BETWEEN + 1)
+    return float(np.max(sign * whole.inflow.speed_at(near)))
 
 
 class EquilibriumGroup(om.Group):

@@ -146,7 +146,7 @@ class LimitEntry(LoadEntry):
         share, worth = self.share_of_time, self.worth
         return joined(
             word,
-            "binding" + ("" if share is None else f" {100.0 * share:.3g} % of the time"),
+            "binding" + (f" {100.0 * share:.3g} % of the time" if share else ""),
             "" if worth is None else f"1 % more would give {measured(worth, 'J', 3)}",
         )
 
@@ -517,6 +517,8 @@ class Summary(_Entry, Mapping[str, Any]):
 
     surrogate_error: _Number = None
     surrogate_nodes: int | None = None
+    bins_error: _Number = None
+    """Relative error of the captured energy by the bins of steady scenarios."""
     max_speed_error: _Number = None
     """Largest relative difference of rotor speed between collocation and integration."""
     checks: list[CheckEntry] | None = None
@@ -658,6 +660,8 @@ class Summary(_Entry, Mapping[str, Any]):
             ("rotor speed, relative error", self.max_speed_error),
         ):
             yield Row(label, None if error is None else f"{error:.2g}")
+        if self.bins_error is not None:
+            yield Row("energy by bins of the flow, relative error", f"{self.bins_error:+.2g}")
         seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
         iterations = f"{measured(self.iterations)} iterations"
         work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")

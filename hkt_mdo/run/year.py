@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.resource import YEAR, Resource
 from hkt_mdo.problem.equilibrium import SteadyScenario
@@ -145,3 +146,32 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
         by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
     record = resource.scatter(by_bin)
     return found if record is None else found | {"record": record}
+
+
+def bins_error(flights: Sequence[Flight]) -> float | None:
+    """Return the relative error of the captured energy by the bins of steady scenarios.
+
+    The bins' energies, each at a mean speed, against the energy at all speeds of the flow, by the
+    curve of P/v³ through the equilibria.
+
+    Parameters
+    ----------
+    flights : sequence of Flight
+        Of all scenarios.
+
+    Returns
+    -------
+    float or None
+        None where the speeds are not known more finely than the bins.
+    """
+    binned, exact = 0.0, 0.0
+    for flight in flights:
+        scenario, known = flight.scenario, flight.integrated
+        if isinstance(scenario, SteadyScenario) and scenario.finer is not None:
+            (speed, share), at = scenario.finer, known["inflow_speed"]
+            inside = (speed >= at[0]) & (speed <= at[-1])
+            power = known["hydrodynamic_power"]
+            found = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
+            exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ found)
+            binned += scenario.weight * flight.integral(power)
+    return binned / exact - 1.0 if exact > 0.0 else None
