@@ -125,40 +125,32 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
 
     It lies between the differences to both sides, which are apart at a kink.
     """
-    names = [*signature(method).parameters][1:]
-    names = [*(names[min(i, len(names) - 1)] for i in range(len(args))), *quantities]
-    given, count = (*args, *quantities.values()), len(args)
+    names, given = [*signature(method).parameters][1:], dict(enumerate(args)) | quantities
 
-    def moved(place: int, by: Any) -> np.ndarray:
-        values = [*given[:place], given[place] + by, *given[place + 1 :]]
-        named = dict(zip(quantities, values[count:], strict=True))
-        return np.asarray(method(kind, *values[:count], **named))
+    def at(key: Any, value: Any) -> np.ndarray:
+        moved = given | {key: value}
+        first = [moved.pop(place) for place in range(len(args))]
+        return np.ravel(method(kind, *first, **moved))
 
-    for place, name in enumerate(names):
-        value = np.asarray(given[place])
-        if name in SLOPES[method.__name__] or value.dtype.kind not in "iuf" or not value.size:
+    for key, value in given.items():
+        name = key if isinstance(key, str) else names[min(key, len(names) - 1)]
+        size = np.abs(value)
+        if name in SLOPES[method.__name__] or size.dtype.kind not in "iuf" or not size.size:
             continue
-        step = MOVE * np.maximum(np.abs(value), 1e-3 * np.max(np.abs(value)) or 1.0)
+        step = MOVE * np.maximum(size, 1e-3 * np.max(size) or 1.0)
         try:
-            here, *ends = (moved(place, by * step) for by in (0.0, -1.0, 1.0))
-        except Exception:  # beyond what the method is defined for
-            continue
-        try:
-            slope = np.imag(moved(place, 1j * STEP * step)) / STEP
+            here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
+            slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
         except Exception as error:
             return f"raises {one_line(error)} for a complex {name}"
-        if not np.all(np.isfinite([here, *ends])):
-            continue
-        sides = np.array([here - ends[0], ends[1] - here])
+        sides = np.stack((here - lower, upper - here))
         error = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
         off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - error
         if np.any(off > 0.0):
-            at = np.unravel_index(np.argmax(off), off.shape)
-            unit = np.broadcast_to(step, off.shape)[at] if step.shape == off.shape else np.max(step)
-            by_steps = np.mean(sides, axis=0)[at]
-            told = (
-                f"{slope[at] / unit:.4g} by complex step and {by_steps / unit:.4g} by differences"
-            )
+            worst = np.argmax(off)
+            unit = np.resize(step, off.size)[worst]
+            told = slope[worst] / unit, np.mean(sides[:, worst]) / unit
+            told = "{:.4g} by complex step and {:.4g} by differences".format(*told)
             return f"has a derivative by {name} of {told}"
     return ""
 

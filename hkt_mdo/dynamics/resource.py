@@ -270,11 +270,10 @@ class Resource(Inflow):
             used = share > 0.0
             speed, share = speed[used], share[used]
             gaps = np.diff(speed) if speed.size > 1 else np.zeros(1)
-            reach = 0.5 * np.minimum(gaps[[0, -1]], np.median(gaps))
-            ends = speed[[0, -1]] + reach * [-1.0, 1.0]
+            low, high = speed[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
         else:
             finer = None if self.turbulence_intensity else (speed, share)
-            ends = np.array([np.min(speed, initial=np.inf), np.max(speed, initial=0.0)])
+            low, high = np.min(speed, initial=np.inf), np.max(speed, initial=0.0)
             speed, share = in_bins(speed, share, self.bin_width)
         found = Speeds(speed, share, np.arange(speed.size), speed, idle, finer)
         found = found.turbulent(self.turbulence_intensity).between(slowest, np.inf)
@@ -288,8 +287,7 @@ class Resource(Inflow):
             problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
         farthest = self.turbulence_intensity * np.polynomial.hermite_e.hermegauss(POINTS)[0][-1]
-        low, high = ends * [1.0 - farthest, 1.0 + farthest]
-        return found.with_ends(max(low, slowest), high)
+        return found.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
 
     @property
     def messages(self):
@@ -319,12 +317,8 @@ class Resource(Inflow):
             problem = f"reaches {self.speeds.speed[-1]:.3g} m/s"
             raise InputError(problem, "give speeds of currents", key="resource")
 
-    def curve(self, duration: float) -> DurationCurve:
-        """Return the speeds as a flow over a duration, s."""
-        return self.speeds.curve(duration, self.messages)
-
     def speed_at(self, time):
-        return self.curve(YEAR).speed_at(time)
+        return self.speeds.curve(YEAR, self.messages).speed_at(time)
 
 
 _Speed = Annotated[float, Quantity("m/s", ge=-20, le=20)]

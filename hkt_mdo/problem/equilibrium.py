@@ -26,7 +26,6 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
 CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
 WIDTH = 0.05  # m/s, width of the bins of a flow over time in a steady scenario
-BETWEEN = 50  # looks between two samples for the largest speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +84,16 @@ class SteadyScenario(Scenario):
     def rate_of(self, values):
         return np.zeros(values.shape)
 
-    def divided(self, parts):
+    def divided(self, parts=1):
         return self
 
-    def resolved(self):
-        return self
+    resolved = divided
 
     @property
     def flow_errors(self):
         return np.zeros(self.segments)
 
-    @property
-    def flow_missed(self):
-        return np.zeros(self.segments)
-
-    @property
-    def dense(self):
-        return self.samples
+    flow_missed = flow_errors
 
     @property
     def messages(self):
@@ -123,7 +115,7 @@ class SteadyScenario(Scenario):
     def nodes_per_segment(self):
         return 1
 
-    node_times, node_weights = samples, sample_weights
+    node_times, node_weights, dense = samples, sample_weights, samples
 
     @cached_property
     def distinct_nodes(self):
@@ -167,21 +159,13 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
 
 def _without_time(whole: Scenario) -> Speeds:
     """Return the speeds of a flow over time, in bins and with its ends unless it is constant."""
-    flow = whole.inflow
-    if isinstance(flow, ConstantInflow):
-        return Speeds(np.array([flow.speed]), np.ones(1), np.zeros(1, dtype=int), np.ones(1))
-    finer = flow.speed_at(whole.node_times), whole.node_weights / np.sum(whole.node_weights)
-    speed, share = in_bins(*finer, WIDTH)
-    found = Speeds(speed, share, np.arange(speed.size), speed, finer=finer)
-    return found.with_ends(max(-_largest(whole, -1.0), SLOWEST), _largest(whole, 1.0))
-
-
-def _largest(whole: Scenario, sign: float) -> float:
-    """Return the largest of a flow's speeds times a sign, between its densest samples too."""
-    times = whole.dense
-    place = np.argmax(sign * whole.inflow.speed_at(times))
-    near = np.linspace(*times[[max(place - 1, 0), min(place + 1, times.size - 1)]], 2 * BETWEEN + 1)
-    return float(np.max(sign * whole.inflow.speed_at(near)))
+    finer = whole.inflow.speed_at(whole.node_times), whole.node_weights / np.sum(whole.node_weights)
+    if constant := isinstance(whole.inflow, ConstantInflow):
+        finer = finer[0][:1], np.ones(1)
+    speed, share = finer if constant else in_bins(*finer, WIDTH)
+    dense = whole.inflow.speed_at(whole.dense)
+    found = Speeds(speed, share, np.arange(speed.size), speed, finer=None if constant else finer)
+    return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 
 class EquilibriumGroup(om.Group):

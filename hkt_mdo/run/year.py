@@ -127,23 +127,20 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
         ``speed`` and ``record``, where they are known.
     """
     resource, found, total, slope = flights[0].scenario.resource, {}, 0.0, 0.0
-    reach = max(resource.speed_uncertainty, NARROW) * np.array([[1.0], [-1.0]])
-    for flight in flights:
+    reach, by_bin = max(resource.speed_uncertainty, NARROW) * np.array([[1.0], [-1.0]]), {}
+    for scenario, flight in ((each.scenario, each) for each in flights):
         speed, power = (flight.integrated[name] for name in ("inflow_speed", "electrical_power"))
-        place, weights = np.log(speed), flight.scenario.node_weights
+        place, energy = np.log(speed), scenario.node_weights * power
         ends = np.clip(place + reach, place[0], place[-1])
         change = np.subtract(*np.interp(ends, place, power / speed**3))
-        gap = np.maximum(np.subtract(*ends), NARROW)
-        total += float(weights @ power)
-        slope += float(weights @ (3.0 * power + speed**3 * change / gap))
-    if resource.speed_uncertainty and total:
-        found["speed"] = resource.speed_uncertainty * abs(slope / total)
-    by_bin = {}
-    for scenario, flight in ((each.scenario, each) for each in flights):
-        energy = scenario.node_weights * flight.integrated["electrical_power"]
+        change = change / np.maximum(np.subtract(*ends), NARROW)
+        total += float(np.sum(energy))
+        slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
         way = -1.0 if scenario.backwards else resource.forward
         bins = resource.reversed_speeds if scenario.backwards else resource.speeds
         by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
+    if resource.speed_uncertainty and total:
+        found["speed"] = resource.speed_uncertainty * abs(slope / total)
     record = resource.scatter(by_bin)
     return found if record is None else found | {"record": record}
 
