@@ -28,10 +28,10 @@ from hkt_mdo.quantities import is_over_time
 _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
 MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
-COMPLEX = "correct the method; it must accept complex numbers, for derivatives by complex step"
-LOST = (
-    "np.abs, math, float() and .real drop the imaginary part, by which derivatives are taken: "
-    "write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of openmdao.utils.cs_safe"
+COMPLEX = (
+    "let it take complex numbers, for derivatives by complex step: np.abs, math, float() and .real "
+    "drop the imaginary part; write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of "
+    "openmdao.utils.cs_safe"
 )
 SLOPES: dict[str, tuple[str, ...]] = {
     **{"demand": (), "rates": (), "speed_at": (), "rate": (), "rows": ("shares",)},
@@ -114,7 +114,7 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
             if problem := _wrong_slope(method, self, args, quantities):
-                raise InputError(problem, LOST, file=file, key=place)
+                raise InputError(problem, COMPLEX, file=file, key=place)
         return result
 
     return told
@@ -144,13 +144,13 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
         except Exception as error:
             return f"raises {one_line(error)} for a complex {name}"
         sides = np.stack((here - lower, upper - here))
-        error = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
-        off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - error
+        noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
+        off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise
         if np.any(off > 0.0):
             worst = np.argmax(off)
             unit = np.resize(step, off.size)[worst]
-            told = slope[worst] / unit, np.mean(sides[:, worst]) / unit
-            told = "{:.4g} by complex step and {:.4g} by differences".format(*told)
+            both = slope[worst] / unit, np.mean(sides[:, worst]) / unit
+            told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
             return f"has a derivative by {name} of {told}"
     return ""
 

@@ -278,11 +278,9 @@ class Resource(Inflow):
         found = Speeds(speed, share, np.arange(speed.size), speed, idle, finer)
         found = found.turbulent(self.turbulence_intensity).between(slowest, np.inf)
         if not found.speed.size or not np.any(found.share):
-            problem = "leaves no time of operation: the flow is slower, or runs the other way"
-            raise InputError(
-                f"{problem}, all year", "give a smaller cut_in", key="resource.cut_in",
-                value=self.cut_in,
-            )  # fmt: skip
+            problem = "leaves no time of operation: the flow is slower or reversed, all year"
+            place = {"key": "resource.cut_in", "value": self.cut_in}
+            raise InputError(problem, "give a smaller cut_in", **place)
         if found.speed.size > MOST_SPEEDS:
             problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
