@@ -42,7 +42,7 @@ from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
-FAILURES = 100, 4  # of Newton's method at most, and for each step: a window that fails is halved
+FAILURES = 100, 4  # of Newton's method at most, and for each step that is solved
 AWAY = 1.5  # tip speed ratio over the first one, above which a rotor has run away
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
 GROWTH = 4.0  # of the first step of a window over the last one before it, with memory
@@ -409,8 +409,7 @@ class _Motion:
     def march(self, start, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, last = [], np.zeros(4), None
-        most = FAILURES[0] + FAILURES[1] * edges.size
+        paths, energies, last, begun = [], np.zeros(4), None, edges.size
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             fine = self._graded(self._divided_by_flow(window), last)
@@ -420,6 +419,7 @@ class _Motion:
             if not found:
                 failures, stop = failures + 1, None
                 count = (window.size - 1) // 2
+                most = FAILURES[0] + FAILURES[1] * (begun - edges.size)
                 endless = found is False and not count
                 if endless or failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
                     raise IntegrationError(float(edges[0]), self._fastest(paths))
