@@ -1,10 +1,12 @@
 """Faults of a user's own kinds: the message names the class, its file, its method and the fault."""
 
 import re
+import warnings
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import pytest
+from openmdao.utils import cs_safe
 
 from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, load_case
 from hkt_mdo.case.guard import any_values
@@ -96,7 +98,7 @@ KINDS = {
         '    weight: Annotated[float, Quantity("{unit}")] = 1.0\n'
         "    def value(self, rates, shares, unknowns):\n"
         "        {fault}\n"
-        "        return np.min(rates.real) * factor\n",
+        "        return np.min(rates) * factor\n",
         "W",
         "robustness: own\nscenarios: [{inflow: {profile: sine, mean: 1.3}}, {inflow: sine}]",
         "value",
@@ -141,6 +143,45 @@ def test_a_fault_is_reported_with_its_place(tmp_path, capsys, kind, fault):
     assert re.search(words, error), error
     assert f"{tmp_path / 'own.py'}: Own.{method}: " in error
     assert "error of this program" not in error
+
+
+ARGUMENTS = {"limit": "rotor_radius", "law": "speed", "flow": "time", "aggregate": "rates"}
+ARGUMENTS |= {"limit of the design": "mass", "objective": "generator_power"}
+
+
+@pytest.mark.parametrize(("kind", "argument"), ARGUMENTS.items())
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("np.abs({0})", r"a derivative by {0} of \S+ by complex step and \S+ by differences"),
+        ("np.vectorize(float)({0})", "raises (Type|Complex)\\w+: .* for a complex {0}"),
+    ],
+    ids=["abs", "float"],
+)
+def test_a_method_without_derivatives_is_refused(tmp_path, capsys, kind, argument, code, words):
+    """By `hkt check`, without an optimizer."""
+    fault = f"factor, {argument} = 1.0, {code.format(argument)}"
+    extend, case, method = written(tmp_path, kind, fault=fault)
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("error", np.exceptions.ComplexWarning)
+        assert main([*extend, "check", case]) == 2
+    error = capsys.readouterr().err
+    assert f"{tmp_path / 'own.py'}: Own.{method}: " in error
+    assert re.search(words.format(argument), error), error
+    assert "np.sqrt(x * x) for np.abs(x)" in error
+
+
+def test_kinks_and_absolute_values_that_keep_derivatives_are_accepted():
+    class Kinked(FeedbackLaw):
+        law: Literal["kinked"] = "kinked"
+        gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
+
+        def demand(self, speed, gains):
+            return gains[0] * (np.maximum(speed, 1.0) + np.sqrt(speed * speed) + cs_safe.abs(speed))
+
+    law = load_case({"inflow": "sine", "control": "kinked"}, extensions=[Kinked]).control
+    found = law.torque(np.array([-2.0, 0.0, 1.0, 3.0]), np.array([5.0]))
+    np.testing.assert_allclose(found, [25.0, 5.0, 15.0, 45.0])
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cached_property, wraps
+from inspect import signature
 from traceback import extract_tb
 from types import FunctionType
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.aggregates import Aggregate
-from hkt_mdo.dynamics.formulas import Formula
+from hkt_mdo.dynamics.formulas import STEP, Formula
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.errors import InputError, show
@@ -27,7 +28,18 @@ from hkt_mdo.quantities import is_over_time
 _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
 MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
-COMPLEX = "correct the method; it must accept complex numbers, for derivatives by complex step"
+COMPLEX = (
+    "let it take complex numbers, for derivatives by complex step: np.abs, math, float() and .real "
+    "drop the imaginary part; write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of "
+    "openmdao.utils.cs_safe"
+)
+SLOPES: dict[str, tuple[str, ...]] = {
+    **{"demand": (), "rates": (), "speed_at": (), "rate": (), "rows": ("shares",)},
+    **{"value": ("shares",), "speed_at_rest": ("inflow_speed",)},
+}
+"""Methods with derivatives by complex step, and the arguments by which none are taken."""
+POINTS = 8  # calls of a method whose derivatives are compared with differences
+MOVE, OFF, SMALL = 1e-6, 1e-3, 1e-10  # of an argument, of a difference and of the value, relatively
 
 
 @contextmanager
@@ -78,9 +90,11 @@ _HOW: dict[type, tuple[Callable, Callable]] = {
 
 def _guard(method: Callable, file: str, place: str) -> Callable:
     """Return a method of an extension whose errors and bad results are reported with its place."""
+    left = [True] * POINTS
 
     @wraps(method)
     def told(self, *args, **quantities):
+        given = (*args, *quantities.values())
         try:
             result = method(self, *args, **quantities)
         except InputError:
@@ -88,20 +102,57 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         except Exception as error:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
-            given = [*args, *quantities.values()]
             remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "correct the method"
             problem = f"raises {one_line(error)}{line}"
             raise InputError(problem, remedy, file=file, key=place) from error
         shape = _shape(self, method.__name__, args, quantities)
-        if shape is None or (result is None and method.__name__ in MAY_BE_NONE):
-            return result
-        infinite = method.__name__ in MAY_BE_INFINITE
-        problem, result = _checked(result, shape, (*args, *quantities.values()), infinite)
-        if problem:
-            raise InputError(problem, "correct the method", file=file, key=place)
+        if shape is not None and not (result is None and method.__name__ in MAY_BE_NONE):
+            infinite = method.__name__ in MAY_BE_INFINITE
+            problem, result = _checked(result, shape, given, infinite)
+            if problem:
+                raise InputError(problem, "correct the method", file=file, key=place)
+        if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
+            left.pop()
+            if problem := _wrong_slope(method, self, args, quantities):
+                raise InputError(problem, COMPLEX, file=file, key=place)
         return result
 
     return told
+
+
+def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> str:
+    """Return by which argument a derivative by complex step is wrong; empty if by none.
+
+    It lies between the differences to both sides, which are apart at a kink.
+    """
+    names, given = [*signature(method).parameters][1:], dict(enumerate(args)) | quantities
+
+    def at(key: Any, value: Any) -> np.ndarray:
+        moved = given | {key: value}
+        first = [moved.pop(place) for place in range(len(args))]
+        return np.ravel(method(kind, *first, **moved))
+
+    for key, value in given.items():
+        name = key if isinstance(key, str) else names[min(key, len(names) - 1)]
+        size = np.abs(value)
+        if name in SLOPES[method.__name__] or size.dtype.kind not in "iuf" or not size.size:
+            continue
+        step = MOVE * np.maximum(size, 1e-3 * np.max(size) or 1.0)
+        try:
+            here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
+            slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
+        except Exception as error:
+            return f"raises {one_line(error)} for a complex {name}"
+        sides = np.stack((here - lower, upper - here))
+        noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
+        off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise
+        if np.any(off > 0.0):
+            worst = np.argmax(off)
+            unit = np.resize(step, off.size)[worst]
+            both = slope[worst] / unit, np.mean(sides[:, worst]) / unit
+            told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
+            return f"has a derivative by {name} of {told}"
+    return ""
 
 
 def one_line(error: BaseException) -> str:

@@ -58,7 +58,7 @@ def report_resource(
     """
     record = _record(file, keys)
     samples = record.samples
-    speed, share = record.occurrence()
+    speed, share = record.binned()
     tide = None
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]

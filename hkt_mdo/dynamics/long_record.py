@@ -239,7 +239,11 @@ class RecordResource(RecordFile, Resource):
         return speed
 
     def occurrence(self):
-        """Return the speeds of bins; those of reversed flow are binned separately."""
+        speed = self.samples.speed
+        return speed, np.full(speed.size, 1.0 / speed.size)
+
+    def binned(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the speeds of bins, m/s, and their shares; reversed flow has bins of its own."""
         speed, found = self.samples.speed, []
         for sign in (1.0, -1.0):
             own = sign * speed[np.sign(speed) == sign if sign < 0.0 else speed >= 0.0]

@@ -7,7 +7,7 @@ of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/year.m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
@@ -28,6 +28,7 @@ YEAR_ROUNDED = 3e-3  # a year has 8760, 8766 or 8784 hours
 SAME = 1e-9  # m/s, by which speeds of one bin differ at most
 MOST_SPEEDS = 2000
 WIDEST = 0.1  # m/s, of the bins of IEC TS 62600-200
+AT_END = 1e-14  # share of the time of the ends of the speeds' range: no energy, but limits hold
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +55,28 @@ class Speeds:
     place: np.ndarray
     mean: np.ndarray
     idle: float = 0.0
+    finer: tuple[np.ndarray, np.ndarray] | None = None
+    """Speeds, m/s, and shares of the time from which the bins are made; None: unknown."""
 
     def between(self, slowest: float, fastest: float) -> Speeds:
         """Return the speeds from the slowest to the fastest, m/s; the others are `idle`."""
         kept = (self.speed >= slowest) & (self.speed <= fastest)
-        return Speeds(
-            self.speed[kept],
-            self.share[kept],
-            self.place[kept],
-            self.mean,
-            self.idle + float(np.sum(self.share[~kept])),
-        )
+        found = {name: getattr(self, name)[kept] for name in ("speed", "share", "place")}
+        return replace(self, **found, idle=self.idle + float(np.sum(self.share[~kept])))
+
+    def with_ends(self, slowest: float, fastest: float) -> Speeds:
+        """Return the speeds and the ends of their range, m/s, at which limits hold as well."""
+        first, last = (1.0 - SAME) * self.speed[0], (1.0 + SAME) * self.speed[-1]
+        more = int(slowest < first), int(fastest > last)
+        ends = np.array([slowest][: more[0]]), self.speed, np.array([fastest][: more[1]])
+        share = np.pad(self.share, more, constant_values=AT_END)
+        place = np.pad(self.place, more, mode="edge")
+        return replace(self, speed=np.concatenate(ends), share=share, place=place)
+
+    def curve(self, duration: float, notes: tuple[str, ...]) -> DurationCurve:
+        """Return the speeds as a flow over a duration, s, with messages about it."""
+        ends = duration * np.append(self.idle, self.idle + np.cumsum(self.share))
+        return DurationCurve(speeds=tuple(self.speed), ends=tuple(ends), notes=notes)
 
     def turbulent(self, intensity: float) -> Speeds:
         """Replace each speed by a normal distribution about it, of a relative deviation.
@@ -244,27 +256,29 @@ class Resource(Inflow):
         speed, share = self.occurrence()
         runs = way * speed >= 0.0
         idle, speed, share = float(np.sum(share[~runs])), np.abs(speed[runs]), share[runs]
+        finer, slowest = None, max(self.cut_in, SLOWEST)
         if self.own_bins:
             speed, place = np.unique(np.round(speed / SAME) * SAME, return_inverse=True)
             share = np.bincount(place, share)
             used = share > 0.0
             speed, share = speed[used], share[used]
+            gaps = np.diff(speed) if speed.size > 1 else np.zeros(1)
+            low, high = speed[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
         else:
+            finer = None if self.turbulence_intensity else (speed, share)
+            low, high = np.min(speed, initial=np.inf), np.max(speed, initial=0.0)
             speed, share = in_bins(speed, share, self.bin_width)
-        found = Speeds(speed, share, np.arange(speed.size), speed, idle)
-        found = found.turbulent(self.turbulence_intensity).between(
-            max(self.cut_in, SLOWEST), np.inf
-        )
+        found = Speeds(speed, share, np.arange(speed.size), speed, idle, finer)
+        found = found.turbulent(self.turbulence_intensity).between(slowest, np.inf)
         if not found.speed.size or not np.any(found.share):
-            problem = "leaves no time of operation: the flow is slower, or runs the other way"
-            raise InputError(
-                f"{problem}, all year", "give a smaller cut_in", key="resource.cut_in",
-                value=self.cut_in,
-            )  # fmt: skip
+            problem = "leaves no time of operation: the flow is slower or reversed, all year"
+            place = {"key": "resource.cut_in", "value": self.cut_in}
+            raise InputError(problem, "give a smaller cut_in", **place)
         if found.speed.size > MOST_SPEEDS:
             problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
-        return found
+        farthest = self.turbulence_intensity * np.polynomial.hermite_e.hermegauss(POINTS)[0][-1]
+        return found.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
 
     @property
     def messages(self):
@@ -294,14 +308,8 @@ class Resource(Inflow):
             problem = f"reaches {self.speeds.speed[-1]:.3g} m/s"
             raise InputError(problem, "give speeds of currents", key="resource")
 
-    def curve(self, duration: float) -> DurationCurve:
-        """Return the speeds as a flow over a duration, s."""
-        found = self.speeds
-        ends = duration * np.append(found.idle, found.idle + np.cumsum(found.share))
-        return DurationCurve(speeds=tuple(found.speed), ends=tuple(ends), notes=self.messages)
-
     def speed_at(self, time):
-        return self.curve(YEAR).speed_at(time)
+        return self.speeds.curve(YEAR, self.messages).speed_at(time)
 
 
 _Speed = Annotated[float, Quantity("m/s", ge=-20, le=20)]

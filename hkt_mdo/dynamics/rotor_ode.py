@@ -8,6 +8,7 @@ from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law, OpenLoop
 from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+from hkt_mdo.rotor.components import refuse_complex_step
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
@@ -216,6 +217,7 @@ class CoefficientComp(_NodeComp):
             return lambda ratio, *_: spline.values(table, ratio)[0], by
         if np.any(here <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
             raise om.AnalysisError("the rotor turns backwards")
+        refuse_complex_step(self)
         polar = self.options["polar"]
         if isinstance(polar, LocalReynolds):
             polar = polar.at_speed(flow)

@@ -42,7 +42,8 @@ from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
-FAILURES = 100  # of Newton's method, and one more a step, at most: a window that fails is halved
+FAILURES = 100, 4  # of Newton's method at most, and for each step that is solved
+AWAY = 1.5  # tip speed ratio over the first one, above which a rotor has run away
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
 GROWTH = 4.0  # of the first step of a window over the last one before it, with memory
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
@@ -269,16 +270,23 @@ class Simulation:
 
 
 class IntegrationError(InputError):
-    """The equation of motion has no solution beyond a time, s."""
+    """The equation of motion has no solution beyond a time, s.
 
-    def __init__(self, time: float) -> None:
+    `fastest` is when and how fast (rad/s) a rotor turned that ran away before; None: it did not.
+    """
+
+    def __init__(self, time: float, fastest: tuple[float, float] | None = None) -> None:
         problem = f"the independent integration fails at t = {time:.6g} s"
         remedy = "check that the flow is positive there, and the control law finite and continuous"
+        if fastest is not None:
+            when, speed = fastest
+            problem = f"the rotor runs away, to {speed:.4g} rad/s at t = {when:.6g} s; {problem}"
+            remedy = "try a larger rotor.hub_inertia, or another control.law"
         super().__init__(problem, remedy)
-        self.time = time
+        self.time, self.fastest = time, fastest
 
     def __reduce__(self):  # from another process
-        return type(self), (self.time,)
+        return type(self), (self.time, self.fastest)
 
 
 class Start(NamedTuple):
@@ -401,7 +409,7 @@ class _Motion:
     def march(self, start, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, most, last = [], np.zeros(4), FAILURES + edges.size, None
+        paths, energies, last, begun = [], np.zeros(4), None, edges.size
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             fine = self._graded(self._divided_by_flow(window), last)
@@ -411,9 +419,10 @@ class _Motion:
             if not found:
                 failures, stop = failures + 1, None
                 count = (window.size - 1) // 2
+                most = FAILURES[0] + FAILURES[1] * (begun - edges.size)
                 endless = found is False and not count
                 if endless or failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
-                    raise IntegrationError(float(edges[0]))
+                    raise IntegrationError(float(edges[0]), self._fastest(paths))
                 if not count:
                     edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
                     count = 1
@@ -427,6 +436,16 @@ class _Motion:
         ends = np.concatenate([*(each.x[:-1] for each in paths), paths[-1].x[-1:]])
         whole = PPoly(np.concatenate([each.c for each in paths], axis=1), ends)
         return whole, energies, stop is not None
+
+    def _fastest(self, paths):
+        """Return when and how fast a rotor turned that ran away; None: it did not."""
+        if not paths:
+            return None
+        time = np.concatenate([path.x for path in paths])
+        speed = np.concatenate([path(path.x)[..., 0] for path in paths])
+        ratio = speed / self.inflow.speed_at(time)
+        most = np.argmax(ratio)
+        return (float(time[most]), float(speed[most])) if ratio[most] > AWAY * ratio[0] else None
 
     def _mesh(self, longest):
         """Return the longest steps; none extends over an end of a piece of controller or flow."""

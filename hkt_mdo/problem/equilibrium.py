@@ -16,8 +16,8 @@ import openmdao.api as om
 from scipy.sparse import csr_array
 
 from hkt_mdo.case import Phase
-from hkt_mdo.dynamics.flows import ConstantInflow, Inflow
-from hkt_mdo.dynamics.resource import DurationCurve, Resource, Speeds, in_bins
+from hkt_mdo.dynamics.flows import SLOWEST, ConstantInflow, Inflow
+from hkt_mdo.dynamics.resource import AT_END, Resource, Speeds, in_bins
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
@@ -35,12 +35,15 @@ class SteadyScenario(Scenario):
     `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `place` is the number
     of the bin of each speed, `resource` the resource of the speeds, and `backwards` tells whether
-    they are those of reversed flow, in which the rotor turns backwards.
+    they are those of reversed flow, in which the rotor turns backwards. The first and the last
+    speed are the ends of the flow's range, at which limits hold, and have no energy; `finer` is as
+    in `Speeds`.
     """
 
     place: np.ndarray = None  # type: ignore[assignment]
     resource: Inflow = None  # type: ignore[assignment]
     backwards: bool = False
+    finer: tuple[np.ndarray, np.ndarray] | None = None
     steady: ClassVar[bool] = True
 
     @classmethod
@@ -51,10 +54,10 @@ class SteadyScenario(Scenario):
             speeds, notes = back or inflow.speeds, inflow.messages
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            notes = *inflow.messages, f"taken without time: {speeds.speed.size} speeds of the flow"
-        ends = mesh.duration * np.append(speeds.idle, speeds.idle + np.cumsum(speeds.share))
-        curve = DurationCurve(speeds=tuple(speeds.speed), ends=tuple(ends), notes=notes)
-        return cls(curve, mesh, weight, name, ends, place=speeds.place, resource=inflow, **others)
+            notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
+        curve, about = speeds.curve(mesh.duration, notes), {"resource": inflow, **others}
+        about |= {"place": speeds.place, "finer": speeds.finer}
+        return cls(curve, mesh, weight, name, np.array(curve.ends), **about)
 
     @property
     def speeds(self) -> np.ndarray:
@@ -65,12 +68,15 @@ class SteadyScenario(Scenario):
         """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self
-        count = int(np.sum(self.speeds <= cut_out))
-        if not count:
+        shares, idle = np.diff(self.edges) / self.mesh.duration, self.edges[0] / self.mesh.duration
+        found = Speeds(self.speeds, shares, self.place, self.speeds, idle).between(0.0, cut_out)
+        if np.sum(found.share) < 3.0 * AT_END:
             problem = f"leaves no time of operation: the flow has at least {self.speeds[0]:.4g} m/s"
             place = {"key": "control.cut_out", "value": cut_out}
             raise InputError(problem, "give a larger one, or null for none", **place)
-        return replace(self, edges=self.edges[: count + 1], place=self.place[:count])
+        found = found.with_ends(found.speed[0], cut_out)
+        curve = found.curve(self.mesh.duration, self.messages)
+        return replace(self, inflow=curve, edges=np.array(curve.ends), place=found.place)
 
     def when(self, time, digits=".2f"):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
@@ -78,23 +84,16 @@ class SteadyScenario(Scenario):
     def rate_of(self, values):
         return np.zeros(values.shape)
 
-    def divided(self, parts):
+    def divided(self, parts=1):
         return self
 
-    def resolved(self):
-        return self
+    resolved = divided
 
     @property
     def flow_errors(self):
         return np.zeros(self.segments)
 
-    @property
-    def flow_missed(self):
-        return np.zeros(self.segments)
-
-    @property
-    def dense(self):
-        return self.samples
+    flow_missed = flow_errors
 
     @property
     def messages(self):
@@ -116,7 +115,7 @@ class SteadyScenario(Scenario):
     def nodes_per_segment(self):
         return 1
 
-    node_times, node_weights = samples, sample_weights
+    node_times, node_weights, dense = samples, sample_weights, samples
 
     @cached_property
     def distinct_nodes(self):
@@ -159,14 +158,14 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
 
 
 def _without_time(whole: Scenario) -> Speeds:
-    """Return the speeds of a flow over time, in bins unless it is constant."""
-    if isinstance(whole.inflow, ConstantInflow):
-        speed, share = np.array([whole.inflow.speed]), np.ones(1)
-    else:
-        weights = whole.node_weights
-        speed = whole.inflow.speed_at(whole.node_times)
-        speed, share = in_bins(speed, weights / np.sum(weights), WIDTH)
-    return Speeds(speed, share, np.arange(speed.size), speed)
+    """Return the speeds of a flow over time, in bins and with its ends unless it is constant."""
+    finer = whole.inflow.speed_at(whole.node_times), whole.node_weights / np.sum(whole.node_weights)
+    if constant := isinstance(whole.inflow, ConstantInflow):
+        finer = finer[0][:1], np.ones(1)
+    speed, share = finer if constant else in_bins(*finer, WIDTH)
+    dense = whole.inflow.speed_at(whole.dense)
+    found = Speeds(speed, share, np.arange(speed.size), speed, finer=None if constant else finer)
+    return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 
 class EquilibriumGroup(om.Group):

@@ -12,7 +12,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.components import BladeGroup
+from hkt_mdo.rotor.components import BladeGroup, refuse_values
 
 _COEFFICIENTS = "torque", "power", "thrust"
 _POINTS = {
@@ -128,4 +128,12 @@ def _formulas(formulas, start):
             units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
             variables[name] = {"val": start[name], "units": units}
     text = [f"{output} = {formula}" for output, formula in formulas.items()]
-    return om.ExecComp(text, has_diag_partials=True, **variables)
+    return _Formulas(text, has_diag_partials=True, **variables)
+
+
+class _Formulas(om.ExecComp):
+    """Formulas that refuse a flow, speed or radius that is not positive."""
+
+    def compute(self, inputs, outputs):
+        refuse_values(inputs)
+        super().compute(inputs, outputs)

@@ -150,7 +150,7 @@ class LimitEntry(LoadEntry):
         share, worth = self.share_of_time, self.worth
         return joined(
             word,
-            "binding" + ("" if share is None else f" {100.0 * share:.3g} % of the time"),
+            "binding" + (f" {100.0 * share:.3g} % of the time" if share else ""),
             "" if worth is None else f"1 % more would give {measured(worth, 'J', 3)}",
         )
 
@@ -523,6 +523,8 @@ class Summary(_Entry, Mapping[str, Any]):
 
     surrogate_error: _Number = None
     surrogate_nodes: int | None = None
+    bins_error: _Number = None
+    """Relative error of the captured energy by the bins of steady scenarios."""
     max_speed_error: _Number = None
     """Largest relative difference of rotor speed between collocation and integration."""
     checks: list[CheckEntry] | None = None
@@ -665,8 +667,10 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
         gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
+        captured = self.objective is None or self.objective.kind == "captured"
+        other = "" if captured else "of the captured energy, which is not the objective"
         known = "does not include limits other than that of the torque" if case.limits.given else ""
-        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", known)
+        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", joined(other, known))
 
     def _design(self, case: Case) -> Iterator[Row]:
         """Yield the rows of controller and blade."""
@@ -704,6 +708,8 @@ class Summary(_Entry, Mapping[str, Any]):
             ("rotor speed, relative error", self.max_speed_error),
         ):
             yield Row(label, None if error is None else f"{error:.2g}")
+        if self.bins_error is not None:
+            yield Row("energy by bins of the flow, relative error", f"{self.bins_error:+.2g}")
         seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
         iterations = f"{measured(self.iterations)} iterations"
         work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")

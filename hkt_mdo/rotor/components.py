@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
@@ -14,6 +15,47 @@ from hkt_mdo.rotor.shape import Shape
 
 INPUTS = "chord", "twist", "thickness", "rotor_radius"
 """Quantities of a blade that may change in an optimization."""
+_POSITIVE = {"chord", "thickness", "rotor_radius", "density", "inflow_speed"}
+_POSITIVE |= {"tip_speed_ratio", "lowest_ratio", "rotor_speed"}
+
+
+def refuse_values(inputs):
+    """Refuse inputs of which no rotor can be computed.
+
+    Parameters
+    ----------
+    inputs : om.Vector
+        Inputs of a component.
+
+    Raises
+    ------
+    AnalysisError
+        A driver may then try another point.
+    """
+    for name, value in inputs.items():
+        allowed = np.isfinite(value) & ((value.real > 0.0) | (name not in _POSITIVE))
+        if not np.all(allowed):
+            what = "positive" if name in _POSITIVE else "finite"
+            raise om.AnalysisError(f"{name} = {value.real[~allowed][0]:g} is not {what}")
+
+
+def refuse_complex_step(component):
+    """Refuse complex step through blade element momentum theory, which drops imaginary parts.
+
+    Parameters
+    ----------
+    component : om.ExplicitComponent
+        The component that solves it.
+
+    Raises
+    ------
+    InputError
+        If the component is under complex step.
+    """
+    if component.under_complex_step:
+        problem = "takes no complex numbers, and its derivatives by complex step would be zero"
+        remedy = "use its exact partials (no approx_totals, approx_group or method='cs'), or 'fd'"
+        raise InputError(problem, remedy, key=component.pathname)
 
 
 def rotor_inputs(blade):
@@ -114,6 +156,8 @@ class BladeComp(om.ExplicitComponent):
         Blade
             The blade in the model's present state.
         """
+        refuse_complex_step(self)
+        refuse_values(inputs)
         start = self.options["blade"]
         thickness = (inputs["thickness"],) if start.thickness is not None else ()
         blade = start.with_rotor_radius(inputs["rotor_radius"][0])
@@ -145,12 +189,7 @@ class _Table(BladeComp):
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
 
     def _ratios(self, inputs):
-        if not self.options["vary"]:
-            return self.options["nodes"]
-        ratios = inputs["tip_speed_ratio"]
-        if not np.all(np.isfinite(ratios) & (ratios > 0.0)):  # a driver may try another point
-            raise om.AnalysisError("a tip speed ratio is not positive: the rotor stands still")
-        return ratios
+        return inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
 
     def _set_partials(self, partials, table, found, prefix=""):
         """Set the partials of a table from the attributes of its values."""

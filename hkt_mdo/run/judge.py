@@ -84,13 +84,11 @@ def judge(
     status = result.outcome
     checks = [_check("optimizer", not status.success, 0.0, status.message)]
     for flight, suffix in _suffixed(flights):
-        for name, value, limit, detail in _of_flight(flight):
-            checks.append(_check(name + suffix, value, limit, detail))
-    for name, value, limit, detail in _of_design(physics, optimum, reference, result, flights):
-        checks.append(_check(name, value, limit, detail))
-    for name, value, limit, detail in _behind_open_loop(physics, flights, starts):
-        checks.append(_check(name, value, limit, detail))
-    return checks
+        checks += [_check(name + suffix, *about) for name, *about in _of_flight(flight)]
+    known = _of_design(physics, optimum, reference, result, flights)
+    return checks + [
+        _check(*each) for each in (*known, *_behind_open_loop(physics, flights, starts))
+    ]
 
 
 def _behind_open_loop(physics, flights, starts):
@@ -101,13 +99,11 @@ def _behind_open_loop(physics, flights, starts):
     kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
     ceiling = max(kept, default=0.0)
     if ceiling > 0.0:
-        objective = simulated_objective(physics, flights)
-        yield (
-            "behind_open_loop",
-            physics.objective.behind(objective, ceiling),
-            BEHIND_OPEN_LOOP,
-            "share by which the objective is below that of a quasi-steady open loop in the limits",
+        behind = physics.objective.behind(simulated_objective(physics, flights), ceiling)
+        word = (
+            "share by which the objective is below that of a quasi-steady open loop in the limits"
         )
+        yield "behind_open_loop", behind, BEHIND_OPEN_LOOP, word
 
 
 def _suffixed(flights):
@@ -138,13 +134,8 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, own["time"], own["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
-    yield (
-        "energy_error",
-        flight.energy_error,
-        ENERGY_ERROR,
-        "collocated over independently integrated energy, less one; power differs most at "
-        f"{when(off)}",
-    )
+    word = "collocated over independently integrated energy, less one; power differs most at "
+    yield "energy_error", flight.energy_error, ENERGY_ERROR, word + when(off)
     error = flight.speed_errors
     worst = int(np.argmax(error))
     word = "collocated over independently integrated speed, less one, at "
@@ -177,22 +168,14 @@ def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of the checks of a scenario's mesh against its flow."""
     errors, edges = scenario.flow_errors, scenario.edges
     worst = int(np.argmax(errors))
-    yield (
-        "flow_error",
-        np.sum(errors),
-        FLOW_ERROR,
-        "the mesh's integral of v³ against an adaptive one; they differ most between "
-        f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s",
-    )
+    word = "the mesh's integral of v³ against an adaptive one; they differ most between "
+    word += f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s"
+    yield "flow_error", np.sum(errors), FLOW_ERROR, word
     missed = scenario.flow_missed
     worst = int(np.argmax(missed))
-    yield (
-        "flow_missed",
-        missed[worst],
-        FLOW_MISSED,
-        "share of the flow's speed missed by the instants at which limits are judged, between "
-        f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s",
-    )
+    word = "share of the flow's speed missed by the instants at which limits are judged, between "
+    word += f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
+    yield "flow_missed", missed[worst], FLOW_MISSED, word
 
 
 def _of_design(physics, optimum, reference, result, flights):
@@ -229,12 +212,8 @@ def _of_design(physics, optimum, reference, result, flights):
     objective = simulated_objective(physics, flights)
     if not isinstance(physics.objective, CapturedEnergy):
         known = simulated_objective(physics, tuple(each.of_model for each in flights))
-        yield (
-            "objective_error",
-            abs(result.objective - known) / max(abs(known), 1e-9),
-            ENERGY_ERROR,
-            "collocated against integrated objective",
-        )
+        error = abs(result.objective - known) / max(abs(known), 1e-9)
+        yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
     if reference > 0.0:
         yield (
             "energy_below_start",

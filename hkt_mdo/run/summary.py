@@ -150,6 +150,7 @@ def summarize(finished: Finished) -> Summary:
         "starts": [vars(record) for record in finished.start.starts],
         "start_breaks": list(finished.start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
+        "bins_error": a_year.bins_error(finished.flights),
         "surrogate_nodes": int(finished.result.curve.size),
         "max_speed_error": max(np.max(flight.speed_errors) for flight in finished.flights),
         "checks": [vars(check) for check in finished.checks],
@@ -457,7 +458,7 @@ def _limit(pairs):
         weight = flight.scenario.weight if counts else 1.0
         binds += weight * flight.integral(binding)
         spans += weight * flight.integral(np.ones(time.size))
-    return max(found, key=_over) | {"share_of_time": binds / spans}
+    return max(found, key=_over) | {"share_of_time": round(binds / spans, 9)}
 
 
 def _loads(finished, flights):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.resource import YEAR, Resource
 from hkt_mdo.problem.equilibrium import SteadyScenario
@@ -14,6 +15,7 @@ from hkt_mdo.run.flight import Flight
 
 HOUR = 3600.0
 KILOWATT_HOUR = 3.6e6
+NARROW = 1e-3  # relative change of the flow's speed below which slopes are those of rounding
 RATED = 0.999  # of the largest power, from which the machine counts as at its rated power
 MEANS = {
     "rotor_speed_rad_s": "rotor_speed",
@@ -110,8 +112,9 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
     """Return the relative standard uncertainties of the energy of a year, by their cause.
 
     The uncertainty of the speed of the flow counts by the slope of the power curve, v dP/dv =
-    3 P + v³ d(P/v³)/d(ln v), at unchanged hours of operation. The length of a record counts by the
-    scatter of the energy over parts of it.
+    3 P + v³ d(P/v³)/d(ln v), at unchanged hours of operation, between speeds that are apart by the
+    uncertainty to both sides. The length of a record counts by the scatter of the energy over parts
+    of it.
 
     Parameters
     ----------
@@ -124,19 +127,48 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
         ``speed`` and ``record``, where they are known.
     """
     resource, found, total, slope = flights[0].scenario.resource, {}, 0.0, 0.0
-    for flight in flights:
-        known = _of_direction(flight)
-        speed, power = np.abs(known["inflow_speed_m_s"]), known["electrical_power_W"]
-        changes = 0.0 if speed.size < 2 else np.gradient(power / speed**3, np.log(speed))
-        total += float(known["hours"] @ power)
-        slope += float(known["hours"] @ (3.0 * power + speed**3 * changes))
-    if resource.speed_uncertainty and total:
-        found["speed"] = resource.speed_uncertainty * abs(slope / total)
-    by_bin = {}
+    reach, by_bin = max(resource.speed_uncertainty, NARROW) * np.array([[1.0], [-1.0]]), {}
     for scenario, flight in ((each.scenario, each) for each in flights):
-        energy = scenario.node_weights * flight.integrated["electrical_power"]
+        speed, power = (flight.integrated[name] for name in ("inflow_speed", "electrical_power"))
+        place, energy = np.log(speed), scenario.node_weights * power
+        ends = np.clip(place + reach, place[0], place[-1])
+        change = np.subtract(*np.interp(ends, place, power / speed**3))
+        change = change / np.maximum(np.subtract(*ends), NARROW)
+        total += float(np.sum(energy))
+        slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
         way = -1.0 if scenario.backwards else resource.forward
         bins = resource.reversed_speeds if scenario.backwards else resource.speeds
         by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
+    if resource.speed_uncertainty and total:
+        found["speed"] = resource.speed_uncertainty * abs(slope / total)
     record = resource.scatter(by_bin)
     return found if record is None else found | {"record": record}
+
+
+def bins_error(flights: Sequence[Flight]) -> float | None:
+    """Return the relative error of the captured energy by the bins of steady scenarios.
+
+    The bins' energies, each at a mean speed, against the energy at all speeds of the flow, by the
+    curve of P/v³ through the equilibria.
+
+    Parameters
+    ----------
+    flights : sequence of Flight
+        Of all scenarios.
+
+    Returns
+    -------
+    float or None
+        None where the speeds are not known more finely than the bins.
+    """
+    binned, exact = 0.0, 0.0
+    for flight in flights:
+        scenario, known = flight.scenario, flight.integrated
+        if isinstance(scenario, SteadyScenario) and scenario.finer is not None:
+            (speed, share), at = scenario.finer, known["inflow_speed"]
+            inside = (speed >= at[0]) & (speed <= at[-1])
+            power = known["hydrodynamic_power"]
+            found = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
+            exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ found)
+            binned += scenario.weight * flight.integral(power)
+    return binned / exact - 1.0 if exact > 0.0 else None

@@ -78,12 +78,40 @@ def test_a_scenario_of_a_year_has_its_hours():
     scenario = physics(year(**data)).scenarios[0]
     assert scenario.steady
     assert scenario.mesh.duration == YEAR
-    np.testing.assert_allclose(scenario.speeds, [1.0, 1.5], rtol=1e-12)
-    np.testing.assert_allclose(scenario.node_weights, [0.5 * YEAR, 0.3 * YEAR], rtol=1e-12)
+    np.testing.assert_allclose(scenario.speeds, [0.5, 1.0, 1.5, 1.75], rtol=1e-12)
+    np.testing.assert_allclose(scenario.node_weights / YEAR, [0.0, 0.5, 0.3, 0.0], atol=1e-12)
     assert scenario.mesh.duration - scenario.duration == pytest.approx(0.2 * YEAR, rel=1e-12)
     assert "wider bins than the 0.1 m/s" in scenario.messages[0]
     assert "they sum to 10 and are scaled to a year of 8766 h" in scenario.messages[1]
     assert len(year(**data | {"hours": [0, 4383, 4383]}).inflow.messages) == 1
+
+
+BINS = {"profile": "histogram", "speeds": [0.8, 0.9, 1.0], "hours": [1, 1, 1]}
+WEIBULL = {"profile": "distribution", "scale": 1.0, "shape": 2, "cut_in": 0.7}
+TIDE = {"profile": "tidal_year", "constituents": [{"name": "M2", "amplitude": 2.03}]}
+FARTHEST = np.sqrt(5.0 + np.sqrt(10.0))  # of the quadrature of turbulence, standard deviations
+
+
+@pytest.mark.parametrize(
+    ("resource", "cut_out", "ends"),
+    [
+        (BINS, 3.0, (0.75, 1.05)),
+        (BINS, 0.93, (0.75, 0.93)),
+        (BINS | {"speeds": [1.0], "hours": [1]}, None, (1.0, 1.0)),
+        (WEIBULL, 2.45, (0.7, 2.45)),
+        (TIDE, None, (0.5, 2.03)),
+        (TIDE | {"turbulence_intensity": 0.1}, None, (0.5, 2.03 * (1.0 + 0.1 * FARTHEST))),
+    ],
+)
+def test_the_ends_of_the_flow_are_speeds_without_energy(resource, cut_out, ends):
+    """Of bins their edges, of a record its largest speed, else cut-in and cut-out."""
+    case = year(**resource).with_overrides(f"control.cut_out={cut_out or 'null'}")
+    scenario = physics(case).scenarios[0]
+    np.testing.assert_allclose(scenario.speeds[[0, -1]], ends, rtol=1e-6)
+    if ends[0] < ends[1]:
+        shares = scenario.node_weights / np.sum(scenario.node_weights)
+        assert np.max(shares[[0, -1]]) < 1e-13
+        assert np.min(shares[1:-1]) > 1e-12
 
 
 @pytest.mark.parametrize(

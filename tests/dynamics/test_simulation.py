@@ -1,6 +1,7 @@
 """The independent integration: closed forms, energy balance, order, standstill; then SciPy's."""
 
 import pickle
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -74,8 +75,9 @@ def test_friction_slows_the_rotor_as_in_closed_form(blade, polar):
 
 def test_an_integration_error_passes_between_processes():
     """A run in a pool of processes hands its error on by pickling."""
-    error = pickle.loads(pickle.dumps(IntegrationError(7.5)))
-    assert (error.time, str(error)) == (7.5, str(IntegrationError(7.5)))
+    for given in ((7.5,), (7.5, (3.0, 30.0))):
+        error = pickle.loads(pickle.dumps(IntegrationError(*given)))
+        assert (error.time, str(error)) == (7.5, str(IntegrationError(*given)))
 
 
 def relaxing(blade, polar, rate):
@@ -218,6 +220,15 @@ def test_failed_integration_is_no_rotor_that_stops(plant):
             7.5,
             9.0,
         )
+
+
+def test_a_failed_integration_says_that_the_rotor_has_run_away(plant):
+    """Without a torque it comes to 12 rad/s, where a brake has no solution."""
+    away = r"runs away, to 12 rad/s at t = (\S+) s; .* integration fails at t = (\S+) s"
+    with pytest.raises(InputError, match=away) as error:
+        simulate(plant, SineInflow(), lambda t, w: np.where(w < 12.0, 0.0, 5000.0), 6.0, 9.0)
+    when, fails = map(float, re.search(away, str(error.value)).groups())
+    assert 0.0 < when <= fails < 9.0
 
 
 class _Ripple(Inflow):

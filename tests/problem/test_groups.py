@@ -148,16 +148,34 @@ def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_re
         model_of(RotorGroup(case))
 
 
-@pytest.mark.parametrize(("given", "flow"), [("tip_speed_ratio", 1.0), ("rotor_speed", 0.0)])
-def test_a_point_without_a_tip_speed_ratio_is_one_that_a_driver_may_leave(given, flow):
+@pytest.mark.parametrize(
+    ("given", "values", "words"),
+    [
+        ("tip_speed_ratio", {"tip_speed_ratio": [2.0, -1.0]}, "tip_speed_ratio = -1 is not pos"),
+        ("rotor_speed", {"inflow_speed": 0.0}, "inflow_speed = 0 is not positive"),
+        ("tip_speed_ratio", {"inflow_speed": [1.0, np.nan]}, "inflow_speed = nan is not positive"),
+        ("tip_speed_ratio", {"chord_control": -0.1}, "chord = -0.1 is not positive"),
+        ("tip_speed_ratio", {"twist_control": np.nan}, "twist = nan is not finite"),
+    ],
+)
+def test_a_point_without_a_rotor_is_one_that_a_driver_may_leave(given, values, words):
     problem = model_of(RotorGroup(case_of("paper"), num_points=2, given=given))
-    problem.set_val("inflow_speed", flow)
-    problem.set_val(given, [2.0, -1.0 if flow else 2.0])
+    for name, value in values.items():
+        problem.set_val(name, value)
     with (
         np.errstate(divide="ignore", invalid="ignore"),
-        pytest.raises(om.AnalysisError, match="tip speed ratio is not positive"),
+        pytest.raises(om.AnalysisError, match=words),
     ):
         problem.run_model()
+
+
+REFUSED = "takes no complex numbers, .*use its exact partials"
+
+
+def test_complex_step_through_a_rotor_is_refused():
+    problem = model_of(RotorGroup(case_of("paper")))
+    with pytest.raises(InputError, match=rf"group\.blades\.\w+: {REFUSED}"):
+        problem.check_totals(of=["power_coefficient"], wrt=["twist_control"], method="cs")
 
 
 # The turbine --------------------------------------------------------------------------------------
@@ -247,6 +265,15 @@ def test_partials_of_the_turbine_by_complex_step():
     data = problem.check_partials(includes=parts, method="cs", out_stream=None)
     assert set(data) == set(parts)
     assert_check_partials(data, atol=1e-5, rtol=1e-8)
+
+
+@pytest.mark.parametrize("torque", ["curve", "direct"])
+def test_complex_step_through_a_turbine_is_refused(torque):
+    case = load_case(SHORT | LAWS["quadratic"] | {"hydrodynamics": {"torque": torque}})
+    problem = model_of(TurbineGroup(case, improve=False))
+    problem.model.add_objective("energy")
+    with pytest.raises(InputError, match=REFUSED):
+        problem.check_totals(of=["energy"], wrt=["chord_control"], method="cs")
 
 
 def test_what_a_turbine_keeps_is_an_input_and_what_it_designs_an_output():

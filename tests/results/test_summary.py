@@ -200,6 +200,11 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
             "5.0000 kJ",
         ),
         (
+            {"objective": {"kind": "generated"}},
+            "certificate",
+            "gap up to 0.12 %, of the captured energy, which is not the objective",
+        ),
+        (
             {"limits": {"thrust": {"unit": "N", "value": 9.5, "limit": 10.0}}, "loads": None},
             "largest thrust",
             "9.5 N, limit 10 N, margin 5.00 %",

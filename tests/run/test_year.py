@@ -1,6 +1,7 @@
 """Steady scenarios and years: held to sums by SciPy, to runs over time, and to differences."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from scipy.optimize import brentq
 
 import hkt_mdo
 from hkt_mdo.case import load_case
-from hkt_mdo.dynamics.flows import ConstantInflow
+from hkt_mdo.dynamics.equilibrium import equilibria
+from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
@@ -26,7 +28,9 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
+from hkt_mdo.run.year import uncertainty
 from hkt_mdo.start.find import find_start
+from hkt_mdo.studies.other_flows import Run
 from hkt_mdo.studies.uncertainty import Design
 
 DATA = Path(__file__).parents[1] / "data" / "mhkit"
@@ -123,6 +127,23 @@ def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year
     assert f"± {100.0 * share:.2g} %" in row.text
 
 
+def test_turbulence_and_a_cut_out_leave_the_uncertainty_as_it_is():
+    """Bins then hold few of their speeds near the cut-out, and have nearly the same mean speed."""
+    resource = {"profile": "distribution", "scale": 1.4, "shape": 2.2, "cut_in": 0.7}
+    resource |= {"turbulence_intensity": 0.1, "speed_uncertainty": 0.03}
+    control = {"law": "linear", "cut_out": 2.45}
+    scenario = physics(load_case({"resource": resource, "control": control})).scenarios[0]
+    speed, weights = scenario.speeds, scenario.node_weights
+
+    def power(speed):
+        return speed**3 / (1.0 + (speed / 2.0) ** 8)
+
+    known = {"inflow_speed": speed, "electrical_power": power(speed)}
+    found = uncertainty([SimpleNamespace(scenario=scenario, integrated=known)])
+    change = weights @ (power(1.03 * speed) - power(0.97 * speed)) / 2.0
+    assert found == {"speed": pytest.approx(change / (weights @ power(speed)), rel=5e-3)}
+
+
 @pytest.mark.slow
 def test_the_uncertainty_of_a_record_is_the_scatter_of_its_years(tmp_path):
     """Of the Tanana: the energy of each year by the power curve, their scatter over sqrt(n)."""
@@ -193,9 +214,10 @@ def test_a_section_in_flow_from_behind_has_the_forces_of_the_blade_in_its_own_fr
 
 @pytest.mark.slow
 def test_a_rotor_that_works_backwards_with_its_own_polar_works_as_one_that_turns(tmp_path):
-    plain = run(tmp_path / "a", resource=HISTOGRAM, control=QUADRATIC, **FIXED, **TIGHT)
+    about = {"control": QUADRATIC | {"cut_out": 2.3}, **FIXED, **TIGHT}  # of both the largest speed
+    plain = run(tmp_path / "a", resource=HISTOGRAM, **about)
     back = {"reversal": "backwards", "reversed_polar": str(POLAR)}
-    both = run(tmp_path / "b", resource=HISTOGRAM | back, control=QUADRATIC, **FIXED, **TIGHT)
+    both = run(tmp_path / "b", resource=HISTOGRAM | back, **about)
     assert both.success, both.message
     assert both.summary.simulated_energy_J == pytest.approx(
         plain.summary.simulated_energy_J, rel=1e-9
@@ -245,14 +267,14 @@ def test_a_year_is_reported(year):
     assert told.operation_h == pytest.approx(0.9 * 8766.0)
     assert told.standstill_h == pytest.approx(0.1 * 8766.0)
     assert told.net_energy_kWh == pytest.approx(0.9 * told.energy_kWh)
-    most = float(np.max(year.year["electrical_power_W"]))
+    most = float(np.max(year.simulation["electrical_power_W"]))  # at the edge of the last bin
     assert told.capacity_factor == pytest.approx(told.net_energy_kWh / (8.766 * most), rel=1e-9)
     held = year.year["control_torque_Nm"] >= 0.999 * 900.0
     assert told.limits_h["control_torque"] == pytest.approx(np.sum(year.year["hours"][held]))
     assert told.limits_h["control_torque"] > 0.0
     rows = {row.label: row.text for row in year.summary.rows(year.case)}
     assert "kWh" in rows["annual energy, net"]
-    assert "in a flow of 2.2 m/s" in rows["largest rotor speed"]
+    assert "in a flow of 2.35 m/s" in rows["largest rotor speed"]
     assert "energy_error" in {check.name for check in year.summary.checks}
 
 
@@ -281,6 +303,28 @@ def test_stability_and_equilibrium_are_judged(year):
     checks = {check.name: check for check in year.summary.checks}
     assert checks["equilibrium_growth"].value < 0.0
     assert checks["max_speed_error"].value < 1e-5
+
+
+def test_a_limit_holds_at_the_ends_of_the_flow_and_the_error_of_its_bins_is_told(tmp_path):
+    """Simulated over time, and by the equilibria at all speeds of the sine."""
+    scenario, limit = [{"name": "st", "steady": True}], {"power": "6.8 kW"}
+    about = {"inflow": "sine", "limits": limit, "control": QUADRATIC, **FIXED}
+    found = run(tmp_path / "a", scenarios=scenario, **about)
+    assert found.success, found.message
+    told = found.summary.scenarios["st"].limits["power"]
+    assert told.flow_m_s == pytest.approx(1.7, rel=1e-5)
+    assert told.value == pytest.approx(6800.0, rel=1e-4)
+    design, sine = Design.of(found), SineInflow()
+    most = Run(design, sine).told["power"]
+    assert most.kept
+    assert most.value == pytest.approx(6800.0, rel=2e-3)
+    flow = sine.speed_at(60.0 * (np.arange(2000) + 0.5) / 2000)
+    speed, _ = equilibria(design.plant, design.controller, np.sort(flow))
+    power = speed * design.plant.torque(speed, np.sort(flow))
+    table = found.simulation
+    weights = physics(found.case).scenarios[0].node_weights
+    binned = weights @ table["hydrodynamic_power_W"] / np.sum(weights)
+    assert found.summary.bins_error == pytest.approx(binned / np.mean(power) - 1.0, abs=2e-6)
 
 
 @pytest.mark.slow
