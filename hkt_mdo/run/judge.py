@@ -101,7 +101,7 @@ def _behind_open_loop(physics, flights, starts):
     if ceiling > 0.0:
         behind = physics.objective.behind(simulated_objective(physics, flights), ceiling)
         word = (
-            "share by which the objective is below that of a quasi-steady open loop in the limits"
+            "share by which the objective is below that of an open loop that keeps the limits"
         )
         yield "behind_open_loop", behind, BEHIND_OPEN_LOOP, word
 
