@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 from typer import Exit, Option, echo
 
 from hkt_mdo.cli.parts import NO_SUCCESS, CaseFolder, Folder, Jobs, Seed
-
-
-def _clock() -> Callable[[str], None]:
-    """Return what prints a line after the seconds since now."""
-    began = time.perf_counter()
-    return lambda line: echo(f"[{time.perf_counter() - began:7.1f} s] {line}")
 
 
 def paper(
@@ -33,7 +26,12 @@ def paper(
     """
     from hkt_mdo.studies.paper import reproduce
 
-    data = reproduce(out, cases, jobs, repeats, seed, _clock())
+    began = time.perf_counter()
+
+    def told(line: str) -> None:
+        echo(f"[{time.perf_counter() - began:7.1f} s] {line}")
+
+    data = reproduce(out, cases, jobs, repeats, seed, told)
     failed = [check for check in data["checks"] if not check["passed"]]
     echo(f"{len(data['checks']) - len(failed)} of {len(data['checks'])} checks hold")
     for check in failed:
