@@ -138,13 +138,9 @@ class FlowScenario(Section):
         return made
 
 
-_yaml = partial(yaml.dump, Dumper=Dumper, sort_keys=False, allow_unicode=True)
-
-
-def _on_one_line(value: Any) -> str:
-    """Return a value as YAML on one line."""
-    text = str(_yaml(value, width=float("inf"), default_flow_style=True))
-    return text.removesuffix("...\n").strip()
+def _yaml(data: Any, **style: Any) -> str:
+    """Return data as YAML."""
+    return str(yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, **style))
 
 
 def _reseeded(inflow: Inflow, number: int) -> Inflow:
@@ -413,10 +409,10 @@ class Case(Section):
         Keys whose values come from the shipped blade are not written but listed in a comment.
         """
         data, own = self._without_own()
-        text = str(_yaml(data, width=100))
+        text = _yaml(data, width=100)
         if not own:
             return text
-        brings = _on_one_line(own)
+        brings = _yaml(own, width=float("inf"), default_flow_style=True).strip()
         about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
         return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
 
@@ -424,14 +420,11 @@ class Case(Section):
         return f"<Case {self.name}: {self.control.law} control, {self.inflow.profile} flow>"
 
     def _repr_html_(self) -> str:
-        """Return what differs from the defaults as a table for notebooks, a row a section."""
-        kinds = {"inflow": {"profile": self.inflow.profile}, "control": {"law": self.control.law}}
+        """Return what differs from the defaults, as YAML for notebooks."""
         given = self.model_dump(mode="json", exclude_defaults=True)
-        rows = (
-            f"<tr><th>{key}</th><td>{html.escape(_on_one_line(value))}</td></tr>"
-            for key, value in (given | {x: kinds[x] | given[x] for x in kinds}).items()
-        )
-        return f"<table>{''.join(rows)}</table>"
+        given["inflow"] = {"profile": self.inflow.profile} | given["inflow"]
+        given["control"] = {"law": self.control.law} | given["control"]
+        return f"<pre>{html.escape(_yaml(given))}</pre>"
 
     def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the case as JSON without the values of its shipped blade, and these values."""

@@ -53,8 +53,7 @@ def sweep(
     folder = out or Path("results") / sweep.stem
     how: dict[str, Any] = {"scheduler": scheduler, "extensions": parts.EXTENSIONS.get()}
     try:
-        begun = Text(f"{sweep.stem}: {asked.size:,} runs")  # brackets are no markup
-        with Console(quiet=quiet).status(begun) as status:
+        with Console(quiet=quiet).status(Text(f"{sweep.stem}: {asked.size:,} runs")) as status:
             from hkt_mdo.run.sweep import run_sweep
 
             if asked.size > ASKED and not yes:

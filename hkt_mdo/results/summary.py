@@ -789,5 +789,4 @@ def _losses(generated: float | None, electrical: float | None) -> str:
     lost = generated - electrical
     if abs(lost) <= 1e-9 * abs(generated):
         return "losses none"
-    share = per_cent(lost, generated, 3)
-    return f"losses {measured(lost, 'J')}" + (f" ({share})" if share else "")
+    return f"losses {measured(lost, 'J')} ({per_cent(lost, generated, 3) or '-'})"

@@ -124,9 +124,8 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     if not flight.scenario.steady:
         yield from _of_flow(flight.scenario)
     when = flight.scenario.when
-    word = "the rotor generates until the end"
-    if stopped is not None:
-        word = f"rotor stops at {when(stopped)}, not generating"
+    stops = stopped is not None and f"rotor stops at {when(stopped)}, not generating"
+    word = stops or "the rotor generates until the end"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
         word = f"the rotor's motion has no solution after {when(stopped)}"
     if stopped is not None and flight.scenario.steady:
@@ -138,8 +137,8 @@ def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
     yield "energy_error", flight.energy_error, ENERGY_ERROR, word + when(off)
     error = flight.speed_errors
     worst = int(np.argmax(error))
-    word = "collocated over independently integrated speed, less one, at "
-    yield "max_speed_error", error[worst], SPEED_ERROR, f"{word}{when(time[worst])}"
+    word = f"collocated over integrated rotor speed, less one, at {when(time[worst])}"
+    yield "max_speed_error", error[worst], SPEED_ERROR, word
     if flight.two_filters is not None:
         yield from _of_two_filters(flight, flight.two_filters)
     if isinstance(flight, SteadyFlight) and flight.recorded is None:
@@ -250,8 +249,7 @@ def _of_tables(physics, result):
     _, slopes = TorqueSpline(nodes).values(table, ratios)
     slopes *= physics.band(result.setup).direction
     worst = int(np.argmin(slopes))
-    word = "slope of the mean induction over the tip speed ratio against its direction, at "
-    word += f"{ratios[worst]:.3g}"
+    word = f"slope of the mean induction against its direction, at ratio {ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
 
 
