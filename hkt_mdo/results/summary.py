@@ -633,7 +633,7 @@ class Summary(_Entry, Mapping[str, Any]):
             told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
             found.append(f"the largest stress in a blade, {told}, is above its material's, {limit}")
         if bent and radius and bent > BENT * radius:
-            share = f"{100.0 * bent / radius:.3g} % of the radius"
+            share = f"{per_cent(bent, radius, 3) or 'over 10000 %'} of the radius"
             found.append(f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %")
         return found
 
