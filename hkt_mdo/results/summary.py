@@ -631,11 +631,11 @@ class Summary(_Entry, Mapping[str, Any]):
         """Return what would break the blade: its stress, and a deflection out of a beam's range."""
         most, stress = case.rotor.blade_material.allowable_stress, (self.loads or {}).get("stress")
         bent, radius, found = self.tip_deflection_m, self.tip_radius_m, []
-        if most and stress and (stress.value or 0.0) > most:
+        if most and stress and (stress.value or 0.0) > (1.0 + BETWEEN) * most:
             told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
             found.append(f"the largest stress in a blade, {told}, is above its material's, {limit}")
         if bent and radius and bent > BENT * radius:
-            share = f"{100.0 * bent / radius:.3g} % of the radius"
+            share = f"{per_cent(bent, radius, 3) or 'over 10000 %'} of the radius"
             found.append(f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %")
         return found
 

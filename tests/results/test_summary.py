@@ -159,7 +159,10 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     deflection, doubt = bent.summary.warnings(bent.case)
     assert deflection == "the largest deflection of a tip is 10.7 % of the radius, above 10 %"
     assert doubt == "x"
-    refused = edit(result_folder, success=False, tip_deflection_m=0.13, doubts=None)
+    at_limit = {"stress": {"unit": "Pa", "value": 240.01e6}}  # as a limit may be kept
+    kept = edit(result_folder, success=True, loads=at_limit, tip_deflection_m=0.13, doubts=None)
+    assert kept.summary.verdict(kept.case) == "verified"
+    refused = edit(result_folder, success=False)
     assert refused.summary.verdict(refused.case) == "not verified"
 
 
