@@ -265,7 +265,7 @@ def _year(labelled: Sequence[Labelled]) -> Chart | None:
         for index, each in enumerate(labelled):
             if table := each.solution.year:
                 look, name = Look.of(index, each, quantity), escaped(each.label) or "a year"
-                shown = {"type": "bar", "marker": {"color": look.color}}
+                shown: Chart = {"type": "bar", "marker": {"color": look.color}}
                 shown["showlegend"] = bool(each.label)
                 series = table["inflow_speed_m_s"], scale * table[column]
                 panel.traces.append(line(*series, name, look.color, **shown))

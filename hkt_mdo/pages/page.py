@@ -376,7 +376,7 @@ def not_modelled(case: Case) -> list[str]:
     list of str
         What no case has, and what this case does not ask for.
     """
-    limits = [each for part in (case, *case.scenarios) for each in part.limits.given]
+    limits = [*case.limits.given, *(x for part in case.scenarios for x in part.limits.given)]
     weight = "" if any(getattr(each, "weight", False) for each in limits) else "no weight, "
     added = ", no added mass" if case.rotor.added_inertia == "none" else ""
     found = [
