@@ -353,10 +353,10 @@ def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
     """
     numbers = np.unique(np.concatenate([each.polars.reynolds for each in named.values()]))
     numbers = numbers[np.isfinite(numbers)]
-    given, low, high = rotor.reynolds_number, min(numbers, default=0), max(numbers, default=np.inf)
-    if given and not low / BEYOND <= given <= high * BEYOND:
-        problem, remedy = f"is beyond the polars, {low:.3g} to {high:.3g}", "give polars there"
-        raise InputError(problem, remedy, key="rotor.reynolds_number", value=given)
+    given = rotor.reynolds_number
+    if given and numbers.size > 1 and not numbers[0] / BEYOND <= given <= numbers[-1] * BEYOND:
+        problem = f"is beyond the polars, {numbers[0]:.3g} to {numbers[-1]:.3g}"
+        raise InputError(problem, "give polars there", key="rotor.reynolds_number", value=given)
     own = not rotor.sections and rotor.polar is None
     if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
         return rotor, ()
