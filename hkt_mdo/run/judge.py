@@ -503,6 +503,7 @@ OTHER_EQUILIBRIUM = (
     "the rotor has another, faster equilibrium there than the optimizer met: try a larger cut_in, "
     "or another control.law"
 )
+FINER = "try more phase.segments and a smaller hydrodynamics.tolerance"
 SLOWER = "try a larger rotor.hub_inertia, or a flow that changes more slowly"
 TRY = {
     "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
@@ -512,9 +513,7 @@ TRY = {
     "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
     "closed_loop": "try a larger control.proportional_gain",
     "closed_loop_with_memory": "try a larger rotor.hub_inertia, or another control.law",
-    "wake_in_tables": SLOWER,
-    "two_filters_energy": SLOWER,
-    "two_filters_speed": SLOWER,
+    **dict.fromkeys(("wake_in_tables", "two_filters_energy", "two_filters_speed"), SLOWER),
     "wake_induction_turns": "try start.method=quasi_steady, or inflow_dynamics: quasi_steady",
     "generator_table": "extend the table",
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
@@ -525,14 +524,11 @@ TRY = {
     "rotor_keeps_turning": (
         "try a larger control.torque_limit, start.method=quasi_steady, or of a year a larger cut_in"
     ),
-    "energy_error": FALSE_SOLUTION,
-    "max_speed_error": FALSE_SOLUTION,
-    "objective_error": FALSE_SOLUTION,
+    **dict.fromkeys(("energy_error", "max_speed_error", "objective_error"), FALSE_SOLUTION),
     "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
     "energy_below_start": FALSE_SOLUTION,
     "behind_open_loop": "try start.from with a result of law: rated, or a larger start.effort",
-    "energy_over_bound": "try more phase.segments and a smaller hydrodynamics.tolerance",
-    "energy_over_certificate": "try more phase.segments and a smaller hydrodynamics.tolerance",
+    **dict.fromkeys(("energy_over_bound", "energy_over_certificate"), FINER),
 }
 
 

@@ -102,7 +102,7 @@ def entry(flights: Sequence[Flight], limits: dict[str, dict[str, Any]]) -> YearE
         capacity_factor=kept * energy / (YEAR * rated),
         operation_h=hours,
         standstill_h=max(YEAR / HOUR - hours, 0.0),
-        rated_h=at_rated * scale / HOUR,
+        rated_h=round(at_rated * scale / HOUR, 6),
         mean_cube_m3_s3=scenario.resource.mean_cube,
         limits_h={name: hours * each["share_of_time"] for name, each in limits.items()},
     )
@@ -163,11 +163,11 @@ def bins_error(flights: Sequence[Flight]) -> float | None:
     """
     binned, exact = 0.0, 0.0
     for flight in flights:
-        scenario, known = flight.scenario, flight.integrated
-        if isinstance(scenario, SteadyScenario) and scenario.finer is not None:
-            (speed, share), at = scenario.finer, known["inflow_speed"]
+        scenario, finer = flight.scenario, getattr(flight.scenario, "finer", None)
+        if finer is not None:
+            at, power = (flight.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
+            speed, share = finer
             inside = (speed >= at[0]) & (speed <= at[-1])
-            power = known["hydrodynamic_power"]
             found = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
             exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ found)
             binned += scenario.weight * flight.integral(power)
