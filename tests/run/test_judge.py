@@ -490,7 +490,7 @@ def two_flows(world):
     return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), second))
 
 
-@pytest.mark.parametrize("law", ["quadratic", "open_loop"])
+@pytest.mark.parametrize("law", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)])
 def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     case = SHORT | {"control": {"law": law, "torque_limit": 700}}
     solved = solve_physics(case, two_flows)
