@@ -461,6 +461,7 @@ class LargestInertia(Limit):
         return inertia
 
 
+@pytest.mark.slow
 def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
     law = {"law": "open_loop", "torque_limit": 700}
     free = solve_physics(SHORT | {"control": law}, two_flows)
