@@ -33,7 +33,9 @@ def run(tmp_path_factory):
     return solve
 
 
-@pytest.mark.parametrize("control", ["open_loop", "quadratic"])
+@pytest.mark.parametrize(
+    "control", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)]
+)
 def test_a_limit_is_kept_and_reported(run, control):
     free, held = run(control=control), run(control=control, limits={"tip_acceleration": "95 m/s^2"})
     assert held.success, held.message
@@ -50,7 +52,9 @@ def test_a_limit_is_kept_and_reported(run, control):
     assert {"tip_acceleration_at_nodes", "tip_acceleration_between_nodes"} <= checks
 
 
-@pytest.mark.parametrize("control", ["open_loop", "quadratic"])
+@pytest.mark.parametrize(
+    "control", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)]
+)
 def test_a_start_keeps_a_limit_of_ones_own(run, control):
     free, held = run(control=control), run(control=control, limits={"tip_acceleration": "46 m/s^2"})
     assert held.success, held.message
@@ -134,6 +138,7 @@ def test_a_result_is_read_only_with_its_extension(run):
 LEAST = {"least_energy": "140 kJ"}
 
 
+@pytest.mark.slow
 def test_a_load_is_made_as_small_as_the_energy_allows(run):
     """A rate of a load over time, minimized, under a limit on the energy of the result."""
     free = run()
@@ -177,6 +182,7 @@ def test_limits_of_the_design_and_along_the_span_bind(run, limits, value):
     assert held.summary["energy_J"] < free.summary["energy_J"]
 
 
+@pytest.mark.slow
 def test_an_aggregate_unites_scenarios(run):
     """The worst of two flows, by its epigraph: never below that of the mean's design."""
     flows = [{"inflow": {"profile": "sine", "mean": mean}} for mean in (1.3, 1.5)]

@@ -256,7 +256,8 @@ def test_two_equal_flows_are_one_in_open_loop(tmp_path):
     same_design(found, one, 1e-8)
 
 
-@pytest.mark.parametrize("law", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["quadratic", "open_loop"])
 def test_the_order_of_the_flows_does_not_matter(law, tmp_path):
     flows = SLOW | {"weight": 0.3}, FAST
     found = [

@@ -100,9 +100,7 @@ def _behind_open_loop(physics, flights, starts):
     ceiling = max(kept, default=0.0)
     if ceiling > 0.0:
         behind = physics.objective.behind(simulated_objective(physics, flights), ceiling)
-        word = (
-            "share by which the objective is below that of an open loop that keeps the limits"
-        )
+        word = "share by which the objective is below that of an open loop that keeps the limits"
         yield "behind_open_loop", behind, BEHIND_OPEN_LOOP, word
 
 

@@ -125,7 +125,9 @@ def test_a_simulation_through_a_standstill_is_refused(solution):
     assert caught.value.key == "control.cut_out"
 
 
-@pytest.mark.parametrize("objective", ["captured", "electrical"])
+@pytest.mark.parametrize(
+    "objective", ["electrical", pytest.param("captured", marks=pytest.mark.slow)]
+)
 def test_open_loop_with_each_interval_judged_for_itself(solve_physics, objective):
     control = {"law": "open_loop", "torque_limit": 540.0, "cut_out": CUT}
     solved = solve_physics(CASE | {"control": control, "objective": objective})

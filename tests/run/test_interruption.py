@@ -184,7 +184,10 @@ def test_a_verdict_never_precedes_its_tables(tmp_path, monkeypatch):
 
 
 @posix
-@pytest.mark.parametrize("size", [0, 3_000, 20_000, 100_000])
+@pytest.mark.parametrize(
+    "size",
+    [0, *(pytest.param(size, marks=pytest.mark.slow) for size in (3_000, 20_000, 100_000))],
+)
 def test_a_full_disk_is_reported(tmp_path, size):
     """A limit on the size of files stands for the disk."""
     import resource
@@ -230,8 +233,13 @@ def test_a_read_only_folder_is_reported(tmp_path):
 
 
 @posix
+<<<<<<< HEAD
 @pytest.mark.parametrize("written", ["case.yaml", "iterate.json"], ids=["no start", "a start"])
 def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
+=======
+@pytest.mark.slow
+def test_a_killed_run_is_resumed(tmp_path, undisturbed):
+>>>>>>> setup
     folder = tmp_path / "out"
     process = hkt("run", CASES / "sine_limited_quadratic.yaml", "--out", folder, *QUIET)
     while not (folder / written).exists() and process.poll() is None:

@@ -451,6 +451,7 @@ class LargestInertia(Limit):
         return inertia
 
 
+@pytest.mark.slow
 def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
     law = {"law": "open_loop", "torque_limit": 700}
     free = solve_physics(SHORT | {"control": law}, two_flows)
@@ -480,7 +481,7 @@ def two_flows(world):
     return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), second))
 
 
-@pytest.mark.parametrize("law", ["quadratic", "open_loop"])
+@pytest.mark.parametrize("law", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)])
 def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     case = SHORT | {"control": {"law": law, "torque_limit": 700}}
     solved = solve_physics(case, two_flows)

@@ -51,6 +51,7 @@ def test_freedom_of_the_thickness_only_gains(designed, single):
     assert found.limits["stress"].value <= 60e6 * (1.0 + 1e-3)
 
 
+@pytest.mark.slow
 def test_at_one_sections_thickness_the_run_is_that_of_the_section(tmp_path):
     one = {"polar": "naca63815_Re1e6", "outline": "naca63815"}
     single = run(tmp_path / "single", one, limits={})

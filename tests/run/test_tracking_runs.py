@@ -19,6 +19,7 @@ def checks(solution):
     return {check.name: check for check in solution.summary.checks}
 
 
+@pytest.mark.slow
 def test_torque_limit_costs_what_it_costs_open_loop(solve, solved):
     best = solve("sine_limited_oloc")
     assert solved.success, solved.summary.message

@@ -84,8 +84,8 @@ def test_speed_is_kept_by_the_better_of_two_optima():
 @pytest.mark.parametrize(
     ("limit", "value"),
     [
-        ("thrust", "6 kN"),
-        ("root_moment", "1.5 kN m"),
+        pytest.param("thrust", "6 kN", marks=pytest.mark.slow),
+        pytest.param("root_moment", "1.5 kN m", marks=pytest.mark.slow),
         ("cavitation", 3),
         pytest.param("stress", "100 MPa", marks=pytest.mark.slow),
     ],

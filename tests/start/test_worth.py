@@ -22,6 +22,7 @@ def test_torque(solve, law):
     assert gained > 50.0
 
 
+@pytest.mark.slow
 def test_optimizers_agree(solve):
     with_ipopt, with_slsqp = (
         solve(CASE, "control.law=quadratic", f"driver.optimizer={each}")
