@@ -233,13 +233,9 @@ def test_a_read_only_folder_is_reported(tmp_path):
 
 
 @posix
-<<<<<<< HEAD
+@pytest.mark.slow
 @pytest.mark.parametrize("written", ["case.yaml", "iterate.json"], ids=["no start", "a start"])
 def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
-=======
-@pytest.mark.slow
-def test_a_killed_run_is_resumed(tmp_path, undisturbed):
->>>>>>> setup
     folder = tmp_path / "out"
     process = hkt("run", CASES / "sine_limited_quadratic.yaml", "--out", folder, *QUIET)
     while not (folder / written).exists() and process.poll() is None:
