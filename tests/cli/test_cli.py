@@ -236,6 +236,7 @@ def test_bad_input_exits_with_2(
     assert "Traceback" not in err
 
 
+@pytest.mark.filterwarnings("default::RuntimeWarning")
 def test_only_our_warnings_are_shown(
     fake: FakeRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
