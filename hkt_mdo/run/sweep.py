@@ -20,7 +20,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
-from hkt_mdo.run.batch import finished_result, take_if_better
+from hkt_mdo.run.batch import finished_result, passed_on, take_if_better
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
@@ -183,8 +183,7 @@ def run_one(case: Case, folder: Path, neighbour: Path | None, run: Callable[...,
             time.sleep(1.0)
     if neighbour is None:
         return _row(solution, case)
-    start = case.start.model_copy(update={"from_": str(neighbour)})
-    from_other = case.model_copy(update={"start": start})
+    from_other = passed_on(case, str(neighbour))
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch:
         try:
             other = run(from_other, Path(scratch, "run"), figures=False, records=False)

@@ -268,7 +268,8 @@ rotor:
     - {name: thin, outline: examples/files/naca4412.csv, polar: examples/files/naca4412_polars.csv}
     - {outline: examples/files/naca4424.csv, polar: examples/files/naca4424_polars.csv}
 """
-    several = made(tmp_path / "several", QUADRATIC + rotor, [11.0])
+    text = QUADRATIC.replace("700", "70 kN m") + rotor
+    several = made(tmp_path / "several", text, [11.0])
     names = values(by_name(several)["blade"])["section_name"]
     assert any(name.startswith("thin to naca4424, 0.") for name in names)
     assert "naca4424" in names

@@ -520,7 +520,7 @@ def test_a_missing_optimizer_is_reported(
     assert main(["check", case]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.startswith(f"error: {case}: driver.package = 'auto': IPOPT is not installed; ")
+    assert err.startswith(f"error: {case}: driver.optimizer = 'IPOPT': IPOPT is not installed; ")
 
 
 def test_figures_show_what_the_report_says() -> None:
