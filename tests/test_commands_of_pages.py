@@ -25,7 +25,7 @@ PAGES = [
 PROGRAMS = r"(?:hkt|make|python3?|pip|conda|openmdao|aerodyn_driver|\.venv/bin/\w+) "
 
 NOT_RUN = {
-    r"make (run|test|check|docs|fuzz)": "continuous integration calls test and check; the others "
+    r"make (run|test|check|docs|fuzz|lint|newest)": "continuous integration calls test and check; the others "
     "are the commands below, or tests that run longer",
     r"python3 -m venv|\.venv/bin/": "what `make` does; tests/test_wheel.py installs and runs",
     r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",

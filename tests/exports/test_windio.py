@@ -29,7 +29,10 @@ STATIONS = "stations: [0.25, 0.45, 0.65, 0.85, 0.98]"
 CASES = {
     "one section": ("", [11.0]),
     "resized": ("rotor: {blade: rm1, radius: 2.0, cone: -4, station_count: 6}", [40.0]),
-    "several sections": (f"rotor:\n  blade: rm1\n  {STATIONS}\n  sections:{SEVERAL}", [40.0]),
+    "several sections": (
+        f"rotor:\n  blade: rm1\n  radius: 1.4\n  {STATIONS}\n  sections:{SEVERAL}",
+        [40.0],
+    ),
     "designed thickness": (
         f"rotor:\n  {STATIONS}\n  sections:{SEVERAL}design: {{chord_points: 5, twist_points: 5, "
         "thickness_points: 5}\n",
