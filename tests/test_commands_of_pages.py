@@ -25,8 +25,8 @@ PAGES = [
 PROGRAMS = r"(?:hkt|make|python3?|pip|conda|openmdao|aerodyn_driver|\.venv/bin/\w+) "
 
 NOT_RUN = {
-    r"make (run|test|check|docs|fuzz|lint|newest)": "continuous integration calls test and check; the others "
-    "are the commands below, or tests that run longer",
+    r"make (run|test|check|docs|fuzz|lint|newest)": "continuous integration calls test and "
+    "check; the others are the commands below, or tests that run longer",
     r"python3 -m venv|\.venv/bin/": "what `make` does; tests/test_wheel.py installs and runs",
     r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",
     r"hkt polar": "needs the extra neuralfoil, of tens of MB; tests/cli/test_hkt_polar.py has "
