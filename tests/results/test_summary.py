@@ -80,7 +80,7 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
         ('{"success": NaN}', "must be a valid boolean"),
         ('{"success": true, "energy_J": NaN}', "energy_J = nan: must be a finite number"),
         ('{"success": true, "energy_J": ' + "9" * 5000 + "}", "cannot be read as JSON"),
-        ('{"success": true, "energy_J": ' + "9" * 400 + "}", "must be a finite number"),
+        ('{"success": true, "energy_J": ' + "9" * 400 + "}", "must be a (finite|valid) number"),
         ('{"success": true, "energy_J": 1e999}', "energy_J = inf: must be a finite number"),
         ('{"success": true, "energy_J": true}', "must be a valid number"),
         ('{"success": true, "energy_J": "1"}', "energy_J = '1': must be a valid number"),
