@@ -63,7 +63,7 @@ LIMITS = [LeastRotorSpeed, FallingTwist]
 
 def rotor() -> dict[str, Any]:
     """Return HARP_Opt's rotor as the section of a case."""
-    r, _ = read_pairs(DATA / "blade.csv", ("r_m", "chord_m"))
+    r = read_pairs(DATA / "blade.csv", ("r_m", "chord_m"))[0].values
     polars = sorted(DATA.glob("ffa_*.csv"), reverse=True)
     sections = [
         {"name": x.stem, "polar": str(x), "thickness": int(x.stem[-4:]) / 1000.0, "area": 0.15}
@@ -180,7 +180,7 @@ COMPARED = (
 
 def flow() -> tuple[np.ndarray, np.ndarray]:
     """Return speeds, m/s, and hours of a year of HARP_Opt's histogram."""
-    return read_pairs(DATA / "flow.csv", ("speed_m_s", "hours"))
+    return tuple(x.values for x in read_pairs(DATA / "flow.csv", ("speed_m_s", "hours")))
 
 
 def scored() -> dict[str, float]:
