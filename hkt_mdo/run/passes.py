@@ -303,17 +303,15 @@ def next_begin(attempt: Attempt) -> Begin | None:
     """Return the start of the next optimization by the first remedy that applies.
 
     After `MAX_PASSES` from one start, only another start is left. A loop that is unstable with
-    memory of the wake is refused: no mesh helps, and its integration runs away.
+    memory of the wake is refused unless its rotor stalls or its shaft is designed: no mesh helps,
+    and its integration runs away.
     """
-    if attempt.runs_away:
-        begin = stable_shaft(attempt) if attempt.before.passes + 1 < MAX_PASSES else None
-        return begin and replace(begin, remedy="stable shaft")
     enough = attempt.before.passes + 1 >= MAX_PASSES
     *others, another_start = REMEDIES
-    for remedy in (
-        *(() if enough else others),
-        *(() if attempt.approximate else [another_start]),  # for which the judges decide
-    ):
+    last = () if attempt.approximate else (another_start,)  # for which the judges decide
+    if attempt.runs_away:  # of a rotor that stalls, stability says nothing
+        others, last = (stable_shaft if attempt.recovers else distance_from_stall,), ()
+    for remedy in (*(() if enough else others), *last):
         begin = remedy(attempt)
         if begin is not None:
             return replace(begin, remedy=remedy.__name__.replace("_", " "))
