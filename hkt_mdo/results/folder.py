@@ -30,7 +30,7 @@ class InUseError(InputError):
 
 
 @contextmanager
-def _usable(out: Path):
+def usable(out: Path):
     """Raise an InputError that says why a folder cannot be read or written."""
     try:
         yield
@@ -44,7 +44,7 @@ def check_folder(out: Path, force: bool) -> None:
     """Raise an InputError if a result folder must not be used; nothing is written."""
     if out.exists() and not out.is_dir():
         raise InputError(f"--out {out}: is a file; choose another folder")
-    with _usable(out):
+    with usable(out):
         names = {path.name for path in out.iterdir()} if out.is_dir() else set()
     # a run killed before it wrote its case leaves only these, which hold nothing of value
     if not names - {"lock", "lock-journal", MARKER, f"{MARKER}.part", "case.yaml.part"}:
@@ -66,7 +66,7 @@ def locked(out: Path):
     folder that was made and has got no other file is taken away again.
     """
     lock, made = out / "lock", [path for path in (out, *out.parents) if not path.exists()]
-    with _usable(out):
+    with usable(out):
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=out):
             pass
@@ -103,7 +103,7 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
         run knows which files are this one's.
     """
     figures, mark = out / "figures", out / MARKER
-    with _usable(out):
+    with usable(out):
         before = mark.read_text("utf-8", errors="replace").splitlines()[1:] if mark.exists() else []
         names = [name for name in before if re.fullmatch(r"\w+", name)]
         write_text(mark, "\n".join([_MARKED, *dict.fromkeys([*names, *scenarios])]) + "\n")

@@ -31,8 +31,7 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
-    one_gain = physics.law.is_feedback and len(physics.gain_units) == 1
-    law = "control.law: curve, which can keep more limits, " * one_gain
+    law = "control.law: curve, which can keep more limits, " * (len(physics.gain_units) == 1)
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
     return NONE_FOUND.format(starts=starts(start), **about)
 

@@ -306,12 +306,11 @@ def next_begin(attempt: Attempt) -> Begin | None:
     memory of the wake is refused unless its rotor stalls or its shaft is designed: no mesh helps,
     and its integration runs away.
     """
-    enough = attempt.before.passes + 1 >= MAX_PASSES
     *others, another_start = REMEDIES
     last = () if attempt.approximate else (another_start,)  # for which the judges decide
     if attempt.runs_away:  # of a rotor that stalls, stability says nothing
         others, last = (stable_shaft if attempt.recovers else distance_from_stall,), ()
-    for remedy in (*(() if enough else others), *last):
+    for remedy in (*(others if attempt.before.passes + 1 < MAX_PASSES else ()), *last):
         begin = remedy(attempt)
         if begin is not None:
             return replace(begin, remedy=remedy.__name__.replace("_", " "))

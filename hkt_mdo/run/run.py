@@ -26,7 +26,7 @@ from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.physics import physics as make_physics
-from hkt_mdo.results.folder import check_folder, claim, locked, write_text
+from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.run.attempt import Judged, quasi_steady_reference
@@ -194,6 +194,8 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     if figures:
         from hkt_mdo.results.figures import save_figures
 
+        with usable(out):  # not made anew where it has been taken away
+            (out / "figures").mkdir(exist_ok=True)
         save_figures(solution, out / "figures", ("png",) if figures is True else tuple(figures))
     return solution
 

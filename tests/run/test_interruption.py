@@ -249,3 +249,19 @@ def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
     assert summary(folder)["simulated_energy_J"] == pytest.approx(
         undisturbed.summary["simulated_energy_J"], rel=1e-5
     )
+
+
+def test_a_folder_that_is_taken_away_is_not_made_anew(tmp_path, monkeypatch):
+    """Its figures are not drawn; the result is where the folder has gone."""
+    load = Solution.load
+
+    def taken_away(folder, **options):
+        found = load(folder, **options)
+        folder.rename(tmp_path / "away")
+        return found
+
+    monkeypatch.setattr(run.Solution, "load", taken_away)
+    with pytest.raises(InputError, match="out/figures: cannot be written|out: cannot be written"):
+        run.run_case(case("sine_baseline_oloc"), tmp_path / "out", records=False)
+    assert not (tmp_path / "out").exists()
+    assert load(tmp_path / "away").success
