@@ -168,8 +168,7 @@ _SILENT = {"show_browser": False, "display_in_notebook": False}
 def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
     """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
     began, made_of = time.perf_counter(), digest(physics.case)
-    name = physics.case.name
-    summary = Summary(version=VERSION, case=name, success=False, message=UNFINISHED)
+    summary = Summary(version=VERSION, case=physics.case.name, success=False, message=UNFINISHED)
     log = Log(out, records, summary, earlier.history)
     log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
@@ -192,11 +191,13 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
             log.write_summary(summary.model_copy(update={"passes": state.passes}))
     solution = Solution.load(out, extensions=physics.case.extensions)
     if figures:
-        from hkt_mdo.results.figures import save_figures
+        from hkt_mdo.results import style
+        from hkt_mdo.results.figures import figures as drawn
 
-        with usable(out):  # not made anew where it has been taken away
+        made = drawn(solution)
+        with usable(out):  # not made anew where it has been taken away meanwhile
             (out / "figures").mkdir(exist_ok=True)
-        save_figures(solution, out / "figures", ("png",) if figures is True else tuple(figures))
+        style.save(made, out / "figures", ("png",) if figures is True else tuple(figures))
     return solution
 
 
