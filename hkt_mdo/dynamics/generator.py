@@ -145,6 +145,11 @@ class Generator(Section):
             return min(self._surface.largest, 1.0)
         return 1.0 if self.efficiency is None else self.efficiency
 
+    @property
+    def fastest(self) -> float:
+        """Speed at which the table ends, rad/s; inf without a table."""
+        return np.inf if self.table is None else float(self._surface.speeds[1])
+
     def beyond_table(self, torque, speed) -> float:
         """Return by how much of its range a table is left by torques and speeds; 0: it is not."""
         return 0.0 if self.table is None else self._surface.beyond(torque, speed)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import openmdao.api as om
+from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
@@ -17,7 +18,8 @@ from hkt_mdo.problem.components import AreaComp
 from hkt_mdo.problem.constraints import held_limits, size_of
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.scenario import Scales
+from hkt_mdo.problem.point import Operation, StartingPoint
+from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import HELD, THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES, names
@@ -348,3 +350,41 @@ def _objective_reference(physics, setup) -> float:
     )
     passing *= physics.density * setup.start.blade.rotor_radius**2
     return 0.1 * max(setup.start.operation.energy, 0.05 * passing)
+
+
+def point_of(physics: Physics, problem) -> StartingPoint:
+    """Return the present design and trajectories of a problem as the start of another.
+
+    Parameters
+    ----------
+    physics
+        The physics at whose samples the trajectories are taken; of this or of a finer mesh.
+    problem : openmdao.api.Problem
+        The problem, its model run.
+    """
+    sampled = {"rotor_speed": [], "hydrodynamic_torque": []}
+    for scenario in physics.scenarios:
+        if scenario.steady:
+            for name, values in sampled.items():
+                values.append(series(problem, scenario, name))
+            continue
+        time, first = np.unique(series(problem, scenario, "time"), return_index=True)
+        for name, values in sampled.items():
+            spline = CubicSpline(time, series(problem, scenario, name)[first])
+            values.append(spline(scenario.samples))
+    speed, torque = (np.concatenate(values) for values in sampled.values())
+    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
+    blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
+    if physics.designs_hub:
+        blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))
+    names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]
+    return StartingPoint(
+        blade.with_shape(*map(problem.get_val, names)),
+        np.array(gains, dtype=float),
+        Operation(float(problem.get_val("energy")[0]), speed, torque),
+    )
+
+
+def series(problem, scenario: Scenario, name: str) -> np.ndarray:
+    """Return a quantity over time of a scenario in a problem, (n_nodes,)."""
+    return problem.get_val(f"{scenario.path}.{name}").ravel()

@@ -23,6 +23,7 @@ from hkt_mdo.dynamics.limits import (
     ForwardRotation,
     Limit,
     PowerLimit,
+    RotorSpeedLimit,
     TorqueLimit,
 )
 from hkt_mdo.dynamics.objectives import (
@@ -853,7 +854,10 @@ def build_shape(
 
 
 def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
-    """Return the limits of a case: torque and rotation, the design's bounds, and those it gives."""
+    """Return the limits of a case: torque and rotation, the design's bounds, and those it gives.
+
+    A generator whose table ends at a speed has a limit of the speed there.
+    """
     bounds = {}
     if case.design.blade == "optimized":
         bounds |= {"chord": shape.chord_bounds, "twist": shape.twist_bounds}
@@ -863,9 +867,14 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         bounds["set_angle"] = shape.twist_bounds
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     bounds["hub_inertia"] = case.design.hub_inertia_bounds
+    given = [limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given]
+    fastest = case.generator.fastest
+    if fastest < min((x.upper for x in given if isinstance(x, RotorSpeedLimit)), default=np.inf):
+        given = [x for x in given if not isinstance(x, RotorSpeedLimit)]
+        given.append(RotorSpeedLimit(bound=fastest))
     return (
         TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *(limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given),
+        *given,
     )

@@ -127,6 +127,7 @@ class StartingPoint:
     branches: tuple[StartingPoint, ...] = ()
     starts: tuple[StartRecord, ...] = ()
     messages: tuple[str, ...] = ()
+    iterations: int = 0
 
     @property
     def tried(self) -> int:

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import LEAST, SLOWED
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, Setup, curve_nodes
@@ -19,7 +18,7 @@ from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.mesh import Division, division, too_close_to_stall
 from hkt_mdo.run.optimization import assembled
 from hkt_mdo.run.state import RunState
-from hkt_mdo.start.find import bounding_optimum, find_start
+from hkt_mdo.start.find import bounding_optimum
 
 WORTHWHILE = 1e-6
 """Relative gain of the objective for which a move limit is re-centred again."""
@@ -369,9 +368,6 @@ class Attempt:
     def _reference(self, result) -> float:
         """Return the objective of the start, J, as a measure of the optimum."""
         reference, first = self.begin.reference, self.state.first
-        if reference and result.setup.slowed > SLOWED:  # farther from stall than the start
-            kept = find_start(first, self.state.optimum, slowed=result.setup.slowed)
-            reference = min(reference, quasi_steady_reference(first, kept))
         if result.objective < (1.0 - BELOW_START) * reference:
             reference = min(reference, self._moving_reference(result))
         return reference
@@ -411,7 +407,7 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     if len(physics.variants) > 1:  # its operation is that of the case's own turbine
         return 0.0
     state = start.operation
-    kept = state.running and bool(np.all(state.margin >= LEAST)) and not physics.start_breaks(start)
+    kept = state.running and not physics.start_breaks(start)
     return physics.objective_at(start) if kept else 0.0
 
 

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.dynamics.flows import ConstantInflow
-from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import BEM, Physics
-from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
@@ -29,10 +27,7 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.start.find import find_start
-from hkt_mdo.start.limited import LimitedSearch
-from hkt_mdo.start.quasi_steady import QuasiSteady
-from hkt_mdo.start.search import follows_schedule
-from hkt_mdo.start.steady_flow import SteadyFlow
+from hkt_mdo.start.steady_flow import has_branches
 
 # range over the best tip speed ratio in which a rotor may operate during the design
 MARGIN = 0.7, 1.3
@@ -366,16 +361,8 @@ def run_seconds(physics: Physics, best: SteadyOptimum, size: ProblemSize) -> flo
 
     The number of evaluations is that of usual runs; their time is measured.
     """
-    seconds, searches = OTHER, follows_schedule(physics)
+    seconds, searches = OTHER, has_branches(physics)
     seconds += size.evaluation_seconds * (WITH_LIMITS if searches else EVALUATIONS)
-    if searches and physics.case.start.method == "quasi_steady":
-        free = replace(physics, law=OpenLoop(torque_limit=physics.law.torque_limit))
-        steady = SteadyFlow.of(free, QuasiSteady.of(free, best).spline)
-        point = steady.on_branch(StartingPoint(physics.blade, np.empty(0), None), "overspeed")
-        search = LimitedSearch(steady, 0.0)
-        measure = partial(repeat, lambda: search.measured(point), number=1, repeat=5)
-        coarser = 1 + (physics.law.coarser() is not None)  # is searched before the law itself
-        seconds += coarser * physics.case.start.effort * SEARCHED * min(measure())
     return seconds
 
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case.guard import any_values
-from hkt_mdo.problem.build import assemble, make_driver
+from hkt_mdo.problem.build import assemble, make_driver, point_of, series
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, Setup
 from hkt_mdo.quantities import TRAJECTORY
-from hkt_mdo.rotor.components import rotor_inputs
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
 from hkt_mdo.solve.drivers import Outcome
@@ -101,51 +96,14 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
     """
     names = *TRAJECTORY, *physics.states
     trajectories = tuple(
-        {name: _series(problem, scenario, name) for name in names} for scenario in physics.scenarios
+        {name: series(problem, scenario, name) for name in names} for scenario in physics.scenarios
     )
     for scenario, nodes in zip(physics.scenarios, trajectories, strict=True):
         if physics.remembers:
             wake = "tip_speed_ratio" if scenario.steady else "wake_ratio"
-            nodes["wake_ratio"] = _series(problem, scenario, wake)
+            nodes["wake_ratio"] = series(problem, scenario, wake)
     return Optimized(
         *(problem, outcome, setup, point_of(physics, problem), trajectories),
         *(float(problem.get_val(name)[0]) for name in ENERGIES),
         problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
-    )
-
-
-def _series(problem, scenario, name) -> np.ndarray:
-    return problem.get_val(f"{scenario.path}.{name}").ravel()
-
-
-def point_of(physics: Physics, problem) -> StartingPoint:
-    """Return the present design and trajectories of a problem as the start of another.
-
-    Parameters
-    ----------
-    physics
-        The physics at whose samples the trajectories are taken; of this or of a finer mesh.
-    problem : openmdao.api.Problem
-        The problem, its model run.
-    """
-    sampled = {"rotor_speed": [], "hydrodynamic_torque": []}
-    for scenario in physics.scenarios:
-        if scenario.steady:
-            for name, values in sampled.items():
-                values.append(_series(problem, scenario, name))
-            continue
-        time, first = np.unique(_series(problem, scenario, "time"), return_index=True)
-        for name, values in sampled.items():
-            spline = CubicSpline(time, _series(problem, scenario, name)[first])
-            values.append(spline(scenario.samples))
-    speed, torque = (np.concatenate(values) for values in sampled.values())
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
-    blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
-    if physics.designs_hub:
-        blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))
-    names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]
-    return StartingPoint(
-        blade.with_shape(*map(problem.get_val, names)),
-        np.array(gains, dtype=float),
-        Operation(float(problem.get_val("energy")[0]), speed, torque),
     )

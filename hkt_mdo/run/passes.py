@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.problem.build import MANY_SEGMENTS
+from hkt_mdo.problem.build import MANY_SEGMENTS, point_of
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.results.words import joined, per_cent
@@ -21,7 +21,7 @@ from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_st
 from hkt_mdo.run.judge import SPEED_ERROR, STORED, most_between, sells, sold
 from hkt_mdo.run.memory import first_hub, stable_hub
 from hkt_mdo.run.mesh import held
-from hkt_mdo.run.optimization import point_of, solve
+from hkt_mdo.run.optimization import solve
 from hkt_mdo.run.state import RunState
 from hkt_mdo.start.find import other_branch as start_on_other_branch
 
@@ -265,11 +265,11 @@ def stable_shaft(attempt: Attempt) -> Begin | None:
 
 def other_branch(attempt: Attempt) -> Begin | None:
     """Begin on the start's other branch where a judge refuses the end on the first one."""
-    physics, optimum = attempt.state.first, attempt.state.optimum
+    physics = attempt.state.first
     refused = [check.name for check in attempt.end.checks if not check.passed]
     if not set(refused) - {"loads_resolved"}:  # for which another start does not help
         return None
-    start = start_on_other_branch(physics, optimum, attempt.begin.start)
+    start = start_on_other_branch(physics, attempt.begin.start)
     if start is None:
         return None
     reference = quasi_steady_reference(physics, start)
@@ -279,7 +279,7 @@ def other_branch(attempt: Attempt) -> Begin | None:
 
 def first_setup(physics, start) -> Setup:
     """Return the setup of the first optimization from a start."""
-    slowed = SLOWED if np.any(start.operation.margin < NEAR_STALL) else 0.0
+    slowed = SLOWED if physics.law.is_static else 0.0
     least = first_hub(physics, start)
     return Setup(start, curve_nodes(physics, start), slowed=slowed, least_hub=least)
 

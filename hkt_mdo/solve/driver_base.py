@@ -91,9 +91,9 @@ class ReportingDriver(Driver):
         """Call `progress` with the current state of the model."""
         if progress := self.options["progress"]:
             objective = next(iter(self.get_objective_values(driver_scaling=False).values()))
-            progress(count, float(objective[0]), self._violation())
+            progress(count, float(objective[0]), self.violation())
 
-    def _violation(self) -> float:
+    def violation(self) -> float:
         """Return the largest scaled violation of a constraint in the current state of the model."""
         values = self.get_constraint_values()
         lower, upper = self._bounds("constraint", values)

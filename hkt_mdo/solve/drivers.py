@@ -203,7 +203,7 @@ class _ReportEachEvaluation(ReportingDriver):
         """Return whether the run failed; a converged run fails if its design is infeasible."""
         self._message = message
         # SLSQP may report success where it stalled far from feasible.
-        violation = self._violation()
+        violation = self.violation()
         if converged and not violation <= RELAXED * self.tolerance:
             self._message += f" (but constraints are violated by {violation:.2g}, scaled)"
             converged = False

@@ -10,10 +10,11 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.start.strategies import RESULT, Candidate
+
+RESULT = "design of a result"
 
 
-def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
+def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None], tuple[str, ...]]:
     """Return the design of the result that `start.from` names, and messages about it.
 
     Parameters
@@ -22,7 +23,7 @@ def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
 
     Returns
     -------
-    Candidate
+    tuple of Blade and np.ndarray or None
         The blade on this case's stations and within its bounds; the gains of the same law, else
         None.
     tuple of str
@@ -52,7 +53,7 @@ def design_of_result(physics: Physics) -> tuple[Candidate, tuple[str, ...]]:
     messages = ()
     if not solution.success:
         messages = (f"start.from: the result there was refused by its judges: {solution.message}",)
-    return Candidate(RESULT, _blade(physics, summary), _gains(physics, solution)), messages
+    return (_blade(physics, summary), _gains(physics, solution)), messages
 
 
 def _blade(physics: Physics, summary) -> Blade:

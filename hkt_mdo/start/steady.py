@@ -1,0 +1,178 @@
+"""The co-design problem without time, whose optimum is the start of that over time.
+
+A rotor's time constant is a few hundredths of a second and a flow changes over many seconds, so the
+rotor is nearly in equilibrium at every instant. What a case asks for is then a problem over the
+speeds of its flow, a few for each scenario (`hkt_mdo.problem.equilibrium`), with the same turbine,
+law, limits and objective. It takes a second where the problem over time takes many.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hkt_mdo.case.design import InflowDynamics
+from hkt_mdo.dynamics.laws import OpenLoop
+from hkt_mdo.dynamics.resource import DurationCurve
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.problem.build import assemble, point_of
+from hkt_mdo.problem.equilibrium import SteadyScenario
+from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.solve import drivers
+
+SPEEDS = 16  # of each scenario's flow
+ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
+ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
+# iterations after which an optimization is given up that exceeds its limits by this share, or whose
+# objective is behind another one's by this share
+PATIENCE, BEHIND = 40, 0.1
+LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
+BARRIER = 6e-3  # of IPOPT, over the number of speeds, as for the problem over time
+
+
+def without_time(physics: Physics) -> Physics:
+    """Return the physics whose flows have no time, with the same power and the same ends.
+
+    The objective is that of starts, wakes have no memory and a designed hub is held, since its
+    inertia has no effect in equilibrium.
+    """
+    law, case = physics.law, physics.case
+    if law.chooses_torque:
+        law = OpenLoop(torque_limit=law.torque_limit, cut_out=law.cut_out)
+    design = case.design
+    if physics.designs_hub:
+        held = 2 * (physics.blade.hub_inertia,)
+        design = design.model_copy(update={"hub_inertia_bounds": held, "hub_inertia_price": 0.0})
+    update = {"inflow_dynamics": InflowDynamics(), "design": design}
+    scenarios = tuple(each if each.steady else _in_speeds(each) for each in physics.scenarios)
+    return replace(
+        physics,
+        case=case.model_copy(update=update),
+        scenarios=scenarios,
+        law=law,
+        objective=physics.start_objective,
+    )
+
+
+def _in_speeds(scenario) -> SteadyScenario:
+    """Return a scenario as equally spaced speeds of its flow, from the slowest to the fastest.
+
+    The time of each sample is shared by its two neighbours so that the power of the flow is kept.
+    """
+    speed, weights = scenario.inflow.speed_at(scenario.samples), scenario.sample_weights
+    low, high, total = np.min(speed), np.max(speed), np.sum(weights)
+    speeds = np.linspace(low, high, SPEEDS) if high - low > 1e-9 * high else np.array([high])
+    times = np.array([total])
+    if speeds.size > 1:
+        place = np.clip((speed - low) / (speeds[1] - low), 0.0, SPEEDS - 1.0)
+        below = np.minimum(place.astype(int), SPEEDS - 2)
+        share, cubes = place - below, weights * speed**3
+        times = np.bincount(below, cubes * (1.0 - share), SPEEDS)
+        times += np.bincount(below + 1, cubes * share, SPEEDS)
+        times = np.maximum(times / speeds**3, LEAST_SHARE * total)
+    ends = np.append(0.0, np.cumsum(times))
+    curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
+    kept = "mesh", "weight", "name", "limits", "interval_of", "own_limits", "density", "condition"
+    about = {name: getattr(scenario, name) for name in kept}
+    place = np.arange(speeds.size)
+    return SteadyScenario(curve, edges=ends, place=place, resource=curve, **about)
+
+
+def flow_of(physics: Physics) -> np.ndarray:
+    """Return the speeds (m/s) of all scenarios' flows, one after another, (n_times,)."""
+    return np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
+
+
+class _Hopeless(Exception):
+    """An optimization that cannot become the best."""
+
+
+def co_designed(
+    steady: Physics, point: StartingPoint, slowed: float, scratch: str, rival: float = -np.inf
+) -> StartingPoint:
+    """Return the optimum without time that is reached from a point.
+
+    Parameters
+    ----------
+    steady : Physics
+        Without time.
+    point : StartingPoint
+        Blade, gains and operation at its speeds, which need not be in balance under its law.
+    slowed : float
+        Share of its speed that a rotor under feedback must be able to lose.
+    scratch : str
+        Folder for OpenMDAO's own files.
+    rival : float
+        Objective of another optimum. What is far behind it after some iterations is given up.
+
+    Returns
+    -------
+    StartingPoint
+        With objective and excess; it has the branch and the strategy of the point.
+    """
+    iterations, strategy, branch = 0, point.strategy, point.branch
+    for _ in range(ROUNDS):
+        end, given_up = _optimized(steady, point, slowed, scratch, rival)
+        iterations += end.iterations
+        error = _curve_error(steady, end)
+        if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
+            break
+        point = end
+    about = {"excess": max(end.excess, error), "iterations": iterations}
+    return replace(end, strategy=strategy, branch=branch, **about)
+
+
+def _optimized(steady, point, slowed, scratch, rival) -> tuple[StartingPoint, bool]:
+    """Return the end of one optimization by the point's torque curve, and if it was given up."""
+    setup = Setup(point, curve_nodes(steady, point), slowed=slowed)
+    count, sign = sum(each.segments for each in steady.scenarios), steady.objective.sign
+
+    def progress(iteration, objective, violation):
+        if iteration >= PATIENCE and sign * objective < rival - BEHIND * abs(rival):
+            raise _Hopeless
+
+    driver = drivers.make_driver(
+        *("casadi", "IPOPT", TOLERANCE, ITERATIONS),
+        barrier=BARRIER / count,
+        cautious=steady.several_sections,
+        progress=progress,
+    )
+    problem = assemble(steady, setup, driver, scratch)
+    given_up = False
+    try:
+        problem.final_setup()
+        problem.run_model()
+        problem.run_driver()
+    except _Hopeless:
+        given_up = True
+    finally:
+        problem.cleanup()
+    end, excess = point_of(steady, problem), driver.violation()
+    exceeds = [name for name, over in steady.excesses(end).items() if over > KEPT_EXCESS]
+    if excess > KEPT_EXCESS and not exceeds:
+        exceeds = ["balance_of_torques"]
+    end = replace(
+        end,
+        objective=sign * float(problem.get_val("objective")[0]),
+        excess=excess,
+        exceeds=tuple(exceeds),
+        iterations=driver.iterations,
+    )
+    return end, given_up
+
+
+def _curve_error(steady: Physics, end: StartingPoint) -> float:
+    """Return the largest relative error of the torque at an end, which is that of a curve."""
+    worst = 0.0
+    operations = steady.split(end.operation) if steady.has_curve else ()
+    for scenario, (speed, torque) in zip(steady.scenarios, operations, strict=False):
+        own, radius = steady.of(scenario), end.blade.rotor_radius
+        ratio = np.maximum(speed * radius / scenario.speeds, SLOWEST_RATIO)
+        exact = own.rotor.coefficients(end.blade, ratio).torque
+        exact = exact * torque_scale(own.density, radius, scenario.speeds)
+        worst = max(worst, float(np.max(np.abs(torque - exact)) / np.max(np.abs(exact))))
+    return worst
