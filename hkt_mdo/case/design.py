@@ -147,9 +147,6 @@ class Start(Section):
     """Limits such as that of the power can be kept by turning faster or slower than at the best tip
     speed ratio: which of these two the start uses; `best`: the one with the larger objective in
     quasi-steady operation."""
-    effort: Annotated[int, Strict(), Field(ge=1, le=20)] = 1
-    """How many of the candidates of each strategy are improved, the best ones first. More of them
-    may end at a better optimum; the search for a start then takes as many times longer."""
 
 
 class Hydrodynamics(Section):

@@ -402,12 +402,3 @@ class DistanceFromStall(Limit):
         here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
         found["gains"] = (here - there).T
         return found
-
-
-class FartherFromStall(DistanceFromStall):
-    """`DistanceFromStall` for a larger loss of speed, in addition to that for the usual loss.
-
-    Because the torque is curved over the speed, a rotor may recover from one of them only.
-    """
-
-    name: ClassVar[str] = "farther_from_stall"

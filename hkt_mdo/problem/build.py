@@ -23,13 +23,11 @@ from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import HELD, THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES, names
-from hkt_mdo.rotor.components import AngleComp, BladeGroup, WeightComp, rotor_inputs
-from hkt_mdo.rotor.stall import SLOWER
+from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
 WAKE_SHARE = 0.3  # typical axial induction
-ANGLE_UNIT = np.deg2rad(5.0)  # typical change of an angle of attack
 DESIGNED = {
     "rotor_radius": "radius of the swept disc",
     "chord_control": "chord at the stations, or control points of its spline",
@@ -94,12 +92,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
     scales, blade = _scales(physics, setup), setup.start.blade
-    ratios = [series["tip_speed_ratio"] for series in physics.on_start(setup.start)]
-    lowest = float(min(map(np.min, ratios)))
-    fence = physics.rotor.stall_fence(physics.shape, blade, lowest)
-    attached = bool(fence.stations.size)
     designed, kept = _declare_design(group, physics, setup)
-    designed |= _lowest_ratio(group, lowest) if attached else {}
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
         design = group.add_subsystem("design", om.IndepVarComp(), promotes=["*"])
@@ -123,9 +116,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         group.add_subsystem("weight", weight, promotes=["*"])
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
-    if attached:
-        _hold_attached(group, physics, blade, fence, lowest)
-    operation = OperationGroup(physics=physics, start=setup, scales=scales, above_lowest=attached)
+    operation = OperationGroup(physics=physics, start=setup, scales=scales)
     group.add_subsystem("operation", operation, promotes=["*"])
     _declare_constraints(group, physics, setup, scales)
 
@@ -271,24 +262,6 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
             ref = physics.law.sizes(start.gains)[i]
             model.add_design_var(name, lower=low[i], upper=high[i], ref=ref)
     return designed, kept
-
-
-def _lowest_ratio(model, lowest) -> dict[str, dict]:
-    """Declare an unknown that is a lower bound of the tip speed ratios of the trajectories."""
-    model.add_design_var("lowest_ratio", lower=0.5 * lowest, upper=2.0 * lowest, ref=lowest)
-    about = {"units": None, "desc": "below every w R / v of the trajectories"}
-    return {"lowest_ratio": {"val": lowest, **about}}
-
-
-def _hold_attached(model, physics, blade, fence, lowest):
-    """Hold the sections off stall at the lowest tip speed ratio."""
-    sections = AngleComp(rotor=physics.rotor, blade=blade, stations=fence.stations, slowed=SLOWER)
-    inputs = [*rotor_inputs(blade), "lowest_ratio"]
-    model.add_subsystem("angles_of_attack", sections, promotes_inputs=inputs)
-    name = "angles_of_attack.angle_of_attack"
-    model.add_constraint(name, upper=fence.highest, ref=ANGLE_UNIT)
-    for scenario in physics.scenarios:
-        model.add_constraint(f"above_lowest_ratio_{scenario.name}.room", lower=0.0, ref=lowest)
 
 
 def _declare_constraints(model, physics, setup, scales):

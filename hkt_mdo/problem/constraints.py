@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.limits import (
-    SLOWED,
     TYPICAL,
     DistanceFromStall,
-    FartherFromStall,
     Limit,
     settled,
 )
@@ -84,12 +82,9 @@ def _held(physics, setup, limit, number, scales) -> Held:
 
 
 def _distance_from_stall(physics, setup):
-    """Yield the distances from stall as limits, where the setup has them."""
-    if setup.slowed and physics.has_curve:
-        about = {"law": physics.law, "spline": TorqueSpline(setup.nodes)}
-        yield DistanceFromStall(**about)
-        if setup.slowed > SLOWED:
-            yield FartherFromStall(**about, slowed=setup.slowed)
+    """Yield the distance from stall as a limit, where the setup has it."""
+    if setup.recovers and physics.has_curve:
+        yield DistanceFromStall(law=physics.law, spline=TorqueSpline(setup.nodes))
 
 
 def _near_stall(physics, setup, limit, place, scenario):

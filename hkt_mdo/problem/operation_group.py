@@ -55,7 +55,6 @@ class OperationGroup(om.Group):
         declare("physics", types=Physics, recordable=False, desc="turbine, flows and controller")
         declare("start", types=Setup, recordable=False, desc="where the optimization begins")
         declare("scales", types=Scales, recordable=False, desc="reference magnitudes")
-        declare("above_lowest", default=False, desc="whether lowest_ratio is below all ratios")
 
     def setup(self):
         self._add_phases()
@@ -78,17 +77,6 @@ class OperationGroup(om.Group):
         for scenario in self._physics.scenarios:
             if scenario.closed:
                 self._close_cycle(scenario)
-            if self.options["above_lowest"]:
-                name = f"above_lowest_ratio_{scenario.name}"
-                series = {"shape": (scenario.node_times.size, 1)}
-                room = om.ExecComp(
-                    "room = tip_speed_ratio - lowest_ratio",
-                    has_diag_partials=True,
-                    room=series,
-                    tip_speed_ratio=series,
-                )
-                self.add_subsystem(name, room, promotes_inputs=["lowest_ratio"])
-                self.connect(f"{scenario.path}.tip_speed_ratio", f"{name}.tip_speed_ratio")
         self._add_objective()
 
     @property

@@ -50,7 +50,6 @@ from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
-from hkt_mdo.rotor.stall import SLOWER
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.suction import require_suction
 
@@ -63,8 +62,6 @@ MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
 CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
-# by which a start may be closer to stall and still count as keeping its distance
-NEAR_STALL = np.deg2rad(0.1)
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 
 
@@ -469,20 +466,6 @@ class Physics:
     def broken_limits(self, point) -> list[str]:
         """Return the names of the limits, design bounds aside, that a starting point exceeds."""
         return [name for name, over in self.excesses(point).items() if over > START_EXCESS]
-
-    def start_breaks(self, point) -> list[str]:
-        """Return what a starting point breaks: limits, and its sections' distance from stall."""
-        close = [] if self._keeps_stall_fence(point) else ["distance of sections from stall"]
-        return [*self.broken_limits(point), *close]
-
-    def _keeps_stall_fence(self, point) -> bool:
-        """Tell whether the sections of a starting point keep their distance from stall."""
-        ratio = min(float(np.min(known["tip_speed_ratio"])) for known in self.on_start(point))
-        fence = self.rotor.stall_fence(self.shape, point.blade, ratio)
-        if not fence.stations.size:
-            return True
-        angle, *_ = self.rotor.angles_of_attack(point.blade, SLOWER * ratio, derivatives=False)
-        return bool(np.all(angle[fence.stations] <= fence.highest + NEAR_STALL))
 
     def objective_at(self, point) -> float:
         """Return the objective of a quasi-steady starting point, in its unit, less its price."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,26 +26,12 @@ class Operation:
         At the samples of the flow, rad/s and N m, shape (n_times,).
     running : bool
         Whether an unstalled equilibrium exists at every instant.
-    margin : np.ndarray
-        Under feedback, the torque that accelerates the rotor again after it lost a share of its
-        speed, (Q((1 - slowed) w) - u((1 - slowed) w)) / (TYPICAL 0.5 rho pi R³ v²), at some speeds
-        of the flow from the slowest to the fastest, shape (n_margins,). It is positive where the
-        stable and the unstable equilibrium, which meet at stall, are apart.
-    gradient : callable or None
-        Returns the derivatives of `delivered`, then of the margins, along the equilibria, by torque
-        coefficient table, gains and disc's radius (at a constant table), shape (1 + n_margins,
-        n_nodes + n_gains + 1).
-    delivered : float
-        The maximized energy, J: captured, or electrical in a case with a generator.
     """
 
     energy: float
     rotor_speed: np.ndarray
     hydrodynamic_torque: np.ndarray
     running: bool = True
-    margin: np.ndarray = field(default_factory=lambda: np.empty(0))
-    gradient: Callable[[], np.ndarray] | None = None
-    delivered: float = np.nan
 
 
 @dataclass(frozen=True)
@@ -55,7 +41,7 @@ class StartRecord:
     Attributes
     ----------
     strategy : str
-        Which strategy proposed it (`hkt_mdo.start.strategies`).
+        Which strategy proposed it (`hkt_mdo.start.find`).
     branch : str
         Overspeed or underspeed, where limits make branches; else empty.
     objective : float
@@ -113,6 +99,8 @@ class StartingPoint:
         The outcomes of all candidates of the search; empty if there was no search.
     messages : tuple of str
         Messages about the start.
+    iterations : int
+        Of the optimization that led to it, in the search for a start.
     """
 
     blade: Blade

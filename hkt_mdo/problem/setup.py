@@ -100,10 +100,10 @@ HELD = MoveLimits(chord=1.0, twist=0.0, radius=1.0, gain=1.0, thickness=0.0)
 class Setup:
     """The start and the settings of one optimization.
 
-    `nodes` are the tip speed ratios of the torque curve. `slowed` is the share of its speed that a
-    rotor under feedback must be able to lose (`DistanceFromStall`; 0: no condition). `shares` has,
-    by the names of limit and scenario, the share of the limit's upper bound to which the nodes of
-    each segment are held, so that the limit holds between the nodes as well; a lower bound is
+    `nodes` are the tip speed ratios of the torque curve. `recovers` tells whether a
+    rotor under feedback must recover from a small loss of speed (`DistanceFromStall`). `shares`
+    has, by the names of limit and scenario, the share of the limit's upper bound to which the nodes
+    of each segment are held, so that the limit holds between the nodes as well; a lower bound is
     raised there by as much. `least_hub` (kg*m**2) raises the lower bound of a designed
     `hub_inertia`.
     """
@@ -111,7 +111,7 @@ class Setup:
     start: StartingPoint
     nodes: np.ndarray
     moves: MoveLimits = MoveLimits()
-    slowed: float = 0.0
+    recovers: bool = False
     shares: dict = field(default_factory=dict)
     least_hub: float = 0.0
 

@@ -16,7 +16,7 @@ from hkt_mdo.rotor.shape import Shape
 INPUTS = "chord", "twist", "thickness", "rotor_radius"
 """Quantities of a blade that may change in an optimization."""
 _POSITIVE = {"chord", "thickness", "rotor_radius", "density", "inflow_speed"}
-_POSITIVE |= {"tip_speed_ratio", "lowest_ratio", "rotor_speed"}
+_POSITIVE |= {"tip_speed_ratio", "rotor_speed"}
 
 
 def refuse_values(inputs):
@@ -278,44 +278,6 @@ class BandTables(_Table):
     def _solve(self, inputs, derivatives=False):
         about = self.options["rotor"], self.blade_of(inputs), self.options["names"]
         return self.options["band"].solve(*about, derivatives)
-
-
-class AngleComp(BladeComp):
-    """Angle of attack at some stations, `slowed` below the lowest tip speed ratio of a rotor.
-
-    Inputs are those of `BladeComp` and lowest_ratio; output angle_of_attack[n] (rad).
-    """
-
-    def initialize(self):
-        super().initialize()
-        self.options.declare("stations", types=np.ndarray, desc="indices of the stations")
-        self.options.declare("slowed", types=float, desc="factor on the tip speed ratio")
-
-    def setup(self):
-        super().setup()
-        stations = self.options["stations"]
-        self.add_input("lowest_ratio", desc="below every w R / v of the trajectories")
-        self.add_output("angle_of_attack", shape=stations.shape, units="rad", desc="at stations")
-        rows = np.arange(stations.size)
-        self.declare_partials("*", ("chord", "twist"), rows=rows, cols=stations)
-        self.declare_partials("*", ("lowest_ratio", "rotor_radius"))
-
-    def compute(self, inputs, outputs):
-        outputs["angle_of_attack"] = self._solve(inputs)[0]
-
-    def compute_partials(self, inputs, partials):
-        _, by_ratio, by_chord, by_twist = self._solve(inputs, derivatives=True)
-        share = inputs["chord"][self.options["stations"]] / inputs["rotor_radius"]
-        partials["angle_of_attack", "lowest_ratio"] = self.options["slowed"] * by_ratio[:, None]
-        partials["angle_of_attack", "chord"] = by_chord
-        partials["angle_of_attack", "twist"] = by_twist
-        partials["angle_of_attack", "rotor_radius"] = -(by_chord * share)[:, None]
-
-    def _solve(self, inputs, derivatives=False):
-        ratio = self.options["slowed"] * inputs["lowest_ratio"][0]
-        blade, rotor = self.blade_of(inputs), self.options["rotor"]
-        angles = rotor.angles_of_attack(blade, ratio, derivatives)
-        return [values[self.options["stations"]] for values in angles]
 
 
 class InertiaComp(BladeComp):

@@ -245,29 +245,3 @@ class Hydrodynamics:
         """
         points = np.asarray(tip_speed_ratio, dtype=float) / np.cos(blade.cone)
         return best_sections(blade, self.polar, points, chord_bounds, twist_bounds)
-
-    def angles_of_attack(self, blade, tip_speed_ratio, derivatives=True):
-        """Return the angles of attack of the stations and their derivatives.
-
-        Parameters
-        ----------
-        blade : Blade
-            The blade.
-        tip_speed_ratio : float
-            Omega R / V of the disc.
-        derivatives : bool
-            Whether the derivatives are computed; else they are copies of the angles.
-
-        Returns
-        -------
-        angle : ndarray of shape (n_stations,)
-            Angle of attack (rad).
-        by_tip_speed_ratio, by_chord, by_twist : ndarray of shape (n_stations,)
-            Its derivatives (rad, rad/m, rad/rad).
-        """
-        flow = self.sections(blade, tip_speed_ratio, derivatives)
-        angle = flow.angle_of_attack[0]
-        if not derivatives:
-            return (angle,) * 4
-        by_ratio, by_chord, by_twist, _ = flow.derivatives[2, :, 0]
-        return angle, by_ratio / np.cos(blade.cone), by_chord, by_twist - 1.0

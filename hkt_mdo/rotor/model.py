@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.rotor import stall, steady_optimum
+from hkt_mdo.rotor import steady_optimum
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import RotorMass, mass_and_inertia, water_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
@@ -134,25 +134,6 @@ class RotorModel(Hydrodynamics):
         designed = blade.thickness is not None and model == "ellipse"
         none = np.zeros(blade.r.size)
         return found if designed else found._replace(inertia_by_thickness=none)
-
-    def stall_fence(self, shape, blade, tip_speed_ratio):
-        """Return the stations whose flow must stay attached; see `hkt_mdo.rotor.stall`.
-
-        Parameters
-        ----------
-        shape : Shape
-            The design variables of the blade.
-        blade : Blade
-            The blade at the start.
-        tip_speed_ratio : float
-            The lowest one of the disc at which the blade works.
-
-        Returns
-        -------
-        StallFence
-            The stations, and their highest angles of attack.
-        """
-        return stall.stall_fence(self, shape, blade, tip_speed_ratio)
 
     def best_operation(self, blade):
         """Return where a blade has its largest power coefficient.

@@ -204,7 +204,7 @@ class Attempt:
     @cached_property
     def recovers(self) -> bool:
         """Whether the rotor recovers from a small loss of speed, or the setup requires this."""
-        return bool(self.setup.slowed) or recovers(self.physics, self.result)
+        return bool(self.setup.recovers) or recovers(self.physics, self.result)
 
     @cached_property
     def memory(self) -> MemoryEntry | None:
@@ -367,7 +367,7 @@ class Attempt:
 
     def _reference(self, result) -> float:
         """Return the objective of the start, J, as a measure of the optimum."""
-        reference, first = self.begin.reference, self.state.first
+        reference = self.begin.reference
         if result.objective < (1.0 - BELOW_START) * reference:
             reference = min(reference, self._moving_reference(result))
         return reference
@@ -406,9 +406,9 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
         return 0.0
     if len(physics.variants) > 1:  # its operation is that of the case's own turbine
         return 0.0
-    state = start.operation
-    kept = state.running and not physics.start_breaks(start)
-    return physics.objective_at(start) if kept else 0.0
+    if not start.operation.running or start.excess > START_EXCESS or np.isnan(start.objective):
+        return 0.0
+    return start.objective - physics.price_of(start.blade)
 
 
 def as_it_stands(

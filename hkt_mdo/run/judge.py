@@ -525,7 +525,7 @@ TRY = {
     **dict.fromkeys(("energy_error", "max_speed_error", "objective_error"), FALSE_SOLUTION),
     "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
     "energy_below_start": FALSE_SOLUTION,
-    "behind_open_loop": "try start.from with a result of law: rated, or a larger start.effort",
+    "behind_open_loop": "try start.from with a result of law: rated",
     **dict.fromkeys(("energy_over_bound", "energy_over_certificate"), FINER),
 }
 

@@ -18,7 +18,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
 from hkt_mdo.results.words import joined, per_cent
 from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
-from hkt_mdo.run.judge import SPEED_ERROR, STORED, most_between, sells, sold
+from hkt_mdo.run.judge import STORED, most_between, sells, sold
 from hkt_mdo.run.memory import first_hub, stable_hub
 from hkt_mdo.run.mesh import held
 from hkt_mdo.run.optimization import solve
@@ -31,8 +31,6 @@ FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
-NEAR_STALL = 0.022
-"""Recovery of a start, over a typical torque, below which it is constrained from the beginning."""
 MOST_LOWERED = 5e-3
 """Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
 MOST_EXCEEDED = 0.02
@@ -62,14 +60,14 @@ def smaller_moves(attempt: Attempt) -> Begin | None:
 
 def distance_from_stall(attempt: Attempt) -> Begin | None:
     """Constrain the recovery of a rotor under feedback that does not recover."""
-    if not attempt.converged or attempt.setup.slowed:
+    if not attempt.converged or attempt.setup.recovers:
         return None
     if not attempt.recovers:
         why = f"a rotor that loses {100.0 * SLOWED:g} % of its speed does not recover"
-        return attempt.begin_again(why, slowed=SLOWED)
+        return attempt.begin_again(why, recovers=True)
     close = sum(map(np.sum, attempt.near_stall))
     why = f"too close to stall between the nodes of {close} segments"
-    return attempt.begin_again(why, slowed=SLOWED) if close else None
+    return attempt.begin_again(why, recovers=True) if close else None
 
 
 def finer_torque_curve(attempt: Attempt) -> Begin | None:
@@ -96,26 +94,6 @@ def recentred_moves(attempt: Attempt) -> Begin | None:
     before = attempt.before.objective
     change = per_cent(attempt.result.objective - before, before)
     return attempt.from_end(joined("at a move limit", change and f"objective changed by {change}"))
-
-
-def farther_from_stall(attempt: Attempt) -> Begin | None:
-    """Require recovery from twice the loss of speed if a false branch near stall may be the cause.
-
-    Radau's collocation has false speeds of its own, and a few segments may just be too coarse.
-    """
-    physics, slowed = attempt.physics, 2.0 * SLOWED
-    if not attempt.converged or not (physics.law.is_feedback and physics.has_curve):
-        return None
-    if physics.case.phase.transcription == "radau" or attempt.setup.slowed > SLOWED:
-        return None
-    if not attempt.is_false or attempt.few_contradicted:
-        return None
-    error = max(np.max(flight.speed_errors) for flight in attempt.flights)
-    if error <= SPEED_ERROR:  # only the energies differ, which is not another branch
-        return None
-    return attempt.begin_again(
-        f"integrated and collocated speed differ by {100.0 * error:.2g} %", slowed=slowed
-    )
 
 
 def finer_mesh(attempt: Attempt) -> Begin | None:
@@ -279,9 +257,10 @@ def other_branch(attempt: Attempt) -> Begin | None:
 
 def first_setup(physics, start) -> Setup:
     """Return the setup of the first optimization from a start."""
-    slowed = SLOWED if physics.law.is_static else 0.0
     least = first_hub(physics, start)
-    return Setup(start, curve_nodes(physics, start), slowed=slowed, least_hub=least)
+    return Setup(
+        start, curve_nodes(physics, start), recovers=physics.law.is_static, least_hub=least
+    )
 
 
 REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
@@ -291,7 +270,6 @@ REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     distance_from_stall,
     finer_torque_curve,
     recentred_moves,
-    farther_from_stall,
     finer_mesh,
     lowered_limits,
     design_again,

@@ -218,7 +218,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     converged = result.outcome.success
     if converged:
         gains = worths(physics, result, [each.at_nodes for each in flights], state.scratch)
-    breaks = state.first.start_breaks(best.start)
+    breaks = state.first.broken_limits(best.start)
     parts = Finished(
         physics, best.optimum, best.start, breaks, result, flights, best.checks, remedy, gains
     )

@@ -8,10 +8,8 @@ its own, and the optimizer does not change from one to the other. So the problem
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
 from tempfile import TemporaryDirectory
@@ -20,25 +18,25 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.dynamics.laws import OpenLoop
-from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import Operation, StartingPoint, records
+from hkt_mdo.problem.point import StartingPoint, records
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.quasi_steady import QuasiSteady, sampled_flow
 from hkt_mdo.start.result import RESULT, design_of_result
-from hkt_mdo.start.steady import co_designed, flow_of, without_time
+from hkt_mdo.start.steady import co_designed, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
 
 GIVEN, BEST, FASTER = "blade as given", "best blade", "best blade of a faster rotor"
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
-FEW = 2  # gains of a law that cannot follow any schedule
 FAST = 1.5  # tip speed ratio of a faster rotor's blade over that of the best one
+FINE = 400  # speeds of the flow of a schedule that is not optimized
 ALIKE = 2e-4  # relative difference of the objectives of branches of which one is better
 FAR_BEHIND = 0.05  # relative difference of the objective beyond which a branch is not tried second
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
+SHARES = np.linspace(1.0, 0.5, 11)  # of an open loop's torque, to which gains are fitted
 LOCAL = (
     "start.method = blade: the optimum is a local one near the given blade, others were not "
     "searched; quasi_steady searches for them"
@@ -47,8 +45,10 @@ MERIT = attrgetter("merit")
 
 
 class _Solid(NamedTuple):
-    """A solid blade for a constant torque: its tip speed ratio and chord over those of the best one,
-    and the demand of a law over its largest torque at which it is constant.
+    """A solid blade for a constant torque.
+
+    `ratio` and `width`: its tip speed ratio and its chord over those of the best blade. `demand`:
+    that of a law over its largest torque at which the torque is constant.
     """
 
     ratio: float = 0.4
@@ -138,30 +138,23 @@ def find_start(
         if improves(physics, improve):
             found = search.optima((*candidates, *best_blades(physics, optimum)))
         else:
-            found = [search.begin(candidates[-1], branch) for branch in search.branches]
+            found = [search.as_given(candidates[-1], branch) for branch in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
-    first = {branch: None for branch in search.branches}
-    sides = [each for each in found if first.pop(each.branch, 0) is None]
-    points = [search.over_time(each) for each in sides]
-    kept, named = points[0], len(search.branches) > 1
     tried = [replace(each.record, law=law) for law, each in search.tried]
-    return replace(
-        kept,
-        branches=tuple(points) if named else (),
-        starts=records(tried, kept, points if named else ()),
-        messages=messages,
-    )
+    branches = tuple(found) if search.branches != ("",) else ()
+    about = {"branches": branches, "starts": records(tried, found[0], branches)}
+    return replace(found[0], messages=messages, **about)
 
 
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
-    """Yield the best blade of all, and that of a rotor that turns faster."""
+    """Yield the best blade of a rotor that turns faster than the best one, and the best blade."""
     shape = physics.shape
-    yield Candidate(BEST, shape.nearest(optimum.blade))
     if shape.designs_chord:
         ratio = FAST * optimum.tip_speed_ratio
         faster = physics.rotor.best_blade(shape, ratio, optimum.blade, 1e-8).blade
         yield Candidate(FASTER, shape.nearest(faster))
+    yield Candidate(BEST, shape.nearest(optimum.blade))
 
 
 def other_branch(physics: Physics, start: StartingPoint) -> StartingPoint | None:
@@ -171,11 +164,11 @@ def other_branch(physics: Physics, start: StartingPoint) -> StartingPoint | None
     """
     if len(start.branches) < 2:
         return None
-    other = start.branches[1]
+    first, other = start.branches
     kept, objective = other.worth
-    if not kept or objective < (1.0 - FAR_BEHIND) * start.branches[0].objective:
+    if not kept or objective < (1.0 - FAR_BEHIND) * first.objective:
         return None
-    return replace(other, branches=start.branches[::-1], starts=start.starts)
+    return replace(other, branches=(other, first), starts=start.starts, messages=start.messages)
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,15 +183,13 @@ class Search:
     scratch : str
         Folder for OpenMDAO's own files.
     tried : list
-        Name of the law and point of each optimization so far.
+        Name of the law and end of each optimization so far.
     """
 
     physics: Physics
     optimum: SteadyOptimum
     scratch: str
-
-    def __post_init__(self):
-        object.__setattr__(self, "tried", [])
+    tried: list[tuple[str, StartingPoint]] = field(default_factory=list)
 
     @cached_property
     def steady(self) -> Physics:
@@ -208,152 +199,168 @@ class Search:
     @cached_property
     def _open_loop(self) -> Physics:
         """The same with an open loop, to whose schedule a law is fitted."""
-        law = self.physics.law
-        free = OpenLoop(torque_limit=law.torque_limit) if law.is_feedback else self.steady.law
+        law = self.steady.law
+        free = OpenLoop(torque_limit=law.torque_limit) if law.is_feedback else law
         return replace(self.steady, law=free)
 
     @cached_property
     def _schedules(self) -> SteadyFlow:
         """Schedules of an open loop that keep the limits."""
         free = replace(self.physics, law=self._open_loop.law)
-        return SteadyFlow.of(free, QuasiSteady.of(self.physics, self.optimum).spline)
+        return SteadyFlow.of(free, QuasiSteady.of(free, self.optimum, 1.0).spline)
 
     @cached_property
     def branches(self) -> tuple[str, ...]:
-        """The branches on which the limits can be kept."""
+        """The branches on which the limits can be kept, the first one by which to begin."""
         asked = self.physics.case.start.branch
         if not has_branches(self._schedules.physics):
             return ("",)
         if asked != "best":
             return (asked,)
-        # where a rotor is slowed below its best speed, a torque that follows from the speed stalls it
+        # slower than at its best speed a rotor stalls if its torque follows from the speed
         return tuple(BRANCHES)[: 1 if self.physics.law.is_static else None]
 
     def optima(self, candidates: Sequence[Candidate]) -> list[StartingPoint]:
-        """Return the optima without time that are reached from some candidates, the best first."""
-        law, found = self.physics.law, []
-        several, follows = len(law.gain_units) > 1, bool(law.states) or len(law.gain_units) > FEW
-        if law.is_static and not follows:
-            found += map(self._optimum, self._at_constant_torque())
+        """Return the best optimum of each branch over the whole flow, the best first.
+
+        A law of one gain is optimized from every blade. One of several gains, or with states, can
+        nearly follow an open loop, and is optimized from the best of these. On a second branch the
+        flow is stalled, which makes optimizations long: one blade is enough.
+        """
+        law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
+        follows = bool(law.states) or len(law.gain_units) > 1
         for branch in self.branches:
-            # slower than at the best speed, stalled flow makes optimizations long: one is enough
-            some = candidates if branch == self.branches[0] else candidates[-2:-1]
-            if not follows:
-                found += [self._optimum(self.begin(each, branch)) for each in some]
-            if follows or (law.is_feedback and several):
-                free = [self._scheduled(each.blade, branch) for each in some]
-                free = [self._optimum(each, self._open_loop) for each in free]
-                guide = max(free, key=MERIT)
-                found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED))))
+            some = candidates if branch == self.branches[0] else candidates[-1:]
+            for each in some:
+                if not follows or (each.gains is not None and law.is_static):
+                    found.append(self._optimum(self._begin(each, branch)))
+            if follows:
+                free = (self._scheduled(each.blade, branch) for each in some)
+                ends = [self._optimum(each, self._open_loop) for each in free]
+                guide = replace(max(ends, key=MERIT), strategy=FITTED)
+                found.append(self._optimum(self._fitted(guide, None)))
         found.sort(key=MERIT, reverse=True)
         if not law.is_feedback:
             # below the speed of the largest torque, the torque does not hold the speed of a rotor
-            value = (1.0 - np.sign(found[0].objective) * ALIKE) * found[0].objective
-            alike = (x for x in found if x.branch == "overspeed" and x.merit >= (True, value))
-            if (first := next(alike, None)) is not None:
-                found = [first, *(each for each in found if each is not first)]
-        return found
+            kept, value = found[0].merit
+            least = kept, value - ALIKE * abs(value)
+            found.sort(key=lambda x: x.branch == "overspeed" and x.merit >= least, reverse=True)
+        best = {end.branch: end for end in reversed(found)}
+        return [self._over_time(each) for each in found if each is best[each.branch]]
+
+    def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
+        """Return a candidate as it is, in operation over the whole flow."""
+        strategy, blade, gains = candidate
+        point = replace(self._scheduled(blade, branch, self.physics), strategy=strategy)
+        if self.physics.law.is_feedback:
+            point = self._fitted(point, gains, self.physics)
+        if self.physics.law.is_static:
+            problem, table = self._quasi_steady(blade), self._table(blade)
+            for share in SHARES if gains is None else (1.0,):  # near the peak it may stall
+                eased = self.physics.law.eased(point.gains, share)
+                operation = problem.operate(table, eased)
+                if operation.running and problem.recovers(table, eased, operation):
+                    break
+            point = replace(point, gains=eased, operation=operation)
+        self.tried.append((self.physics.law.law, point))
+        return point
 
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
-        """Return the optimum that is reached from a point, and note it."""
+        """Return the optimum that is reached from a point, by default under the case's law."""
         steady = steady or self.steady
-        slowed = SLOWED if steady.law.is_static else 0.0
-        t0 = time.process_time()
-        known = [x.objective for law, x in self.tried if law == steady.law.law and x.worth[0]]
-        rival = max(known, default=-np.inf) if point.branch == "underspeed" else -np.inf
-        end = co_designed(steady, point, slowed, self.scratch, rival)
-        if os.environ.get("SS"):
-            print(f"   {steady.law.law:10} {point.strategy:30} {point.branch:10} {end.objective:12.1f} {end.excess:.1e} {end.iterations} its {time.process_time() - t0:.2f} s", flush=True)
-        self.tried.append((steady.law.law, end))
+        law, rival = steady.law.law, -np.inf
+        if point.branch != self.branches[0]:
+            rivals = (end.objective for name, end in self.tried if name == law and end.worth[0])
+            rival = max(rivals, default=rival)
+        end = co_designed(steady, point, self.scratch, rival)
+        self.tried.append((law, end))
         return end
 
-    def begin(self, candidate: Candidate, branch: str) -> StartingPoint:
-        """Return where the optimization from a candidate begins, at the speeds of the flow."""
+    def _begin(self, candidate: Candidate, branch: str) -> StartingPoint:
+        """Return where the optimization from a candidate begins."""
         strategy, blade, gains = candidate
         point = replace(self._scheduled(blade, branch), strategy=strategy)
-        if not self.physics.law.is_feedback:
-            return point
-        return self._fitted(point, gains)
+        return self._fitted(point, gains) if self.physics.law.is_feedback else point
 
     def _at_constant_torque(self) -> Iterator[StartingPoint]:
         """Yield a solid, slow rotor under the largest torque of a law, if it turns in all flows.
 
-        A law of the speed alone that keeps a limit of the power has two kinds of optima: at a tip
-        speed ratio that does not depend on the flow, or at a torque that does not.
+        A law of one gain has two kinds of optima under limits: at a tip speed ratio that does not
+        depend on the flow, or at a torque that does not.
         """
-        physics, optimum, law = self.physics, self.optimum, self.physics.law
-        ratio = SOLID.ratio * optimum.tip_speed_ratio
-        slow = physics.rotor.best_blade(physics.shape, ratio, optimum.blade, 1e-8).blade
+        physics, law = self.physics, self.physics.law
+        one = law.is_static and len(law.gain_units) == 1 and self.branches != ("",)
+        if not one or law.torque_limit is None or not physics.shape.designs_chord:
+            return
+        ratio = SOLID.ratio * self.optimum.tip_speed_ratio
+        slow = physics.rotor.best_blade(physics.shape, ratio, self.optimum.blade, 1e-8).blade
         blade = physics.shape.nearest(replace(slow, chord=SOLID.width * slow.chord))
-        problem = QuasiSteady.of(self.steady, optimum)
-        problem = replace(problem, rotor_radius=blade.rotor_radius)
-        free = replace(problem, law=OpenLoop(torque_limit=law.torque_limit))
-        table = self._table(blade)
-        speed = free.operate(table).rotor_speed
+        problem = self._quasi_steady(blade, self.steady)
+        speed = ratio * problem.inflow_speed / blade.rotor_radius
         gains = law.fit(speed, np.full(speed.shape, SOLID.demand * law.torque_limit))
         gains = np.clip(gains, *gain_bounds(physics))
-        operation = problem.operate(table, gains)
+        operation = problem.operate(self._table(blade), gains)
         if operation.running:
-            yield StartingPoint(blade, gains, operation, strategy=CONSTANT, branch="overspeed")
+            about = {"strategy": CONSTANT, "branch": self.branches[0]}
+            yield StartingPoint(blade, gains, operation, **about)
 
-    def _scheduled(self, blade: Blade, branch: str) -> StartingPoint:
-        """Return a blade with the schedule of an open loop on a branch."""
-        guide = self._schedules.on_branch(
-            StartingPoint(blade, np.empty(0), None), branch or "overspeed"
-        )
-        flow = flow_of(self.steady)
-        ratio = np.interp(flow, self._schedules.speeds, guide.ratio)
-        return replace(
-            guide, branch=branch, operation=self._held(blade, ratio * flow / blade.rotor_radius)
-        )
+    def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
+        """Return a blade with an open loop's schedule, by default in the flow without time."""
+        schedules, over, fine = self._schedules, over or self.steady, over is not None
+        if fine:
+            schedules = SteadyFlow.of(schedules.physics, schedules.spline, FINE)
+        point = StartingPoint(blade, np.empty(0), None)
+        point = schedules.on_branch(point, branch or "overspeed")
+        flow, _ = sampled_flow(over)
+        speed = np.interp(flow, schedules.speeds, point.ratio) * flow / blade.rotor_radius
+        operation = self._quasi_steady(blade, over).held(self._table(blade), speed)
+        return replace(point, branch=branch, operation=operation)
 
-    def _held(self, blade: Blade, speed: np.ndarray) -> Operation:
-        """Return the operation of a blade at rotor speeds, rad/s, in the flow without time."""
-        problem = QuasiSteady.of(self.steady, self.optimum)
-        problem = replace(problem, rotor_radius=blade.rotor_radius)
-        return problem.held(self._table(blade), speed)
+    def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
+        """Return the operation of a blade, by default in the whole flow."""
+        return QuasiSteady.of(over or self.physics, self.optimum, blade.rotor_radius)
 
     def _table(self, blade: Blade) -> np.ndarray:
+        """Return the torque coefficients of a blade at the nodes of the schedules' spline."""
         return self._schedules.curves(blade).values["torque"]
 
-    def _fitted(self, point: StartingPoint, gains: np.ndarray | None = None) -> StartingPoint:
-        """Return a point of an open loop with the gains of the law that are closest to it."""
-        law, flow, blade = self.physics.law, flow_of(self.steady), point.blade
+    def _fitted(
+        self, point: StartingPoint, gains: np.ndarray | None, over: Physics | None = None
+    ) -> StartingPoint:
+        """Return a point of an open loop with gains of the law, by default the closest ones."""
+        over, law, blade = over or self.steady, self.physics.law, point.blade
+        (flow, _), table = sampled_flow(over), self._table(blade)
         speed, torque = point.operation.rotor_speed, point.operation.hydrodynamic_torque
         held = torque - self.physics.generator.friction(speed)
         if gains is None and law.states:
-            spline, radius = self._schedules.spline, blade.rotor_radius
-            slope = spline.values(self._table(blade), speed * radius / flow)[1]
-            slope *= torque_scale(self.physics.density, radius, flow) * radius / flow
+            unit = blade.rotor_radius / flow
+            _, slope = self._schedules.spline.values(table, speed * unit)
+            slope = slope * torque_scale(self.physics.density, blade.rotor_radius, flow) * unit
             gains = law.follow(flow, speed, held, slope)
         elif gains is None:
             gains = law.fit(speed, held)
         gains = np.clip(gains, *gain_bounds(self.physics))
-        if law.states:
-            speed = law.speed_at_rest(flow, gains)
-        return replace(point, gains=gains, operation=self._held(blade, speed))
+        if not law.states:
+            return replace(point, gains=gains)
+        operation = self._quasi_steady(blade, over).held(table, law.speed_at_rest(flow, gains))
+        return replace(point, gains=gains, operation=operation)
 
-    def over_time(self, point: StartingPoint) -> StartingPoint:
+    def _over_time(self, point: StartingPoint) -> StartingPoint:
         """Return a point with its operation over the whole flow.
 
         A static law operates at its own equilibria, unless those at the speeds of the point are
-        others.
+        others: a law may have several in a flow, and over time it begins at the one chosen.
         """
-        physics, blade, law = self.physics, point.blade, self.physics.law
-        problem = replace(QuasiSteady.of(physics, self.optimum), rotor_radius=blade.rotor_radius)
-        table, flow = self._table(blade), flow_of(physics)
+        physics, law, table = self.physics, self.physics.law, self._table(point.blade)
+        problem = self._quasi_steady(point.blade)
         if law.states:
-            return replace(point, operation=problem.held(table, law.speed_at_rest(flow, point.gains)))
-        speeds, places = [], np.cumsum([each.samples.size for each in self.steady.scenarios])[:-1]
-        for scenario, steady, speed in zip(
-            physics.scenarios,
-            self.steady.scenarios,
-            np.split(point.operation.rotor_speed, places),
-            strict=True,
-        ):
-            known = steady.inflow.speed_at(steady.samples)
-            own = scenario.inflow.speed_at(scenario.samples)
-            speeds.append(np.interp(own, known, speed / known) * own)
+            speed = law.speed_at_rest(problem.inflow_speed, point.gains)
+            return replace(point, operation=problem.held(table, speed))
+        speeds, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
+        designed = self.steady.split(point.operation)
+        for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
+            flow = scenario.inflow.speed_at(scenario.samples)
+            speeds.append(np.interp(flow, steady.speeds, speed / steady.speeds) * flow)
         speed = np.concatenate(speeds)
         if law.is_static:
             own = problem.operate(table, point.gains)

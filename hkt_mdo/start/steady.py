@@ -82,17 +82,12 @@ def _in_speeds(scenario) -> SteadyScenario:
     return SteadyScenario(curve, edges=ends, place=place, resource=curve, **about)
 
 
-def flow_of(physics: Physics) -> np.ndarray:
-    """Return the speeds (m/s) of all scenarios' flows, one after another, (n_times,)."""
-    return np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
-
-
 class _Hopeless(Exception):
     """An optimization that cannot become the best."""
 
 
 def co_designed(
-    steady: Physics, point: StartingPoint, slowed: float, scratch: str, rival: float = -np.inf
+    steady: Physics, point: StartingPoint, scratch: str, rival: float = -np.inf
 ) -> StartingPoint:
     """Return the optimum without time that is reached from a point.
 
@@ -102,8 +97,6 @@ def co_designed(
         Without time.
     point : StartingPoint
         Blade, gains and operation at its speeds, which need not be in balance under its law.
-    slowed : float
-        Share of its speed that a rotor under feedback must be able to lose.
     scratch : str
         Folder for OpenMDAO's own files.
     rival : float
@@ -116,7 +109,7 @@ def co_designed(
     """
     iterations, strategy, branch = 0, point.strategy, point.branch
     for _ in range(ROUNDS):
-        end, given_up = _optimized(steady, point, slowed, scratch, rival)
+        end, given_up = _optimized(steady, point, scratch, rival)
         iterations += end.iterations
         error = _curve_error(steady, end)
         if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
@@ -126,9 +119,9 @@ def co_designed(
     return replace(end, strategy=strategy, branch=branch, **about)
 
 
-def _optimized(steady, point, slowed, scratch, rival) -> tuple[StartingPoint, bool]:
+def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     """Return the end of one optimization by the point's torque curve, and if it was given up."""
-    setup = Setup(point, curve_nodes(steady, point), slowed=slowed)
+    setup = Setup(point, curve_nodes(steady, point), recovers=steady.law.is_static)
     count, sign = sum(each.segments for each in steady.scenarios), steady.objective.sign
 
     def progress(iteration, objective, violation):
