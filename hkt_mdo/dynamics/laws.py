@@ -91,10 +91,6 @@ class Law(Section):
         """Tell whether another law is a special case of this one, with some of its gains."""
         return self == other
 
-    def coarser(self) -> Law | None:
-        """Return a law of fewer gains whose optimum is a start for this law, or None."""
-        return None
-
     def at_rest(self, torque, inflow_speed):
         """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
         return ()

@@ -15,7 +15,6 @@ LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 STEEPEST = 20.0  # exponent between neighbouring knots: a torque that doubles within 3.5 % of speed
 SLOWER, FASTER = 2.0, -1.0  # least exponents of a curve below its first and above its last knot
-COARSEST = 4  # knots of the curve from whose optimum one of more knots starts
 STILL = 1e-3  # rad/s, slower than any rotor turns
 
 
@@ -247,13 +246,6 @@ class CurveFeedback(FeedbackLaw):
 
     def eased(self, gains, share):
         return np.append(gains[: self.knots], share * gains[self.knots :])
-
-    def coarser(self):
-        if self.knots <= COARSEST:
-            return None
-        law = self.model_copy(update={"knots": COARSEST, "knot_speeds": None, "knot_torques": None})
-        law._begins = None
-        return law
 
 
 def _natural_spline(knots, points):

@@ -459,8 +459,7 @@ class Summary(_Entry, Mapping[str, Any]):
     """Energy that the generator delivers, after its losses."""
     starting_energy_J: _Number = None
     start_breaks: list[str] | None = None
-    """Limits that the start does not keep, including the distance of its sections from stall; its
-    energy is then no measure of the result."""
+    """Limits that the start does not keep; its energy is then no measure of the result."""
     energy_bound_J: _Number = None
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = None

@@ -233,11 +233,6 @@ class Attempt:
         parts = self.division.parts
         return bool(parts) and bool(np.mean(np.concatenate(parts) > 1) < FEW)
 
-    @property
-    def few_contradicted(self) -> bool:
-        """Whether few segments of the first mesh that are too coarse may be the reason."""
-        return not self.before.coarser and self.few_divided
-
     @cached_property
     def near_stall(self) -> list[np.ndarray]:
         """The segments of each scenario in which a feedback law is too close to stall."""

@@ -125,7 +125,7 @@ def _begun(world: Physics) -> Physics:
     """Return the physics with the design of `start.from`, if any, in place of the given one."""
     if world.case.start.from_ is None:
         return world
-    (_, blade, gains), messages = design_of_result(world)
+    (blade, gains), messages = design_of_result(world)
     law = world.law if gains is None else world.law.beginning_with(gains)
     shape, messages = replace(world.shape, blade=blade), (*world.messages, *messages)
     return replace(world, shape=shape, law=law, messages=messages)
@@ -414,7 +414,7 @@ def _optimization(found: Findings, package: str) -> Rows:
     yield Row("optimizer", f"{driver.optimizer} of {package}, to {driver.tolerance:g}")
     seconds = size.evaluation_seconds
     yield Row("an evaluation", seconds, "s", "on this machine, derivatives included", 2)
-    whole = run_seconds(found.physics, found.best, size)
+    whole = run_seconds(found.physics, size)
     yield Row("a run", whole, "s", "an estimate for this machine, mostly within a factor of two", 2)
 
 

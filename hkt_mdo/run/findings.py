@@ -36,12 +36,12 @@ TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to t
 SHORT = 0.05  # s, evaluations shorter than this are timed several times
 
 
-EVALUATIONS, WITH_LIMITS, SEARCHED, OTHER = 110, 300, 3500, 5.0
+EVALUATIONS, WITH_LIMITS, SEARCH, OTHER = 110, 300, 12.0, 5.0
 """What runs usually take; with free cores most end within a factor of two of the estimate.
 
-Numbers of evaluations, of the problem on its first mesh (finer meshes count for more) and of the
-search for a start, where a schedule is improved, by runs of the paper's cases, of `cases/limits`
-and of random turbines. `OTHER`: seconds for everything else, figures included.
+Numbers of evaluations of the problem on its first mesh, where finer meshes count for more, by runs
+of the paper's cases and of `cases/limits`; seconds of the search for a start under limits, and of
+everything else, figures included.
 """
 
 
@@ -356,14 +356,14 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
     return ProblemSize(unknowns, constraints, nodes, slow + share * max(slow - quick, 0.0))
 
 
-def run_seconds(physics: Physics, best: SteadyOptimum, size: ProblemSize) -> float:
+def run_seconds(physics: Physics, size: ProblemSize) -> float:
     """Return an estimate of the time of a run on this machine, s.
 
     The number of evaluations is that of usual runs; their time is measured.
     """
-    seconds, searches = OTHER, has_branches(physics)
-    seconds += size.evaluation_seconds * (WITH_LIMITS if searches else EVALUATIONS)
-    return seconds
+    searches = has_branches(physics)
+    evaluations = WITH_LIMITS if searches else EVALUATIONS
+    return OTHER + SEARCH * searches + size.evaluation_seconds * evaluations
 
 
 def _trial(part: Physics, best) -> tuple[dict[str, int], dict[str, int], float]:

@@ -136,14 +136,10 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
 
 
 def _may_hold(physics) -> bool:
-    """Tell whether the operation on a fine mesh is optimized with a held design first.
-
-    Several sections are kept from stall by design and operation together: on a finer mesh the
-    operation alone may have no solution.
-    """
+    """Tell whether the operation on a fine mesh is optimized with a held design first."""
     many = sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
     designs = any(physics.shape.points.values()) or physics.shape.radius_bounds is not None
-    return many and designs and not (physics.law.is_feedback or physics.several_sections)
+    return many and designs and not physics.law.is_feedback
 
 
 def design_again(attempt: Attempt) -> Begin | None:
@@ -247,7 +243,7 @@ def other_branch(attempt: Attempt) -> Begin | None:
     refused = [check.name for check in attempt.end.checks if not check.passed]
     if not set(refused) - {"loads_resolved"}:  # for which another start does not help
         return None
-    start = start_on_other_branch(physics, attempt.begin.start)
+    start = start_on_other_branch(attempt.begin.start)
     if start is None:
         return None
     reference = quasi_steady_reference(physics, start)

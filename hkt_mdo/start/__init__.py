@@ -1,1 +1,1 @@
-"""The start of an optimization: one search for it, of several strategies."""
+"""The start of an optimization: the optimum of the problem without time."""

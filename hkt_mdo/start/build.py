@@ -22,7 +22,7 @@ def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
     ----------
     case : Case
     improve : bool, optional
-        Whether the starting blade and gains are improved by quasi-steady co-design, or kept as
+        Whether the starting blade and gains are improved by co-design without time, or kept as
         given; None: as in the case's `start`.
 
     Returns
@@ -64,4 +64,4 @@ def start_of_case(case: Case, improve: bool | None = None) -> tuple[Physics, Set
         else:
             optimum = world.rotor.best_operation(world.blade)
         start = find_start(world, optimum, improve=improve)
-    return world, Setup(start, curve_nodes(world, start))
+    return world, Setup(start, curve_nodes(world, start), recovers=world.law.is_static)

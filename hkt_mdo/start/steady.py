@@ -27,9 +27,7 @@ from hkt_mdo.solve import drivers
 SPEEDS = 16  # of each scenario's flow
 ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
-# iterations after which an optimization is given up that exceeds its limits by this share, or whose
-# objective is behind another one's by this share
-PATIENCE, BEHIND = 40, 0.1
+PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
 BARRIER = 6e-3  # of IPOPT, over the number of speeds, as for the problem over time
 

@@ -1,6 +1,5 @@
 """The generator: closed forms of its losses, its table, and where a lossy rotor works best."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,11 +8,12 @@ from scipy.optimize import minimize_scalar
 
 from hkt_mdo import InputError, load_case
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import STEP, OpenLoop, QuadraticFeedback
+from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.dynamics.trajectory import trajectory_of
-from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.start.find import find_start
+from hkt_mdo.start.quasi_steady import sampled_flow
 
 LOSSY = Generator(
     rated_torque=700.0, rated_speed=9.0, copper_loss=300.0, friction_loss=50.0, iron_loss=100.0
@@ -170,78 +170,31 @@ def test_a_bad_table_is_refused_with_file_and_place(tmp_path, text, told):
 
 # Where a rotor works best -------------------------------------------------------------------------
 
-RADIUS, DENSITY = 1.4, 1000.0
-FLOW = 1.5 + 0.2 * np.sin(0.25 * np.linspace(0.0, 60.0, 41))
-SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
 
-
-@pytest.fixture(scope="module")
-def curve(blade, polar):
-    return bem.rotor_coefficients(blade, polar, SPLINE.nodes).torque
-
-
-def quasi_steady(generator, law=None, limit=None):
-    weights = np.full(FLOW.size, 1.5)
-    law = law or OpenLoop(torque_limit=limit)
-    return QuasiSteady(FLOW, weights, DENSITY, RADIUS, SPLINE, law, generator=generator)
-
-
-def electrical(curve, ratio, flow, generator):
-    torque = 0.5 * DENSITY * np.pi * RADIUS**3 * flow**2 * SPLINE.values(curve, ratio)[0]
-    return generator.electrical_power(torque, ratio * flow / RADIUS)
-
-
-def test_copper_losses_move_the_best_tip_speed_ratio_up(curve):
-    """Less torque at more speed: each instant against a search over the tip speed ratio."""
-    generator = Generator(rated_torque=700.0, copper_loss=500.0)
-    found, plain = (quasi_steady(each).operate(curve) for each in (generator, None))
-    ratio = found.rotor_speed * RADIUS / FLOW
-    assert np.all(ratio > 1.02 * plain.rotor_speed * RADIUS / FLOW)
-    for place in (0, 5, 17):
-        flow = FLOW[place : place + 1]
-        best = minimize_scalar(
-            lambda x, flow=flow: -electrical(curve, np.array([x]), flow, generator)[0],
-            bounds=(4.0, 12.0), method="bounded", options={"xatol": 1e-9},
-        )  # fmt: skip
-        assert ratio[place] == pytest.approx(best.x, rel=1e-6)
-    assert found.energy < plain.energy
-    delivered = 1.5 * np.sum(electrical(curve, ratio, FLOW, generator))
-    assert found.delivered == pytest.approx(delivered, rel=1e-12)
-    there = plain.rotor_speed * RADIUS / FLOW
-    assert found.delivered > 1.5 * np.sum(electrical(curve, there, FLOW, generator))
-
-
-def test_losses_that_vanish_lose_nothing(curve):
-    """The search at each instant comes to the one tip speed ratio of the largest power."""
-    none = Generator(rated_torque=700.0, copper_loss=0.0)
-    found, plain = (quasi_steady(each, limit=650.0).operate(curve) for each in (none, None))
-    np.testing.assert_allclose(found.rotor_speed, plain.rotor_speed, rtol=1e-7)
-    assert found.delivered == pytest.approx(plain.energy, rel=1e-12)
-    assert plain.delivered == plain.energy
-
-
-@pytest.mark.parametrize(
-    ("law", "limit", "gains"),
-    [(None, None, []), (None, 650.0, []), (QuadraticFeedback(torque_limit=700.0), None, [9.0])],
-)
-def test_gradient_of_what_is_delivered(curve, law, limit, gains):
-    """By table, gains and radius against differences: at an optimum the speed does not matter."""
-    problem, gains = quasi_steady(LOSSY, law, limit), np.array(gains)
-    gradient = problem.operate(curve, gains).gradient()[0]
-    direction = np.cos(np.arange(curve.size)) * curve
-
-    def difference(at, h):
-        return (at(h).delivered - at(-h).delivered) / (2.0 * h)
-
-    by_table = difference(lambda h: problem.operate(curve + h * direction, gains), 1e-7)
-    assert gradient[: curve.size] @ direction == pytest.approx(by_table, rel=1e-5)
-    by_radius = difference(
-        lambda h: replace(problem, rotor_radius=RADIUS + h).operate(curve, gains), 1e-5
+def test_copper_losses_move_the_best_tip_speed_ratio_up():
+    """Less torque at more speed: each flow against a search over the tip speed ratio."""
+    fixed = {"inflow": "sine", "control": "open_loop", "design": {"blade": "fixed"}}
+    losses = {"generator": {"rated_torque": 700.0, "copper_loss": 500.0}}
+    plain, lossy = (
+        physics(load_case(fixed | more | {"objective": "electrical"})) for more in ({}, losses)
     )
-    assert gradient[-1] == pytest.approx(by_radius, rel=1e-5)
-    if gains.size:
-        by_gain = difference(lambda h: problem.operate(curve, gains + h), 1e-5)
-        assert gradient[-2] == pytest.approx(by_gain, rel=1e-5)
+    best = plain.rotor.best_operation(plain.blade)
+    found = [find_start(each, best, improve=False) for each in (plain, lossy)]
+    flow, _ = sampled_flow(plain)
+    radius = plain.blade.rotor_radius
+    ratios = [each.operation.rotor_speed * radius / flow for each in found]
+    np.testing.assert_allclose(ratios[0], best.tip_speed_ratio, rtol=1e-3)
+    assert np.all(ratios[1] > 1.02 * ratios[0])
+    for place in (0, 5, 17):
+
+        def lost(ratio, place=place):
+            torque = plain.rotor.coefficients(plain.blade, np.array([ratio])).torque[0]
+            torque *= torque_scale(plain.density, radius, flow[place])
+            return -lossy.generator.electrical_power(torque, ratio * flow[place] / radius)
+
+        expected = minimize_scalar(lost, bounds=(4.0, 12.0), method="bounded")
+        assert -lost(ratios[1][place]) == pytest.approx(-expected.fun, rel=1e-6)
+        assert -lost(ratios[0][place]) < -expected.fun
 
 
 def test_quantities_that_are_not_maximized_are_not_bounded():

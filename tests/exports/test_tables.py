@@ -196,7 +196,9 @@ def test_steady_operation_is_a_balance_of_torques(quadratic):
     share = operation["control_torque_over_limit"]
     np.testing.assert_allclose(share, torque / 700.0, rtol=1e-14)
     world = design.physics
-    quasi = QuasiSteady.of(world, world.rotor.best_operation(design.blade))
+    quasi = QuasiSteady.of(
+        world, world.rotor.best_operation(design.blade), design.blade.rotor_radius
+    )
     table = world.rotor.coefficients(design.blade, quasi.spline.nodes).torque
     known = quasi.operate(table, design.gains)
     flow = operation["inflow_speed_m_s"]

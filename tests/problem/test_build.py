@@ -205,7 +205,7 @@ def test_totals_of_two_scenarios(name):
 
 def test_totals_with_a_designed_radius_and_distance_from_stall_in_both_scenarios():
     world = two_flows(coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}"))
-    problem, _ = assembled(world, slowed=0.02)
+    problem, _ = assembled(world, recovers=True)
     names = {f"limit_distance_from_stall{suffix}.value" for suffix in ("", "_step")}
     assert names <= set(problem.driver.get_constraint_values())
     check_totals(problem)

@@ -6,13 +6,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import build_problem
-from hkt_mdo.start.limited import LimitedSearch
-from hkt_mdo.start.quasi_steady import QuasiSteady
-from hkt_mdo.start.steady_flow import SteadyFlow
 
 SECTIONS = [
     {"polar": "naca4415_Re1e6", "thickness": 0.12},
@@ -67,24 +61,6 @@ def test_partials_of_the_problem(control):
             assert error <= 2e-6 * max(each["magnitude"].fd, 1e-9), (component, pair)
     assert problem.get_val("thickness").shape == (8,)
     assert "thickness_control" in problem.model.get_design_vars()
-
-
-def test_derivatives_of_the_start_under_limits():
-    found = physics(case())
-    blade = found.blade
-    whole = QuasiSteady.of(found, best_operation(blade, Hydrodynamics(found.polar)))
-    steady = SteadyFlow.of(found, TorqueSpline(whole.spline.nodes[::4]), 4)
-    search = LimitedSearch(steady, whole.slowed)
-    x = np.concatenate([*found.shape.control(blade)])
-    z = np.r_[x, np.full(steady.speeds.size, 6.0)]
-    value, by, _, _, above, above_by = search.values(z)
-    for k in (10, 11, 12, 13):  # the control points of the thickness
-        step = 1e-5 * np.eye(z.size)[k]
-        up, down = search.values(z + step), search.values(z - step)
-        assert by[k] == pytest.approx((up[0] - down[0]) / 2e-5, rel=1e-5, abs=1e-3 * abs(value))
-        expected = (up[4] - down[4]) / 2e-5
-        np.testing.assert_allclose(above_by[:, k], expected, rtol=1e-4, atol=1e-4)
-    assert above.size
 
 
 ONE = {"sections": [], "polar": "naca4415_Re1e6", "outline": "naca4415"}

@@ -55,7 +55,7 @@ def test_it_is_one_more_candidate(result):
     start = begin(world(result()))
     names = [record.strategy for record in start.starts]
     assert names[:2] == ["blade as given", RESULT]
-    assert start.tried == 12
+    assert start.tried == 4
     assert sum(record.kept for record in start.starts) == 1
     assert start.messages == ()
 
@@ -71,7 +71,7 @@ def test_the_best_of_all_is_kept(result):
     again = begin(world(folder))
     (kept,) = (record.strategy for record in again.starts if record.kept)
     assert kept == RESULT
-    assert again.operation.energy >= best.operation.energy * (1.0 - 1e-9)
+    assert again.operation.energy >= best.operation.energy * (1.0 - 1e-8)
 
 
 @pytest.mark.parametrize("limits", [{}, {"power": "5 kW"}])
@@ -96,14 +96,14 @@ def test_gains_of_another_law_are_fitted(result):
 def test_gains_over_the_flow_s_range_are_those_of_the_same_flow(result):
     gains = [10.0 * n for n in range(len(physics(TRACKING).gain_units))]
     folder = result("tracking", gains)
-    assert list(design_of_result(world(folder, "tracking"))[0].gains) == gains
+    assert list(design_of_result(world(folder, "tracking"))[0][1]) == gains
     gust = {"profile": "sine", "mean": "1 m/s"}
-    assert design_of_result(world(folder, "tracking", inflow=gust))[0].gains is None
+    assert design_of_result(world(folder, "tracking", inflow=gust))[0][1] is None
 
 
 def test_it_is_interpolated_over_the_stations_of_the_case(result):
     case = world(result(), rotor={"station_count": 30})
-    blade = design_of_result(case)[0].blade
+    blade, _ = design_of_result(case)[0]
     given = physics(load_case({"inflow": "sine", "control": "quadratic"})).blade
     assert blade.r.size == 30
     expected = 0.9 * np.interp(blade.r, given.r, given.chord)
@@ -113,8 +113,8 @@ def test_it_is_interpolated_over_the_stations_of_the_case(result):
 def test_its_radius_is_taken_where_that_is_designed(result):
     folder = result(rotor={"radius": "1.6 m"})
     fixed, free = world(folder), world(folder, design={"radius_bounds": [1.2, 1.5]})
-    assert design_of_result(fixed)[0].blade.rotor_radius == fixed.blade.rotor_radius
-    assert design_of_result(free)[0].blade.rotor_radius == pytest.approx(1.5)
+    assert design_of_result(fixed)[0][0].rotor_radius == fixed.blade.rotor_radius
+    assert design_of_result(free)[0][0].rotor_radius == pytest.approx(1.5)
 
 
 def test_a_refused_result_is_allowed_and_reported(result):

@@ -1,6 +1,5 @@
 """The start under limits: both branches, what is known of them, and partials of the loads."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,11 +10,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.start import strategies
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
-from hkt_mdo.start.quasi_steady import QuasiSteady
-from hkt_mdo.start.search import ScheduleSearch
-from hkt_mdo.start.strategies import Task
 from tests.verification.study import random_start
 
 SINE = {"inflow": "sine", "version": 1}  # on nine stations, with limits and without
@@ -31,9 +26,9 @@ def world(law="open_loop", **limits):
 
 
 @cache
-def start(law="open_loop", branch="", **limits):
+def start(law="open_loop", **limits):
     case = world(law, **limits)
-    return find_start(case, steady_optimum(case, case.blade), branch=branch)
+    return find_start(case, steady_optimum(case, case.blade))
 
 
 # Theory
@@ -42,43 +37,33 @@ def start(law="open_loop", branch="", **limits):
 def test_power_is_kept_by_turning_faster_or_slower():
     (known,) = world(power="5 kW").on_start(start(power="5 kW"))
     kept = known["generator_power"]
-    # the schedule is linear between the speeds of the flow at which it is exact
-    assert np.max(kept) == pytest.approx(5000.0, rel=2e-4)
+    # the limit is kept at the few speeds of the flow between which the schedule is linear
+    assert start(power="5 kW").excess < 1e-4
+    assert np.max(kept) == pytest.approx(5000.0, rel=1e-2)
     names = [each.branch for each in start(power="5 kW").branches]
     assert sorted(names) == ["overspeed", "underspeed"]
-    # eleven blades on each branch, and for the second what the first has led to
-    assert start(power="5 kW").tried == 11 + 12
+    assert start(power="5 kW").tried == 3 + 1  # blades on the first and on the second branch
     (kept,) = (each for each in start(power="5 kW").starts if each.kept)
     assert kept.objective == start(power="5 kW").branches[0].objective
     assert kept.exceeds == ()
-    assert kept.excess < 1e-6
+    assert kept.excess < 1e-5
     sides = [each.side for each in start(power="5 kW").starts if each.side]
     assert sorted(sides) == sorted(names)
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
-        (known,) = world(power="5 kW").on_start(start(branch=branch, power="5 kW"))
+        side = next(x for x in start(power="5 kW").branches if x.branch == branch)
+        (known,) = world(power="5 kW").on_start(side)
         order = np.argsort(known["inflow_speed"])
         change = np.diff(known["tip_speed_ratio"][order[[0, -1]]])
         assert change[0] * sign > 1.0
 
 
 def test_a_refused_optimum_may_be_sought_on_the_other_branch():
-    case, first = world(power="5 kW"), start(power="5 kW")
-    optimum = steady_optimum(case, case.blade)
-    other = other_branch(case, optimum, first)
+    first = start(power="5 kW")
+    other = other_branch(first)
     assert {other.branch, first.branch} == {"overspeed", "underspeed"}
-    assert not case.broken_limits(other)
-    assert case.objective_at(other) == pytest.approx(case.objective_at(first), rel=1e-3)
-    assert other_branch(case, optimum, start()) is None  # without limits there is one branch
-    chosen = case.case.model_copy(update={"start": case.case.start.model_copy(
-        update={"branch": "overspeed"})})  # fmt: skip
-    assert other_branch(replace(case, case=chosen), optimum, first) is None
-
-
-def test_speed_is_kept_by_the_better_of_two_optima():
-    """The start at the unlimited optimum's tip speed ratio leads to one that is 1.6 % worse."""
-    better, worse = start(rotor_speed=9).branches
-    assert better.branch == "underspeed"
-    assert worse.objective / better.objective == pytest.approx(0.984, abs=0.002)
+    assert other.excess < 1e-4
+    assert other.objective == pytest.approx(first.objective, rel=1e-3)
+    assert other_branch(start()) is None  # without limits there is one branch
 
 
 @pytest.mark.parametrize(
@@ -116,22 +101,6 @@ def test_feedback_keeps_a_limit_at_a_loss(law):
     assert case.objective_at(found) < world(power="5 kW").objective_at(start(power="5 kW"))
 
 
-def test_a_solid_blade_keeps_its_speed_at_a_constant_torque(monkeypatch):
-    case = world("quadratic", power="5 kW")
-    optimum = steady_optimum(case, case.blade)
-    task = Task(case, QuasiSteady.of(case, optimum), optimum, (), True)
-    task, ranges = ScheduleSearch(task).task, []
-    solid = strategies.SOLID_BLADE
-    for ratio in (solid.ratio, 0.6):
-        monkeypatch.setattr(strategies, "SOLID_BLADE", replace(solid, ratio=ratio))
-        point, _ = strategies.constant_torque(task)
-        operation = task.operating(point).operation
-        assert operation.running
-        assert np.allclose(operation.hydrodynamic_torque, 700.0, rtol=1e-4)
-        ranges.append(np.max(operation.rotor_speed) / np.min(operation.rotor_speed))
-    assert ranges[0] < ranges[1]
-
-
 @pytest.mark.slow
 def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
     """From most blades alone it comes to others, up to 0.6 % lower."""
@@ -143,20 +112,6 @@ def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
     best = start("quadratic", power="5 kW").branches[0].objective
     assert [each.objective for each in found] == pytest.approx([best, best], rel=1e-5)
     assert best > 246.4e3
-
-
-@pytest.mark.slow
-def test_the_solid_part_is_made_longer_while_that_is_better(monkeypatch):
-    """Without this the search ends with a station less, and a hundredth of a per cent lower."""
-
-    def solid_stations(found):
-        return np.sum(found.blade.chord > 0.3 * found.blade.chord.max())
-
-    case, long = world("quadratic", power="5 kW"), start("quadratic", power="5 kW")
-    monkeypatch.setattr(strategies, "longer_solid_part", lambda *_: ())
-    short = find_start(case, steady_optimum(case, case.blade))
-    assert solid_stations(long) == solid_stations(short) + 1
-    assert long.branches[0].objective > (1.0 + 1e-4) * short.branches[0].objective
 
 
 @pytest.mark.slow

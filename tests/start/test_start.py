@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.start.build import start_of_case
 from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
-from hkt_mdo.start.quasi_steady import SAFE, sampled_flow
+from hkt_mdo.start.quasi_steady import sampled_flow
 
 
 def world(law="open_loop", limit=None, **design):
@@ -68,25 +66,15 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
     assert bound.operation.energy < free.operation.energy
 
 
-@pytest.mark.parametrize("share", [SLOWED, 5.0 * SLOWED])
-def test_a_start_keeps_the_distance_from_stall_that_is_required(share, optimum):
-    """It recovers from the loss of speed that is given; a larger one allows no more energy."""
-    start, usual = (
-        find_start(world("linear", 700.0), optimum, slowed=slowed).operation
-        for slowed in (share, SLOWED)
-    )
-    assert start.margin.min() > SAFE - 1e-5
-    assert start.energy <= (1.0 + 1e-9) * usual.energy
-
-
 def test_it_reports_the_outcome_of_each_candidate(optimum):
     start = find_start(world("quadratic", 700.0), optimum)
     names = [record.strategy for record in start.starts]
-    assert names == ["blade as given", *["best blade of a tip speed ratio"] * 10]
+    assert names == ["blade as given", "best blade of a faster rotor", "best blade"]
     (kept,) = (record for record in start.starts if record.kept)
-    assert kept.objective == max(record.objective for record in start.starts)
-    assert kept.objective == pytest.approx(start.operation.energy, rel=1e-5)
-    assert (kept.exceeds, start.tried) == ((), 11)
+    # of those within a price of what they exceed
+    assert kept.objective == pytest.approx(max(x.objective for x in start.starts), rel=1e-5)
+    assert kept.objective == pytest.approx(start.operation.energy, rel=1e-3)
+    assert (kept.exceeds, start.tried) == ((), 3)
 
 
 def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
@@ -97,18 +85,3 @@ def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
     assert [(record.strategy, record.kept) for record in start.starts] == [("blade as given", True)]
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     assert find_start(case, optimum, improve=False).messages == ()
-
-
-def test_more_effort_improves_more_candidates():
-    """Each is improved from its own blade, and the best of all is kept."""
-    case = {"inflow": "sine", "control": {"law": "quadratic", "torque_limit": 500.0}}
-    usual, more = (
-        start_of_case(load_case(case | {"start": {"effort": effort}}))[1].start for effort in (1, 4)
-    )
-    moved = [
-        after.objective != before.objective
-        for before, after in zip(usual.starts, more.starts, strict=True)
-    ]
-    assert sum(moved) == 3
-    assert more.objective >= usual.objective
-    assert {each.law for each in more.starts} == {"quadratic"}

@@ -1,0 +1,103 @@
+"""The problem without time: what it keeps of the flow, and its optima against theory."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.wide_laws import RatedFeedback
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.start.find import CONSTANT, find_start, steady_optimum
+from hkt_mdo.start.quasi_steady import sampled_flow
+from hkt_mdo.start.steady import SPEEDS, without_time
+
+RIVER = Path(__file__).parents[1] / "data" / "river25"
+
+
+@cache
+def river(law, name="river25"):
+    """Return the start of a turbine of its own with several limits under a law."""
+    world = physics(load_case(RIVER / f"{name}.yaml", [f"control.law={law}"]))
+    return world, find_start(world, steady_optimum(world, world.blade))
+
+
+def test_it_keeps_the_power_and_the_ends_of_each_flow():
+    flows = [{"inflow": "sine"}, {"inflow": "step", "weight": 2.0}]
+    world = physics(load_case({"inflow": "sine", "control": "linear", "scenarios": flows}))
+    for before, after in zip(world.scenarios, without_time(world).scenarios, strict=True):
+        flow = before.inflow.speed_at(before.samples)
+        assert after.speeds.size <= SPEEDS
+        assert after.speeds[[0, -1]] == pytest.approx([flow.min(), flow.max()])
+        power = before.sample_weights @ flow**3
+        assert after.sample_weights @ after.speeds**3 == pytest.approx(power, rel=1e-4)
+        assert after.weight == before.weight
+
+
+def test_memory_and_a_designed_hub_have_no_effect_in_equilibrium():
+    world = physics(
+        load_case(
+            {
+                "inflow": "sine",
+                "control": "quadratic",
+                "inflow_dynamics": "oye",
+                "rotor": {"hub_inertia": 100.0},
+                "design": {"hub_inertia_bounds": [10, 1000], "hub_inertia_price": 2.0},
+            }
+        )
+    )
+    steady = without_time(world)
+    assert not steady.remembers
+    assert steady.case.design.hub_inertia_bounds == (100.0, 100.0)
+
+
+def test_a_generator_s_table_ends_at_a_limit_of_the_speed():
+    """Beyond it no efficiency is known, so the optimizer may not go there."""
+    world = physics(load_case(RIVER / "river25.yaml"))
+    (limit,) = (each for each in world.limits if each.name == "rotor_speed")
+    assert limit.bound == pytest.approx(70.0 * np.pi / 30.0)
+    slower = physics(load_case(RIVER / "river25.yaml", ["limits.rotor_speed=60 rpm"]))
+    (limit,) = (each for each in slower.limits if each.name == "rotor_speed")
+    assert limit.bound == pytest.approx(60.0 * np.pi / 30.0)
+
+
+@pytest.mark.slow
+def test_under_quadratic_feedback_power_is_kept_by_a_poor_blade_or_a_constant_torque():
+    """K w^2 keeps the tip speed ratio, so the power goes with v^3 up to the fastest flow's."""
+    world, start = river("quadratic")
+    (kept,) = (each for each in start.starts if each.kept)
+    assert kept.strategy == CONSTANT
+    assert start.excess < 1e-3
+    proportional = [each for each in start.starts if each.strategy != CONSTANT]
+    assert all(each.objective < 0.8 * start.objective for each in proportional)
+    flow, weights = sampled_flow(world)
+    most = 25e3 * (weights @ flow**3) / flow.max() ** 3
+    assert all(each.objective < most for each in proportional if each.excess < 1e-3)
+
+
+@pytest.mark.slow
+def test_laws_nest_without_time():
+    """A rated law is nearly a curve, and none is above the open loop."""
+    values = {law: river(law)[1] for law in ("quadratic", "rated", "curve", "open_loop")}
+    assert all(start.excess < 1e-3 for start in values.values())
+    quadratic, rated, curve, free = (each.objective for each in values.values())
+    assert quadratic < rated < curve * (1.0 + 1e-4)
+    assert curve < free * (1.0 + 1e-4)
+    world = values["open_loop"] and river("open_loop")[0]
+    flow, weights = sampled_flow(world)
+    best = steady_optimum(world, world.blade).power_coefficient
+    passing = power_scale(world.density, world.blade.rotor_radius, flow)
+    assert free < weights @ np.minimum(best * passing, 25e3)
+
+
+def test_gains_that_a_law_does_not_need_are_given_as_they_are():
+    """A law with a given power keeps it while its gain is designed."""
+    control = {"law": "rated", "gain": 8.0, "power": 4000.0}
+    case = {"inflow": "sine", "control": control, "start": {"method": "blade"}}
+    world = physics(load_case(case))
+    assert isinstance(world.law, RatedFeedback)
+    start = find_start(world, steady_optimum(world, world.blade))
+    assert list(start.gains) == list(world.law.starting_gains())
+    assert start.operation.running
