@@ -136,10 +136,13 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
 
 
 def _may_hold(physics) -> bool:
-    """Tell whether the operation on a fine mesh is optimized with a held design first."""
+    """Tell whether the operation on a fine mesh is optimized with a held design first.
+
+    With several sections on a blade the operation alone does not converge there.
+    """
     many = sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
     designs = any(physics.shape.points.values()) or physics.shape.radius_bounds is not None
-    return many and designs and not physics.law.is_feedback
+    return many and designs and not (physics.law.is_feedback or physics.several_sections)
 
 
 def design_again(attempt: Attempt) -> Begin | None:
