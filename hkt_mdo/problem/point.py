@@ -87,8 +87,6 @@ class StartingPoint:
         stall; inf: the rotor does not run.
     exceeds : tuple of str
         Names of what is exceeded by more than `KEPT_EXCESS`.
-    ratio : np.ndarray or None
-        Tip speed ratios at the speeds of a `SteadyFlow`, shape (n_speeds,), in its search.
     branch : str
         Overspeed or underspeed, where limits make branches; else empty.
     strategy : str
@@ -109,7 +107,6 @@ class StartingPoint:
     objective: float = np.nan
     excess: float = -np.inf
     exceeds: tuple[str, ...] = ()
-    ratio: np.ndarray | None = None
     branch: str = ""
     strategy: str = ""
     branches: tuple[StartingPoint, ...] = ()
@@ -125,11 +122,7 @@ class StartingPoint:
     @property
     def worth(self) -> tuple[bool, float]:
         """Rank of a point: those that keep the limits by objective, the others by excess."""
-        return self.worth_within(KEPT_EXCESS)
-
-    def worth_within(self, excess: float) -> tuple[bool, float]:
-        """Return the rank of a point if a relative excess of the limits is ignored."""
-        kept = self.excess <= excess
+        kept = self.excess <= KEPT_EXCESS
         return kept, self.objective if kept else -self.excess
 
     @property

@@ -275,6 +275,11 @@ class Search:
             rivals = (end.objective for name, end in self.tried if name == law and end.worth[0])
             rival = max(rivals, default=rival)
         end = co_designed(steady, point, self.scratch, rival)
+        if point.branch:  # an optimization may leave that on which it began
+            flow, _ = sampled_flow(steady)
+            fastest, radius = int(np.argmax(flow)), end.blade.rotor_radius
+            ratio = end.operation.rotor_speed[fastest] * radius / flow[fastest]
+            end = replace(end, branch=self._schedules.side(end.blade, ratio))
         self.tried.append((law, end))
         return end
 
@@ -311,10 +316,9 @@ class Search:
         schedules, over, fine = self._schedules, over or self.steady, over is not None
         if fine:
             schedules = SteadyFlow.of(schedules.physics, schedules.spline, FINE)
-        point = StartingPoint(blade, np.empty(0), None)
-        point = schedules.on_branch(point, branch or "overspeed")
+        ratio, point = schedules.on_branch(blade, branch or "overspeed")
         flow, _ = sampled_flow(over)
-        speed = np.interp(flow, schedules.speeds, point.ratio) * flow / blade.rotor_radius
+        speed = np.interp(flow, schedules.speeds, ratio) * flow / blade.rotor_radius
         operation = self._quasi_steady(blade, over).held(self._table(blade), speed)
         return replace(point, branch=branch, operation=operation)
 

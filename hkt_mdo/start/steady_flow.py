@@ -14,7 +14,7 @@ import numpy as np
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint
+from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
@@ -155,49 +155,26 @@ class SteadyFlow:
         rate = self.physics.start_objective.rate_of(series)
         return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
 
-    def operation(self, series: dict) -> Operation:
-        """Return the operation of some quantities at the speeds of the flow."""
-        speed, torque = series["rotor_speed"], series["hydrodynamic_torque"]
-        return Operation(float(self.weights @ (speed * torque)), speed, torque)
-
-    def on_schedule(
-        self, point: StartingPoint, ratio: np.ndarray, branch: str = ""
-    ) -> StartingPoint:
-        """Return a starting point with tip speed ratios at the speeds of the flow, shape (n,).
-
-        A point whose rotor is known not to run counts as keeping no limit.
-        """
-        series = self.along(self.curves(point.blade), ratio)
+    def on_branch(self, blade: Blade, branch: str) -> tuple[np.ndarray, StartingPoint]:
+        """Return the tip speed ratios of a branch, shape (n,), and an open loop's point of them."""
+        ratio = self.ratios(self.curves(blade), branch)
+        series = self.along(self.curves(blade), ratio)
         over = {limit.name: float(np.max(limit.excess(series))) for limit in self.limits}
-        exceeds = [name for name, value in over.items() if value > KEPT_EXCESS]
-        excess = max(over.values(), default=-np.inf)
-        if point.operation is not None and not point.operation.running:
-            excess, exceeds = np.inf, [*exceeds, "rotor_keeps_turning"]
-        return replace(
-            point,
-            ratio=ratio,
-            branch=branch,
-            operation=self.operation(series),
+        return ratio, StartingPoint(
+            blade,
+            np.empty(0),
+            None,
             objective=float(self.weights @ self.physics.start_objective.rate_of(series)),
-            excess=excess,
-            exceeds=tuple(exceeds),
+            excess=max(over.values(), default=-np.inf),
+            exceeds=tuple(name for name, value in over.items() if value > KEPT_EXCESS),
         )
 
-    def on_branch(self, point: StartingPoint, branch: str) -> StartingPoint:
-        """Return a starting point of open loop with the schedule of a branch."""
-        return self.on_schedule(point, self.ratios(self.curves(point.blade), branch), branch)
-
-    def in_balance(self, point: StartingPoint) -> StartingPoint:
-        """Return a starting point with the schedule of its own operation under its law."""
-        ratio = point.operation.rotor_speed * point.blade.rotor_radius / self.speeds
-        return self.on_schedule(point, ratio)
-
-    def side(self, point: StartingPoint) -> str:
-        """Return the branch of a point: where its blade works in the fastest flow."""
+    def side(self, blade: Blade, ratio: float) -> str:
+        """Return the branch of a blade that works at a tip speed ratio in the fastest flow."""
         fastest = replace(self, speeds=self.speeds[-1:], weights=self.weights[-1:])
-        rate, _ = fastest.at_nodes(fastest.curves(point.blade))
+        rate, _ = fastest.at_nodes(fastest.curves(blade))
         best = self.spline.nodes[np.argmax(rate)]
-        return "overspeed" if point.ratio[-1] >= best else "underspeed"
+        return "overspeed" if ratio >= best else "underspeed"
 
     def ratios(self, curves: Curves, branch: str) -> np.ndarray:
         """Return the tip speed ratios of a branch of an open loop at the speeds of the flow.
