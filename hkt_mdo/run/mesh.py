@@ -43,8 +43,8 @@ class Rules:
     hair : float
         Relative excess of an open loop's limit between the nodes up to which it may be lowered
         instead, where that costs little.
-    parts : int
-        Parts of a divided segment.
+    parts, parts_higher : int
+        Parts of a divided segment; the latter with polynomials of a higher order.
     nearly_all : float
         Share of the segments that are too coarse from which an open loop's polynomials are too low.
     higher : int
@@ -60,6 +60,7 @@ class Rules:
     few: int = 6
     hair: float = 5e-3
     parts: int = 4
+    parts_higher: int = 8
     nearly_all: float = 0.5
     higher: int = 5
     most: int = 10_000
@@ -151,7 +152,7 @@ def division(
         and np.mean(np.concatenate(coarse)) > RULES.nearly_all
     ):
         return Division(float(error), [np.ones(x.size, dtype=int) for x in coarse], RULES.higher)
-    return Division(float(error), [np.where(marks, RULES.parts, 1) for marks in coarse])
+    return Division(float(error), [np.where(marks, _parts(physics), 1) for marks in coarse])
 
 
 def _contradicted(physics, flights, before) -> list[np.ndarray]:
@@ -181,7 +182,7 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
     rates = any(x.is_of(RATES) for each in flights for x in held(physics, each.scenario))
-    error = change if rates and before else min(change / (RULES.parts - 1), known)
+    error = change if rates and before else min(change / (_parts(physics) - 1), known)
     if error <= MESH_ERROR and (before or not rates):
         return error
     for marks, flight, own in zip(coarse, flights, left, strict=True):
@@ -189,6 +190,12 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
             continue
         marks |= _switches(physics, flight) | (own > 0.0 if rates and not before else _most(own))
     return error
+
+
+def _parts(physics) -> int:
+    """Return the number of parts into which a segment is divided."""
+    higher = physics.scenarios[0].mesh.order >= RULES.higher
+    return RULES.parts_higher if higher else RULES.parts
 
 
 def too_close_to_stall(

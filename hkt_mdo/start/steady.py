@@ -24,7 +24,7 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
 
-SPEEDS = 16  # of each scenario's flow
+SPEEDS = 32  # of each scenario's flow
 ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
 PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
