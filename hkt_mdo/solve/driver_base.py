@@ -94,7 +94,13 @@ class ReportingDriver(Driver):
             progress(count, float(objective[0]), self.violation())
 
     def violation(self) -> float:
-        """Return the largest scaled violation of a constraint in the current state of the model."""
+        """Return the largest scaled violation of a constraint in the current state of the model.
+
+        Returns
+        -------
+        float
+            Over the references of the constraints; 0 if all are kept.
+        """
         values = self.get_constraint_values()
         lower, upper = self._bounds("constraint", values)
         value = np.concatenate([*values.values(), np.zeros(0)])
