@@ -9,7 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).parent.parent / "hkt_mdo"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
-MOST_LINES = 25_200
+MOST_LINES = 25_120
 LONGEST_FUNCTION = 60
 MOST_PARAMETERS = 8
 

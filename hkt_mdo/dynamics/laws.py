@@ -177,10 +177,6 @@ class FeedbackLaw(Law):
         """Return the equilibrium speed, rad/s, in a flow, m/s, under a law with states."""
         raise NotImplementedError
 
-    def speed_at_rest_by_gain(self, inflow_speed, gains):
-        """Return the derivative of that speed by each gain, shape (n_gains, n_speeds)."""
-        return _by_each(lambda moved: self.speed_at_rest(inflow_speed, moved), gains)
-
     def sensed(self, inflow_speed, random):
         """Return the flow's speed, m/s, with the noise of its sensor, from NumPy's generator."""
         return inflow_speed

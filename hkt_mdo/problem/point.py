@@ -97,8 +97,6 @@ class StartingPoint:
         The outcomes of all candidates of the search; empty if there was no search.
     messages : tuple of str
         Messages about the start.
-    iterations : int
-        Of the optimization that led to it, in the search for a start.
     """
 
     blade: Blade
@@ -112,7 +110,6 @@ class StartingPoint:
     branches: tuple[StartingPoint, ...] = ()
     starts: tuple[StartRecord, ...] = ()
     messages: tuple[str, ...] = ()
-    iterations: int = 0
 
     @property
     def tried(self) -> int:

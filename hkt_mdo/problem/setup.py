@@ -127,6 +127,15 @@ class Setup:
         return by_node.ravel()[nodes]
 
 
+def first_setup(physics: Physics, start: StartingPoint, least_hub: float = 0.0) -> Setup:
+    """Return the setup of the first optimization from a start.
+
+    A rotor whose torque follows from its speed must recover from a loss of speed from the first.
+    """
+    nodes, recovers = curve_nodes(physics, start), physics.law.is_static
+    return Setup(start, nodes, recovers=recovers, least_hub=least_hub)
+
+
 def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 

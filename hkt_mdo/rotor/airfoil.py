@@ -1,7 +1,6 @@
 """Polars of a blade section: lift, drag, suction over all angles of attack, Reynolds numbers."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -12,8 +11,6 @@ from hkt_mdo.files.polar_table import LARGEST
 from hkt_mdo.rotor.angle_curves import curves_at, periodic_curves
 from hkt_mdo.rotor.suction import require_suction, surface_curves
 
-# share of the lift that is lost beyond stall; a smaller loss is an irregularity of the table
-STALL = 0.03
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
 
 
@@ -77,21 +74,6 @@ class Polar:
         )
         polar._refuse_overshoot(table.source)
         return polar
-
-    @cached_property
-    def stall(self):
-        """Angle of attack (rad) before lift first falls by `STALL`; infinite if it never does.
-
-        Returns
-        -------
-        float
-            Angle of attack (rad).
-        """
-        alpha = np.deg2rad(np.arange(0.0, 45.0, 0.125))
-        lift, _ = self.evaluate(alpha)
-        highest = np.maximum.accumulate(lift)
-        fallen = np.flatnonzero(lift < highest - STALL * np.abs(highest))
-        return float(alpha[np.argmax(lift[: fallen[0]])]) if fallen.size else np.inf
 
     def blend(self, other, weight):
         """Return the polar (1 - weight) self + weight other, with a weight of 0 to 1.

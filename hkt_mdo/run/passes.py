@@ -15,7 +15,7 @@ import numpy as np
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.build import MANY_SEGMENTS, point_of
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes
+from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes, first_setup
 from hkt_mdo.results.words import joined, per_cent
 from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
 from hkt_mdo.run.judge import STORED, most_between, sells, sold
@@ -221,7 +221,7 @@ def closed_cycle(attempt: Attempt) -> Begin | None:
     why = f"the rotor stores {100.0 * share:.2g} % of what it captures"
     # from the start: an end that stores much is far from any closed cycle
     physics, start = replace(physics, scenarios=tuple(scenarios)), attempt.begin.start
-    return replace(attempt.begin, physics=physics, setup=first_setup(physics, start), why=why)
+    return replace(attempt.begin, physics=physics, setup=_first_setup(physics, start), why=why)
 
 
 def stable_shaft(attempt: Attempt) -> Begin | None:
@@ -251,15 +251,12 @@ def other_branch(attempt: Attempt) -> Begin | None:
         return None
     reference = quasi_steady_reference(physics, start)
     why = f"{len(refused)} checks refuse the result on branch {attempt.begin.start.branch}"
-    return Begin(start, physics, first_setup(physics, start), reference, why=why)
+    return Begin(start, physics, _first_setup(physics, start), reference, why=why)
 
 
-def first_setup(physics, start) -> Setup:
-    """Return the setup of the first optimization from a start."""
-    least = first_hub(physics, start)
-    return Setup(
-        start, curve_nodes(physics, start), recovers=physics.law.is_static, least_hub=least
-    )
+def _first_setup(physics, start) -> Setup:
+    """Return the first setup, in which a designed hub makes the loop with memory stable."""
+    return first_setup(physics, start, first_hub(physics, start))
 
 
 REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
@@ -311,7 +308,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
     Judged
         The end, on its mesh: of the start's other branch where only that one passes.
     """
-    begin: Begin | None = Begin(start, state.first, first_setup(state.first, start), reference)
+    begin: Begin | None = Begin(start, state.first, _first_setup(state.first, start), reference)
     before, ends = Before(), []
     while begin is not None:
         if before.passes == 0:

@@ -26,10 +26,10 @@ from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.start.quasi_steady import QuasiSteady, sampled_flow
+from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
 from hkt_mdo.start.result import RESULT, design_of_result
 from hkt_mdo.start.steady import co_designed, without_time
-from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
+from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, in_speeds
 
 GIVEN, BEST, FASTER = "blade as given", "best blade", "best blade of a faster rotor"
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
@@ -209,7 +209,7 @@ class Search:
     def _schedules(self) -> SteadyFlow:
         """Schedules of an open loop that keep the limits."""
         free = replace(self.physics, law=self._open_loop.law)
-        return SteadyFlow.of(free, QuasiSteady.of(free, self.optimum, 1.0).spline)
+        return SteadyFlow.of(free, ratio_spline(self.optimum))
 
     @cached_property
     def branches(self) -> tuple[str, ...]:
@@ -241,9 +241,7 @@ class Search:
                 ends = [self._optimum(each, self._open_loop) for each in free]
                 guides = (replace(end, strategy=FITTED) for end in ends)
                 found += [self._optimum(self._fitted(guide, None)) for guide in guides]
-        found.sort(key=MERIT, reverse=True)
-        if not law.is_feedback:
-            found.sort(key=self._less_stall, reverse=True)
+        found.sort(key=MERIT if law.is_feedback else self._less_stall, reverse=True)
         best = {end.branch: end for end in reversed(found)}
         return [self._over_time(each) for each in found if each is best[each.branch]]
 
@@ -321,10 +319,12 @@ class Search:
 
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
         """Return a blade with an open loop's schedule, by default in the flow without time."""
-        schedules, over, fine = self._schedules, over or self.steady, over is not None
-        if fine:
-            schedules = SteadyFlow.of(schedules.physics, schedules.spline, FINE)
+        schedules = self._schedules
+        if over is not None:
+            speeds, weights = in_speeds(*sampled_flow(over), FINE)
+            schedules = replace(schedules, speeds=speeds, weights=weights)
         ratio, point = schedules.on_branch(blade, branch or "overspeed")
+        over = over or self.steady
         flow, _ = sampled_flow(over)
         speed = _smooth(flow, schedules.speeds, ratio) * flow / blade.rotor_radius
         operation = self._quasi_steady(blade, over).held(self._table(blade), speed)

@@ -35,6 +35,11 @@ def sampled_flow(physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     return speed, np.concatenate([each.weight * each.sample_weights for each in scenarios])
 
 
+def ratio_spline(optimum: SteadyOptimum) -> TorqueSpline:
+    """Return the spline over `SPAN` of the tip speed ratio of a steady optimum."""
+    return TorqueSpline(np.linspace(*SPAN, CURVE_NODES) * optimum.tip_speed_ratio)
+
+
 @dataclass(frozen=True, eq=False)
 class QuasiSteady:
     """Quasi-steady operation of a rotor in a flow under a control law.
@@ -63,12 +68,8 @@ class QuasiSteady:
 
     @classmethod
     def of(cls, physics: Physics, optimum: SteadyOptimum, rotor_radius: float) -> QuasiSteady:
-        """Return the operation of a rotor, of a radius in m, over all flows of a case.
-
-        The curve reaches from `SPAN[0]` to `SPAN[1]` of the tip speed ratio of a steady optimum.
-        """
-        spline = TorqueSpline(np.linspace(*SPAN, CURVE_NODES) * optimum.tip_speed_ratio)
-        about = physics.density, rotor_radius, spline, physics.law, physics.generator
+        """Return the operation of a rotor, of a radius in m, over all flows of a case."""
+        about = physics.density, rotor_radius, ratio_spline(optimum), physics.law, physics.generator
         return cls(*sampled_flow(physics), *about)
 
     def operate(self, table, gains) -> Operation:

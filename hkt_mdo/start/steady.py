@@ -16,20 +16,19 @@ from hkt_mdo.case.design import InflowDynamics
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.resource import DurationCurve
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.build import assemble, point_of
+from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
-from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.problem.setup import first_setup
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
+from hkt_mdo.start.steady_flow import in_speeds
 
-SPEEDS = 32  # of each scenario's flow
 ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
 PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
-BARRIER = 6e-3  # of IPOPT, over the number of speeds, as for the problem over time
 
 
 def without_time(physics: Physics) -> Physics:
@@ -57,21 +56,10 @@ def without_time(physics: Physics) -> Physics:
 
 
 def _in_speeds(scenario) -> SteadyScenario:
-    """Return a scenario as equally spaced speeds of its flow, from the slowest to the fastest.
-
-    The time of each sample is shared by its two neighbours so that the power of the flow is kept.
-    """
-    speed, weights = scenario.inflow.speed_at(scenario.samples), scenario.sample_weights
-    low, high, total = np.min(speed), np.max(speed), np.sum(weights)
-    speeds = np.linspace(low, high, SPEEDS) if high - low > 1e-9 * high else np.array([high])
-    times = np.array([total])
-    if speeds.size > 1:
-        place = np.clip((speed - low) / (speeds[1] - low), 0.0, SPEEDS - 1.0)
-        below = np.minimum(place.astype(int), SPEEDS - 2)
-        share, cubes = place - below, weights * speed**3
-        times = np.bincount(below, cubes * (1.0 - share), SPEEDS)
-        times += np.bincount(below + 1, cubes * share, SPEEDS)
-        times = np.maximum(times / speeds**3, LEAST_SHARE * total)
+    """Return a scenario as a few speeds of its flow, each for its share of the time."""
+    flow = scenario.inflow.speed_at(scenario.samples)
+    speeds, times = in_speeds(flow, scenario.sample_weights)
+    times = np.maximum(times, LEAST_SHARE * np.sum(scenario.sample_weights))
     ends = np.append(0.0, np.cumsum(times))
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
     kept = "mesh", "weight", "name", "limits", "interval_of", "own_limits", "density", "condition"
@@ -105,21 +93,19 @@ def co_designed(
     StartingPoint
         With objective and excess; it has the branch and the strategy of the point.
     """
-    iterations, strategy, branch = 0, point.strategy, point.branch
+    strategy, branch = point.strategy, point.branch
     for _ in range(ROUNDS):
         end, given_up = _optimized(steady, point, scratch, rival)
-        iterations += end.iterations
         error = _curve_error(steady, end)
         if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
             break
         point = end
-    about = {"excess": max(end.excess, error), "iterations": iterations}
-    return replace(end, strategy=strategy, branch=branch, **about)
+    return replace(end, strategy=strategy, branch=branch, excess=max(end.excess, error))
 
 
 def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     """Return the end of one optimization by the point's torque curve, and if it was given up."""
-    setup = Setup(point, curve_nodes(steady, point), recovers=steady.law.is_static)
+    setup = first_setup(steady, point)
     count, sign = sum(each.segments for each in steady.scenarios), steady.objective.sign
 
     def progress(iteration, objective, violation):
@@ -151,7 +137,6 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         objective=sign * float(problem.get_val("objective")[0]),
         excess=excess,
         exceeds=tuple(exceeds),
-        iterations=driver.iterations,
     )
     return end, given_up
 

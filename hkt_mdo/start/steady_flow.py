@@ -23,7 +23,38 @@ from hkt_mdo.start.quasi_steady import sampled_flow
 
 BRANCHES = {"overspeed": 1, "underspeed": -1}
 """On which side of the ratio of the largest rate each branch keeps the limits."""
-KNOTS = 32  # flow speeds of a schedule that is designed
+KNOTS = 32  # speeds of a flow without time
+
+
+def in_speeds(
+    speed: np.ndarray, weights: np.ndarray, knots: int = KNOTS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return equally spaced speeds of a flow, from the slowest to the fastest, and their times.
+
+    The time of each sample is shared by its two neighbours so that the power of the flow is kept.
+
+    Parameters
+    ----------
+    speed, weights : np.ndarray
+        Speeds at quadrature points, m/s, and their weights, s, shape (n_times,).
+    knots : int
+        Number of speeds; a constant flow has one.
+
+    Returns
+    -------
+    speeds, times : np.ndarray
+        m/s and s, shape (knots,).
+    """
+    low, high = float(np.min(speed)), float(np.max(speed))
+    if high - low < 1e-9 * high:
+        return np.array([high]), np.array([np.sum(weights)])
+    speeds = np.linspace(low, high, knots)
+    place = np.clip((speed - low) / (speeds[1] - low), 0.0, knots - 1.0)
+    below = np.minimum(place.astype(int), knots - 2)
+    share, cubes = place - below, weights * speed**3
+    sums = np.bincount(below, cubes * (1.0 - share), knots)
+    sums += np.bincount(below + 1, cubes * share, knots)
+    return speeds, sums / speeds**3
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,17 +106,7 @@ class SteadyFlow:
     @classmethod
     def of(cls, physics: Physics, spline: TorqueSpline, knots: int = KNOTS) -> SteadyFlow:
         """Return the speeds of a case's flows; a rate over v³ is linear between two of them."""
-        speed, weights = sampled_flow(physics)
-        low, high = float(np.min(speed)), float(np.max(speed))
-        if high - low < 1e-9 * high:
-            return cls(physics, spline, np.array([high]), np.array([np.sum(weights)]))
-        speeds = np.linspace(low, high, knots)
-        place = np.clip((speed - low) / (speeds[1] - low), 0.0, knots - 1.0)
-        below = np.minimum(place.astype(int), knots - 2)
-        share, cubes = place - below, weights * speed**3
-        sums = np.bincount(below, cubes * (1.0 - share), knots)
-        sums += np.bincount(below + 1, cubes * share, knots)
-        return cls(physics, spline, speeds, sums / speeds**3)
+        return cls(physics, spline, *in_speeds(*sampled_flow(physics), knots))
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:

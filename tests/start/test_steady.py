@@ -12,7 +12,8 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.start.find import CONSTANT, find_start, steady_optimum
 from hkt_mdo.start.quasi_steady import sampled_flow
-from hkt_mdo.start.steady import SPEEDS, without_time
+from hkt_mdo.start.steady import without_time
+from hkt_mdo.start.steady_flow import KNOTS
 
 RIVER = Path(__file__).parents[1] / "data" / "river25"
 
@@ -29,7 +30,7 @@ def test_it_keeps_the_power_and_the_ends_of_each_flow():
     world = physics(load_case({"inflow": "sine", "control": "linear", "scenarios": flows}))
     for before, after in zip(world.scenarios, without_time(world).scenarios, strict=True):
         flow = before.inflow.speed_at(before.samples)
-        assert after.speeds.size <= SPEEDS
+        assert after.speeds.size <= KNOTS
         assert after.speeds[[0, -1]] == pytest.approx([flow.min(), flow.max()])
         power = before.sample_weights @ flow**3
         assert after.sample_weights @ after.speeds**3 == pytest.approx(power, rel=1e-4)
