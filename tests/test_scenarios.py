@@ -230,13 +230,13 @@ def test_a_check_and_the_diagram_name_the_flows(tmp_path, capsys):
 # Weights and order --------------------------------------------------------------------------------
 
 
-def same_design(found, expected, rel):
+def same_design(found, expected, rel, rel_design=None):
     assert found.success, found.message
     assert found.energy == pytest.approx(expected.energy, rel=rel)
     for key in ("chord_m", "twist_deg"):
         largest = np.max(np.abs(expected.summary[key]))
         np.testing.assert_allclose(
-            found.summary[key], expected.summary[key], rtol=0.0, atol=rel * largest
+            found.summary[key], expected.summary[key], rtol=0.0, atol=(rel_design or rel) * largest
         )
     if expected.gain is not None:
         assert found.gain == pytest.approx(expected.gain, rel=rel)
@@ -253,7 +253,8 @@ def test_two_equal_flows_are_one_in_open_loop(tmp_path):
     one = run(tmp_path / "one", case("open_loop", driver=TIGHT))
     flows = [{"name": name, "inflow": "sine", "weight": 0.5} for name in ("a", "b")]
     found = run(tmp_path / "two", case("open_loop", *flows, driver=TIGHT))
-    same_design(found, one, 1e-8)
+    # the energy is flat at the optimum, which the two approach from different starts
+    same_design(found, one, 1e-8, rel_design=1e-5)
 
 
 @pytest.mark.slow

@@ -134,13 +134,13 @@ def find_start(
     candidates = [Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())]
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
-        candidates.append(Candidate(RESULT, blade, gains))
+        candidates.insert(0, Candidate(RESULT, blade, gains))
     with TemporaryDirectory() as scratch:
         search = Search(physics, optimum, scratch)
         if improves(physics, improve):
-            found = search.optima((*candidates, *best_blades(physics, optimum)))
+            found = search.optima((*best_blades(physics, optimum), *candidates))
         else:
-            found = [search.as_given(candidates[-1], branch) for branch in search.branches]
+            found = [search.as_given(candidates[0], branch) for branch in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     tried = [replace(each.record, law=law) for law, each in search.tried]
@@ -150,13 +150,13 @@ def find_start(
 
 
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
-    """Yield the best blade of a rotor that turns faster than the best one, and the best blade."""
+    """Yield the best blade, and the best one of a rotor that turns faster."""
     shape = physics.shape
+    yield Candidate(BEST, shape.nearest(optimum.blade))
     if shape.designs_chord:
         ratio = FAST * optimum.tip_speed_ratio
         faster = physics.rotor.best_blade(shape, ratio, optimum.blade, 1e-8).blade
         yield Candidate(FASTER, shape.nearest(faster))
-    yield Candidate(BEST, shape.nearest(optimum.blade))
 
 
 def other_branch(start: StartingPoint) -> StartingPoint | None:
@@ -232,7 +232,7 @@ class Search:
         law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
         follows = bool(law.states) or len(law.gain_units) > 1
         for branch in self.branches:
-            some = candidates if branch == self.branches[0] else candidates[-1:]
+            some = candidates if branch == self.branches[0] else candidates[:1]
             for each in some:
                 if not follows or (each.gains is not None and law.is_static):
                     found.append(self._optimum(self._begin(each, branch)))
@@ -276,10 +276,9 @@ class Search:
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
         """Return the optimum that is reached from a point, by default under the case's law."""
         steady = steady or self.steady
-        law, rival = steady.law.law, -np.inf
-        if point.branch != self.branches[0]:
-            rivals = (end.objective for name, end in self.tried if name == law and end.worth[0])
-            rival = max(rivals, default=rival)
+        law = steady.law.law
+        rivals = (end.objective for name, end in self.tried if name == law and end.worth[0])
+        rival = max(rivals, default=-np.inf)
         end = co_designed(steady, point, self.scratch, rival)
         if point.branch:  # an optimization may leave that on which it began
             flow, _ = sampled_flow(steady)
@@ -318,17 +317,31 @@ class Search:
             yield StartingPoint(blade, gains, operation, **about)
 
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
-        """Return a blade with an open loop's schedule, by default in the flow without time."""
-        schedules = self._schedules
-        if over is not None:
-            speeds, weights = in_speeds(*sampled_flow(over), FINE)
-            schedules = replace(schedules, speeds=speeds, weights=weights)
-        ratio, point = schedules.on_branch(blade, branch or "overspeed")
-        over = over or self.steady
-        flow, _ = sampled_flow(over)
-        speed = _smooth(flow, schedules.speeds, ratio) * flow / blade.rotor_radius
-        operation = self._quasi_steady(blade, over).held(self._table(blade), speed)
+        """Return a blade with an open loop's schedule, by default in the flow without time.
+
+        It is that of all flows together; in the whole flow, of each scenario with its own limits.
+        """
+        on = branch or "overspeed"
+        ratio, point = self._schedules.on_branch(blade, on)
+        if over is None:
+            flow, _ = sampled_flow(self.steady)
+            speed = _smooth(flow, self._schedules.speeds, ratio) * flow
+        else:
+            speed = np.concatenate(list(self._scenario_speeds(blade, on, over)))
+        operation = self._quasi_steady(blade, over or self.steady).held(
+            self._table(blade), speed / blade.rotor_radius
+        )
         return replace(point, branch=branch, operation=operation)
+
+    def _scenario_speeds(self, blade: Blade, branch: str, over: Physics) -> Iterator[np.ndarray]:
+        """Yield the tip speeds, m/s, of a schedule at the samples of each scenario, (n_times,)."""
+        about = self._schedules.physics, self._schedules.spline
+        for scenario in over.scenarios:
+            own = replace(about[0], scenarios=(scenario,))
+            schedule = SteadyFlow.of(own, about[1], FINE)
+            ratio, _ = schedule.on_branch(blade, branch)
+            flow = scenario.inflow.speed_at(scenario.samples)
+            yield _smooth(flow, schedule.speeds, ratio) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
@@ -362,10 +375,14 @@ class Search:
     def _over_time(self, point: StartingPoint) -> StartingPoint:
         """Return a point with its operation over the whole flow.
 
-        A static law operates at its own equilibria, unless those at the speeds of the point are
+        An open loop follows the schedule of the blade, which keeps limits between the speeds of the
+        point as well. A static law operates at its own equilibria, unless those at these speeds are
         others: a law may have several in a flow, and over time it begins at the one chosen.
         """
         physics, law, table = self.physics, self.physics.law, self._table(point.blade)
+        if not law.is_feedback:
+            whole = self._scheduled(point.blade, point.branch, physics)
+            return replace(point, operation=whole.operation)
         problem = self._quasi_steady(point.blade)
         if law.states:
             speed = law.speed_at_rest(problem.inflow_speed, point.gains)

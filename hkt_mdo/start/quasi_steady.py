@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # operation itself needs neither Dymos nor BEM
     from hkt_mdo.problem.physics import Physics
     from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
-SPAN, CURVE_NODES = (0.3, 2.6), 161  # of the curve, over the optimum's tip speed ratio; nodes
+SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip speed ratio; nodes
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
 
 

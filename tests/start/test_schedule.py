@@ -37,16 +37,15 @@ def start(law="open_loop", **limits):
 def test_power_is_kept_by_turning_faster_or_slower():
     (known,) = world(power="5 kW").on_start(start(power="5 kW"))
     kept = known["generator_power"]
-    # the limit is kept at the few speeds of the flow between which the schedule is linear
     assert start(power="5 kW").excess < 1e-4
-    assert np.max(kept) == pytest.approx(5000.0, rel=5e-3)
+    assert np.max(kept) == pytest.approx(5000.0, rel=2e-4)
     names = [each.branch for each in start(power="5 kW").branches]
     assert sorted(names) == ["overspeed", "underspeed"]
     assert start(power="5 kW").tried == 3 + 1  # blades on the first and on the second branch
     (kept,) = (each for each in start(power="5 kW").starts if each.kept)
     assert kept.objective == start(power="5 kW").branches[0].objective
     assert kept.exceeds == ()
-    assert kept.excess < 1e-6
+    assert kept.excess < 1e-5
     sides = [each.side for each in start(power="5 kW").starts if each.side]
     assert sorted(sides) == sorted(names)
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
