@@ -136,6 +136,8 @@ class Before:
     ----------
     passes : int
         How many there were.
+    verified : bool or None
+        Whether the start's first branch has led to a result that passes; None: this is the first.
     objective : float
         Objective of the last that was useful, J.
     designed : float
@@ -149,6 +151,7 @@ class Before:
     """
 
     passes: int = 0
+    verified: bool | None = None
     objective: float = np.inf
     designed: float = np.inf
     coarser: tuple[float, ...] = ()

@@ -43,8 +43,9 @@ class Rules:
     hair : float
         Relative excess of an open loop's limit between the nodes up to which it may be lowered
         instead, where that costs little.
-    parts, parts_higher : int
-        Parts of a divided segment; the latter with polynomials of a higher order.
+    parts, parts_rates : int
+        Parts of a divided segment; the latter where a rate is limited, which is a second derivative
+        of the speed (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`).
     nearly_all : float
         Share of the segments that are too coarse from which an open loop's polynomials are too low.
     higher : int
@@ -60,7 +61,7 @@ class Rules:
     few: int = 6
     hair: float = 5e-3
     parts: int = 4
-    parts_higher: int = 8
+    parts_rates: int = 8
     nearly_all: float = 0.5
     higher: int = 5
     most: int = 10_000
@@ -181,7 +182,7 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     known = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
-    rates = any(x.is_of(RATES) for each in flights for x in held(physics, each.scenario))
+    rates = _limits_rates(physics)
     error = change if rates and before else min(change / (_parts(physics) - 1), known)
     if error <= MESH_ERROR and (before or not rates):
         return error
@@ -194,8 +195,12 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
 
 def _parts(physics) -> int:
     """Return the number of parts into which a segment is divided."""
-    higher = physics.scenarios[0].mesh.order >= RULES.higher
-    return RULES.parts_higher if higher else RULES.parts
+    return RULES.parts_rates if _limits_rates(physics) else RULES.parts
+
+
+def _limits_rates(physics) -> bool:
+    """Tell whether a limit on a rate holds in some scenario."""
+    return any(x.is_of(RATES) for each in physics.scenarios for x in held(physics, each))
 
 
 def too_close_to_stall(

@@ -13,16 +13,13 @@ from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
 from hkt_mdo.solve.drivers import Outcome
 
-FIRST_ITERATIONS = 300
-"""Iterations after which an optimization within wide move limits counts as failed."""
-
 MOST_ROWS = 500
 """Segments times limits and the equation of motion, above which little is recorded."""
 
 ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "inertia", "mass"
 
 
-def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimized:
+def solve(state: RunState, physics: Physics, setup: Setup, near: bool, most: int) -> Optimized:
     """Run one optimization; the run's state is updated at every evaluation.
 
     Parameters
@@ -33,15 +30,17 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool) -> Optimi
         The problem and its start.
     near
         Whether the start is near the optimum (`make_driver`).
+    most
+        Largest number of iterations within wide move limits.
 
     Returns
     -------
     Optimized
         The end of the optimization, converged or not.
     """
-    most = None if setup.moves == NARROW else FIRST_ITERATIONS
+    most_now = None if setup.moves == NARROW else most
     driver = make_driver(
-        physics, state, most, near, first=not state.passes, held=setup.moves == HELD
+        physics, state, most_now, near, first=not state.passes, held=setup.moves == HELD
     )
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)

@@ -27,8 +27,13 @@ from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
+FIRST_ITERATIONS, SECOND_ITERATIONS = 300, 120
+"""Iterations after which an optimization within wide move limits counts as failed; the latter on a
+second branch where the first one has led to a result that passes."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
+TIE = 2e-4
+"""Share of the objective by which another branch has to be better without time to be tried."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
 MOST_LOWERED = 5e-3
@@ -241,16 +246,20 @@ def stable_shaft(attempt: Attempt) -> Begin | None:
 
 
 def other_branch(attempt: Attempt) -> Begin | None:
-    """Begin on the start's other branch where a judge refuses the end on the first one."""
-    physics = attempt.state.first
-    refused = [check.name for check in attempt.end.checks if not check.passed]
-    if not set(refused) - {"loads_resolved"}:  # for which another start does not help
-        return None
-    start = start_on_other_branch(attempt.begin.start)
+    """Begin on the start's other branch where that is better, or a judge refuses the end."""
+    physics, first = attempt.state.first, attempt.begin.start
+    start = start_on_other_branch(first)
     if start is None:
         return None
+    refused = [check.name for check in attempt.end.checks if not check.passed]
+    if set(refused) - {"loads_resolved"}:  # for which another start does not help
+        why = f"{len(refused)} checks refuse the result on branch {first.branch}"
+    elif start.objective > (1.0 + TIE) * first.objective:
+        why = f"without time branch {start.branch} is "
+        why += f"{100.0 * (start.objective / first.objective - 1.0):.2g} % better"
+    else:
+        return None
     reference = quasi_steady_reference(physics, start)
-    why = f"{len(refused)} checks refuse the result on branch {attempt.begin.start.branch}"
     return Begin(start, physics, _first_setup(physics, start), reference, why=why)
 
 
@@ -281,7 +290,10 @@ def next_begin(attempt: Attempt) -> Begin | None:
     and its integration runs away.
     """
     *others, another_start = REMEDIES
-    last = () if attempt.approximate else (another_start,)  # for which the judges decide
+    if attempt.before.verified:  # what fails on a second branch then is not tried again
+        others.remove(smaller_moves)
+    second = attempt.before.verified is not None
+    last = () if attempt.approximate or second else (another_start,)  # for which the judges decide
     if attempt.runs_away:  # of a rotor that stalls, stability says nothing
         others, last = (stable_shaft if attempt.recovers else distance_from_stall,), ()
     for remedy in (*(others if attempt.before.passes + 1 < MAX_PASSES else ()), *last):
@@ -306,7 +318,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
     Returns
     -------
     Judged
-        The end, on its mesh: of the start's other branch where only that one passes.
+        The end, on its mesh: of the branches of the start, the best that passes.
     """
     begin: Begin | None = Begin(start, state.first, _first_setup(state.first, start), reference)
     before, ends = Before(), []
@@ -316,7 +328,8 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
         if before.passes == 0 or begin.physics is not state.physics:
             state.go_on_from(begin.physics, begin.setup.start, begin.reference)
         began = time.perf_counter()
-        result = solve(state, begin.physics, begin.setup, near)
+        most = SECOND_ITERATIONS if before.verified else FIRST_ITERATIONS
+        result = solve(state, begin.physics, begin.setup, near, most)
         attempt = Attempt(state, begin, result, before)
         again = next_begin(attempt)
         if again is None and attempt.approximate:
@@ -325,8 +338,8 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
         state.note_pass(attempt.entry(time.perf_counter() - began, again))
         if again is None or again.start is not begin.start:
             ends.append(attempt.end)
-            before = Before()
+            before = Before(verified=ends[-1].passed)
         else:
             before = attempt.after(again)
         begin = again
-    return next((end for end in ends[::-1] if end.passed), ends[0])
+    return max((end for end in ends if end.passed), key=lambda end: end.rank, default=ends[0])

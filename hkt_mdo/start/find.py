@@ -35,8 +35,7 @@ GIVEN, BEST, FASTER = "blade as given", "best blade", "best blade of a faster ro
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FAST = 1.5  # tip speed ratio of a faster rotor's blade over that of the best one
 FINE = 400  # speeds of the flow of a schedule that is not optimized
-WORSE = 2e-4  # share of the objective by which an open loop has to be better if it stalls
-FAR_BEHIND = 0.05  # relative difference of the objective beyond which a branch is not tried second
+FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to be tried over time
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
 SHARES = np.linspace(1.0, 0.5, 11)  # of an open loop's torque, to which gains are fitted
 LOCAL = (
@@ -265,13 +264,14 @@ class Search:
     def _less_stall(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of an open loop, less a share if its torque does not hold the speed.
 
-        That is so where the torque of the flow falls with a loss of speed.
+        That is so where the torque of the flow falls with a loss of speed. There optimizations over
+        time are long, and may not end: such a branch is the second one unless it is far better.
         """
         (kept, value), table = end.merit, self._table(end.blade)
         problem, speed = self._quasi_steady(end.blade, self.steady), end.operation.rotor_speed
         torque = problem.held(table, speed).hydrodynamic_torque
         slowed = problem.held(table, (1.0 - SLOWED) * speed).hydrodynamic_torque
-        return kept, value - WORSE * abs(value) * bool(np.any(slowed < torque))
+        return kept, value - FAR_BEHIND * abs(value) * bool(np.any(slowed < torque))
 
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
         """Return the optimum that is reached from a point, by default under the case's law."""
