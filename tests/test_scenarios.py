@@ -239,13 +239,16 @@ def same_design(found, expected, rel, rel_design=None):
             found.summary[key], expected.summary[key], rtol=0.0, atol=(rel_design or rel) * largest
         )
     if expected.gain is not None:
-        assert found.gain == pytest.approx(expected.gain, rel=rel)
+        assert found.gain == pytest.approx(expected.gain, rel=rel_design or rel)
 
 
 @pytest.mark.parametrize("weight", [0.5, 2.0])
 def test_two_equal_flows_are_one(one, tmp_path, weight):
     flows = [{"name": name, "inflow": "sine", "weight": weight} for name in ("a", "b")]
-    same_design(run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT)), one, 1e-8)
+    # the energy is flat at the optimum, which the two approach from different starts
+    same_design(
+        run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT)), one, 1e-8, rel_design=1e-5
+    )
 
 
 @pytest.mark.slow

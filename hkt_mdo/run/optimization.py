@@ -7,7 +7,7 @@ import numpy as np
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.problem.build import assemble, make_driver, point_of, series
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.setup import HELD, NARROW, Setup
+from hkt_mdo.problem.setup import HELD, Setup
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
@@ -19,7 +19,9 @@ MOST_ROWS = 500
 ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "inertia", "mass"
 
 
-def solve(state: RunState, physics: Physics, setup: Setup, near: bool, most: int) -> Optimized:
+def solve(
+    state: RunState, physics: Physics, setup: Setup, near: bool, most: int | None
+) -> Optimized:
     """Run one optimization; the run's state is updated at every evaluation.
 
     Parameters
@@ -31,16 +33,15 @@ def solve(state: RunState, physics: Physics, setup: Setup, near: bool, most: int
     near
         Whether the start is near the optimum (`make_driver`).
     most
-        Largest number of iterations within wide move limits.
+        Largest number of iterations; None: as in the case.
 
     Returns
     -------
     Optimized
         The end of the optimization, converged or not.
     """
-    most_now = None if setup.moves == NARROW else most
     driver = make_driver(
-        physics, state, most_now, near, first=not state.passes, held=setup.moves == HELD
+        physics, state, most, near, first=not state.passes, held=setup.moves == HELD
     )
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)

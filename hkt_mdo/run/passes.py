@@ -255,8 +255,8 @@ def other_branch(attempt: Attempt) -> Begin | None:
     if set(refused) - {"loads_resolved"}:  # for which another start does not help
         why = f"{len(refused)} checks refuse the result on branch {first.branch}"
     elif start.objective > (1.0 + TIE) * first.objective:
-        why = f"without time branch {start.branch} is "
-        why += f"{100.0 * (start.objective / first.objective - 1.0):.2g} % better"
+        gain = per_cent(start.objective - first.objective, first.objective)
+        why = f"without time branch {start.branch} is better by {gain}"
     else:
         return None
     reference = quasi_steady_reference(physics, start)
@@ -329,6 +329,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
             state.go_on_from(begin.physics, begin.setup.start, begin.reference)
         began = time.perf_counter()
         most = SECOND_ITERATIONS if before.verified else FIRST_ITERATIONS
+        most = None if begin.setup.moves == NARROW else most
         result = solve(state, begin.physics, begin.setup, near, most)
         attempt = Attempt(state, begin, result, before)
         again = next_begin(attempt)

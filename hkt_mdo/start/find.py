@@ -22,6 +22,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint, records
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
@@ -29,7 +30,7 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
 from hkt_mdo.start.result import RESULT, design_of_result
 from hkt_mdo.start.steady import co_designed, without_time
-from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, in_speeds
+from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
 
 GIVEN, BEST, FASTER = "blade as given", "best blade", "best blade of a faster rotor"
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
@@ -37,27 +38,14 @@ FAST = 1.5  # tip speed ratio of a faster rotor's blade over that of the best on
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to be tried over time
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
+SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade
+DEMAND = 10.0  # of a law over its largest torque, at which the torque is constant
 SHARES = np.linspace(1.0, 0.5, 11)  # of an open loop's torque, to which gains are fitted
 LOCAL = (
     "start.method = blade: the optimum is a local one near the given blade, others were not "
     "searched; quasi_steady searches for them"
 )
 MERIT = attrgetter("merit")
-
-
-class _Solid(NamedTuple):
-    """A solid blade for a constant torque.
-
-    `ratio` and `width`: its tip speed ratio and its chord over those of the best blade. `demand`:
-    that of a law over its largest torque at which the torque is constant.
-    """
-
-    ratio: float = 0.4
-    width: float = 1.7
-    demand: float = 10.0
-
-
-SOLID = _Solid()
 
 
 class Candidate(NamedTuple):
@@ -130,7 +118,8 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
-    candidates = [Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())]
+    given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
+    candidates = [given] * (given.gains is not None and given.gains.size > 0)
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
@@ -139,13 +128,13 @@ def find_start(
         if improves(physics, improve):
             found = search.optima((*best_blades(physics, optimum), *candidates))
         else:
-            found = [search.as_given(candidates[0], branch) for branch in search.branches]
+            found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     tried = [replace(each.record, law=law) for law, each in search.tried]
     branches = tuple(found) if search.branches != ("",) else ()
-    about = {"branches": branches, "starts": records(tried, found[0], branches)}
-    return replace(found[0], messages=messages, **about)
+    starts = records(tried, found[0], branches)
+    return replace(found[0], messages=messages, branches=branches, starts=starts)
 
 
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
@@ -224,9 +213,11 @@ class Search:
     def optima(self, candidates: Sequence[Candidate]) -> list[StartingPoint]:
         """Return the best optimum of each branch over the whole flow, the best first.
 
-        A law of one gain is optimized from every blade. One of several gains, or with states, can
-        nearly follow an open loop, and is optimized from each of these. On a second branch the
-        flow is stalled, which makes optimizations long: one blade is enough.
+        The blade of a case is a candidate only with gains that it gives: from the best blade the
+        same optimum is reached sooner. A law of one gain is optimized from every blade. One of
+        several gains, or with states, can nearly follow an open loop, and is optimized from each of
+        these. On a second branch the flow is stalled, which makes optimizations long: one blade is
+        enough.
         """
         law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
         follows = bool(law.states) or len(law.gain_units) > 1
@@ -290,9 +281,8 @@ class Search:
 
     def _begin(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return where the optimization from a candidate begins."""
-        strategy, blade, gains = candidate
-        point = replace(self._scheduled(blade, branch), strategy=strategy)
-        return self._fitted(point, gains) if self.physics.law.is_feedback else point
+        point = replace(self._scheduled(candidate.blade, branch), strategy=candidate.strategy)
+        return self._fitted(point, candidate.gains) if self.physics.law.is_feedback else point
 
     def _at_constant_torque(self) -> Iterator[StartingPoint]:
         """Yield a solid, slow rotor under the largest torque of a law, if it turns in all flows.
@@ -304,44 +294,33 @@ class Search:
         one = law.is_static and len(law.gain_units) == 1 and self.branches != ("",)
         if not one or law.torque_limit is None or not physics.shape.designs_chord:
             return
-        ratio = SOLID.ratio * self.optimum.tip_speed_ratio
+        ratio = SOLID_RATIO * self.optimum.tip_speed_ratio
         slow = physics.rotor.best_blade(physics.shape, ratio, self.optimum.blade, 1e-8).blade
-        blade = physics.shape.nearest(replace(slow, chord=SOLID.width * slow.chord))
+        blade = physics.shape.nearest(replace(slow, chord=SOLID_WIDTH * slow.chord))
         problem = self._quasi_steady(blade, self.steady)
         speed = ratio * problem.inflow_speed / blade.rotor_radius
-        gains = law.fit(speed, np.full(speed.shape, SOLID.demand * law.torque_limit))
+        gains = law.fit(speed, np.full(speed.shape, DEMAND * law.torque_limit))
         gains = np.clip(gains, *gain_bounds(physics))
         operation = problem.operate(self._table(blade), gains)
         if operation.running:
-            about = {"strategy": CONSTANT, "branch": self.branches[0]}
-            yield StartingPoint(blade, gains, operation, **about)
+            yield StartingPoint(blade, gains, operation, branch=self.branches[0], strategy=CONSTANT)
 
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
-        """Return a blade with an open loop's schedule, by default in the flow without time.
-
-        It is that of all flows together; in the whole flow, of each scenario with its own limits.
-        """
-        on = branch or "overspeed"
-        ratio, point = self._schedules.on_branch(blade, on)
-        if over is None:
-            flow, _ = sampled_flow(self.steady)
-            speed = _smooth(flow, self._schedules.speeds, ratio) * flow
-        else:
-            speed = np.concatenate(list(self._scenario_speeds(blade, on, over)))
-        operation = self._quasi_steady(blade, over or self.steady).held(
-            self._table(blade), speed / blade.rotor_radius
-        )
+        """Return a blade with an open loop's schedule, by default in the flow without time."""
+        over, on = over or self.steady, branch or "overspeed"
+        _, point = self._schedules.on_branch(blade, on)
+        speed = np.concatenate([self._tip_speed(blade, on, each) for each in over.scenarios])
+        problem = self._quasi_steady(blade, over)
+        operation = problem.held(self._table(blade), speed / blade.rotor_radius)
         return replace(point, branch=branch, operation=operation)
 
-    def _scenario_speeds(self, blade: Blade, branch: str, over: Physics) -> Iterator[np.ndarray]:
-        """Yield the tip speeds, m/s, of a schedule at the samples of each scenario, (n_times,)."""
-        about = self._schedules.physics, self._schedules.spline
-        for scenario in over.scenarios:
-            own = replace(about[0], scenarios=(scenario,))
-            schedule = SteadyFlow.of(own, about[1], FINE)
-            ratio, _ = schedule.on_branch(blade, branch)
-            flow = scenario.inflow.speed_at(scenario.samples)
-            yield _smooth(flow, schedule.speeds, ratio) * flow
+    def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
+        """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""
+        own = replace(self._schedules.physics, scenarios=(scenario,))
+        schedule = SteadyFlow.of(own, self._schedules.spline, FINE)
+        ratio, _ = schedule.on_branch(blade, branch)
+        flow = scenario.inflow.speed_at(scenario.samples)
+        return _smooth(flow, schedule.speeds, ratio) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""

@@ -27,7 +27,7 @@ from hkt_mdo.start.steady_flow import in_speeds
 
 ITERATIONS, TOLERANCE = 150, 1e-4  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
-PATIENCE, BEHIND = 40, 0.25  # iterations after which one that is behind a rival by a share ends
+PATIENCE, BEHIND = 75, 0.1  # iterations after which one that is behind a rival by a share ends
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
 
 
@@ -93,14 +93,13 @@ def co_designed(
     StartingPoint
         With objective and excess; it has the branch and the strategy of the point.
     """
-    strategy, branch = point.strategy, point.branch
     for _ in range(ROUNDS):
         end, given_up = _optimized(steady, point, scratch, rival)
         error = _curve_error(steady, end)
         if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
             break
         point = end
-    return replace(end, strategy=strategy, branch=branch, excess=max(end.excess, error))
+    return replace(end, excess=max(end.excess, error))
 
 
 def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
@@ -132,13 +131,9 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     exceeds = [name for name, over in steady.excesses(end).items() if over > KEPT_EXCESS]
     if excess > KEPT_EXCESS and not exceeds:
         exceeds = ["balance_of_torques"]
-    end = replace(
-        end,
-        objective=sign * float(problem.get_val("objective")[0]),
-        excess=excess,
-        exceeds=tuple(exceeds),
-    )
-    return end, given_up
+    about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
+    objective = sign * float(problem.get_val("objective")[0])
+    return replace(end, objective=objective, exceeds=tuple(exceeds), **about), given_up
 
 
 def _curve_error(steady: Physics, end: StartingPoint) -> float:

@@ -61,8 +61,8 @@ def test_constant_power_is_passed_on_the_fast_side():
 @pytest.mark.slow
 @pytest.mark.xfail(
     strict=True,
-    reason="held at the limit by a steep torque a slower rotor captures more: four knots find 1.1 % "
-    "more than open loop's overspeed, eight 0.8 %, which they should not be below",
+    reason="held at the limit by a steep torque a slower rotor captures more: with four knots "
+    "1.1 % more than an open loop of overspeed, with eight only 0.8 %",
 )
 def test_a_largest_speed_is_approached_and_not_attained():
     """At a speed limit open loop's torque rises at one speed, which no law of the speed can."""
