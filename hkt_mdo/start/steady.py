@@ -35,7 +35,7 @@ def without_time(physics: Physics) -> Physics:
     """Return the physics whose flows have no time, with the same power and the same ends.
 
     The objective is that of starts, wakes have no memory and a designed hub is held, since its
-    inertia has no effect in equilibrium.
+    inertia has no effect in equilibrium. BEM is the vectorized one.
     """
     law, case = physics.law, physics.case
     if law.chooses_torque:
@@ -44,7 +44,8 @@ def without_time(physics: Physics) -> Physics:
     if physics.designs_hub:
         held = 2 * (physics.blade.hub_inertia,)
         design = design.model_copy(update={"hub_inertia_bounds": held, "hub_inertia_price": 0.0})
-    update = {"inflow_dynamics": InflowDynamics(), "design": design}
+    own = case.hydrodynamics.model_copy(update={"bem": "vectorized"})
+    update = {"inflow_dynamics": InflowDynamics(), "design": design, "hydrodynamics": own}
     scenarios = tuple(each if each.steady else _in_speeds(each) for each in physics.scenarios)
     return replace(
         physics,
