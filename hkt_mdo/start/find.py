@@ -317,10 +317,9 @@ class Search:
     def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
         """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""
         own = replace(self._schedules.physics, scenarios=(scenario,))
-        schedule = SteadyFlow.of(own, self._schedules.spline, FINE)
-        ratio, _ = schedule.on_branch(blade, branch)
+        fine = SteadyFlow.of(own, self._schedules.spline, FINE)
         flow = scenario.inflow.speed_at(scenario.samples)
-        return _smooth(flow, schedule.speeds, ratio) * flow
+        return _smooth(flow, fine.speeds, fine.ratios(fine.curves(blade), branch)) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
