@@ -119,7 +119,7 @@ def find_start(
     """
     messages: tuple[str, ...] = ()
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    candidates = [given] * (given.gains is not None and given.gains.size > 0)
+    candidates = [given]
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
@@ -128,7 +128,7 @@ def find_start(
         if improves(physics, improve):
             found = search.optima((*best_blades(physics, optimum), *candidates))
         else:
-            found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
+            found = [search.as_given(candidates[0], each) for each in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     tried = [replace(each.record, law=law) for law, each in search.tried]
@@ -138,10 +138,10 @@ def find_start(
 
 
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
-    """Yield the best blade, and the best one of a rotor that turns faster."""
-    shape = physics.shape
+    """Yield the best blade and, under limits, the best one of a rotor that turns faster."""
+    shape, limited = physics.shape, physics.law.torque_limit is not None or has_branches(physics)
     yield Candidate(BEST, shape.nearest(optimum.blade))
-    if shape.designs_chord:
+    if shape.designs_chord and limited:
         ratio = FAST * optimum.tip_speed_ratio
         faster = physics.rotor.best_blade(shape, ratio, optimum.blade, 1e-8).blade
         yield Candidate(FASTER, shape.nearest(faster))
@@ -213,8 +213,7 @@ class Search:
     def optima(self, candidates: Sequence[Candidate]) -> list[StartingPoint]:
         """Return the best optimum of each branch over the whole flow, the best first.
 
-        The blade of a case is a candidate only with gains that it gives: from the best blade the
-        same optimum is reached sooner. A law of one gain is optimized from every blade. One of
+        A law of one gain is optimized from every blade. One of
         several gains, or with states, can nearly follow an open loop, and is optimized from each of
         these. On a second branch the flow is stalled, which makes optimizations long: one blade is
         enough.
@@ -267,8 +266,9 @@ class Search:
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
         """Return the optimum that is reached from a point, by default under the case's law."""
         steady = steady or self.steady
-        law = steady.law.law
-        rivals = (end.objective for name, end in self.tried if name == law and end.worth[0])
+        law, rivals = steady.law.law, []
+        if point.branch != self.branches[0]:
+            rivals = [end.objective for name, end in self.tried if name == law and end.worth[0]]
         rival = max(rivals, default=-np.inf)
         end = co_designed(steady, point, self.scratch, rival)
         if point.branch:  # an optimization may leave that on which it began

@@ -25,9 +25,9 @@ from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
 from hkt_mdo.start.steady_flow import in_speeds
 
-ITERATIONS, TOLERANCE = 150, 1e-4  # of one optimization: a start need not be an exact optimum
+ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
-PATIENCE, BEHIND = 75, 0.1  # iterations after which one that is behind a rival by a share ends
+PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
 
 
