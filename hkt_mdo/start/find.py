@@ -269,8 +269,7 @@ class Search:
         law, rivals = steady.law.law, []
         if point.branch != self.branches[0]:
             rivals = [end.objective for name, end in self.tried if name == law and end.worth[0]]
-        rival = max(rivals, default=-np.inf)
-        end = co_designed(steady, point, self.scratch, rival)
+        end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
         if point.branch:  # an optimization may leave that on which it began
             flow, _ = sampled_flow(steady)
             fastest, radius = int(np.argmax(flow)), end.blade.rotor_radius
