@@ -54,8 +54,8 @@ def begin(case):
 def test_it_is_one_more_candidate(result):
     start = begin(world(result()))
     names = [record.strategy for record in start.starts]
-    assert names[2:] == [RESULT, "blade as given"]
-    assert start.tried == 4
+    assert names == ["best blade", RESULT, "blade as given"]
+    assert start.tried == 3
     assert sum(record.kept for record in start.starts) == 1
     assert start.messages == ()
 
@@ -71,7 +71,7 @@ def test_the_best_of_all_is_kept(result):
     again = begin(world(folder))
     (kept,) = (record.strategy for record in again.starts if record.kept)
     assert kept == RESULT
-    assert again.operation.energy >= best.operation.energy * (1.0 - 1e-9)
+    assert again.operation.energy >= best.operation.energy * (1.0 - 1e-8)
 
 
 @pytest.mark.parametrize("limits", [{}, {"power": "5 kW"}])
