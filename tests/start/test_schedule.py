@@ -82,7 +82,7 @@ def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
     (bound,) = (each for each in case.limits if each.name == limit)
     (known,) = case.on_start(found)
     # the norm that stands for the largest value along the blade is up to one per cent above it
-    assert -0.01 < np.max(bound.excess(known)) < 1e-3
+    assert -0.01 < np.max(bound.excess(known)) < 4e-3
     free = start()
     assert case.broken_limits(free) == [limit]
     assert case.objective_at(found) < world().objective_at(free)
