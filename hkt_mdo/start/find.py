@@ -118,8 +118,7 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
-    given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    candidates = [given]
+    candidates = [Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())]
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
@@ -213,10 +212,9 @@ class Search:
     def optima(self, candidates: Sequence[Candidate]) -> list[StartingPoint]:
         """Return the best optimum of each branch over the whole flow, the best first.
 
-        A law of one gain is optimized from every blade. One of
-        several gains, or with states, can nearly follow an open loop, and is optimized from each of
-        these. On a second branch the flow is stalled, which makes optimizations long: one blade is
-        enough.
+        A law of one gain is optimized from every blade. One of several gains, or with states, can
+        nearly follow an open loop, and is optimized from each of these. On a second branch the flow
+        is stalled, which makes optimizations long: one blade is enough.
         """
         law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
         follows = bool(law.states) or len(law.gain_units) > 1
@@ -307,7 +305,7 @@ class Search:
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
         """Return a blade with an open loop's schedule, by default in the flow without time."""
         over, on = over or self.steady, branch or "overspeed"
-        _, point = self._schedules.on_branch(blade, on)
+        point = self._schedules.on_branch(blade, on)
         speed = np.concatenate([self._tip_speed(blade, on, each) for each in over.scenarios])
         problem = self._quasi_steady(blade, over)
         operation = problem.held(self._table(blade), speed / blade.rotor_radius)
@@ -318,7 +316,8 @@ class Search:
         own = replace(self._schedules.physics, scenarios=(scenario,))
         fine = SteadyFlow.of(own, self._schedules.spline, FINE)
         flow = scenario.inflow.speed_at(scenario.samples)
-        return _smooth(flow, fine.speeds, fine.ratios(fine.curves(blade), branch)) * flow
+        ratio = fine.ratios(self._schedules.curves(blade), branch)  # computed once for all
+        return _smooth(flow, fine.speeds, ratio) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""

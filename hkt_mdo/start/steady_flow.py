@@ -176,12 +176,12 @@ class SteadyFlow:
         rate = self.physics.start_objective.rate_of(series)
         return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
 
-    def on_branch(self, blade: Blade, branch: str) -> tuple[np.ndarray, StartingPoint]:
-        """Return the tip speed ratios of a branch, shape (n,), and an open loop's point of them."""
-        ratio = self.ratios(self.curves(blade), branch)
-        series = self.along(self.curves(blade), ratio)
+    def on_branch(self, blade: Blade, branch: str) -> StartingPoint:
+        """Return an open loop's point with the schedule of a branch, without its operation."""
+        curves = self.curves(blade)
+        series = self.along(curves, self.ratios(curves, branch))
         over = {limit.name: float(np.max(limit.excess(series))) for limit in self.limits}
-        return ratio, StartingPoint(
+        return StartingPoint(
             blade,
             np.empty(0),
             None,
