@@ -118,7 +118,8 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
-    candidates = [Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())]
+    given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
+    candidates = [] if given.gains is None else [given]
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
@@ -127,7 +128,8 @@ def find_start(
         if improves(physics, improve):
             found = search.optima((*best_blades(physics, optimum), *candidates))
         else:
-            found = [search.as_given(candidates[0], each) for each in search.branches]
+            first = (*candidates, given)[0]
+            found = [search.as_given(first, each) for each in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     tried = [replace(each.record, law=law) for law, each in search.tried]

@@ -118,6 +118,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         cautious=steady.several_sections,
         progress=progress,
     )
+    driver.opt_settings["max_soc"] = 0  # second-order corrections double the number of model runs
     problem = assemble(steady, setup, driver, scratch)
     given_up = False
     try:
