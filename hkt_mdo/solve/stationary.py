@@ -28,7 +28,7 @@ class Rules:
     better : float
         Relative change of the objective that is an improvement.
     patience : int
-        Iterations without one after which the best is the end.
+        Iterations within all bounds without one after which the best is the end.
     """
 
     gradient: float = 1e3
@@ -86,8 +86,8 @@ class Stationary:
         bool
             True once no iterate has been better for `Rules.patience` iterations.
         """
-        self._waited += 1
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
+        self._waited += bool(over <= self.tolerance)  # one that is not is on its way
         bound = np.where(multipliers > 0.0, self.upper, self.lower)
         room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
         gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)

@@ -119,7 +119,8 @@ def find_start(
     """
     messages: tuple[str, ...] = ()
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    candidates = [] if given.gains is None else [given]
+    gives_gains = given.gains is not None and given.gains.size > 0
+    candidates = [given] if gives_gains else []
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
