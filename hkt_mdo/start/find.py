@@ -119,8 +119,8 @@ def find_start(
     """
     messages: tuple[str, ...] = ()
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    gives_gains = given.gains is not None and given.gains.size > 0
-    candidates = [given] if gives_gains else []
+    one = len(physics.law.gain_units) == 1  # may end 22 % lower without (rm1_turbulent_limits)
+    candidates = [given] if physics.law.is_feedback and (one or given.gains is not None) else []
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
@@ -129,8 +129,7 @@ def find_start(
         if improves(physics, improve):
             found = search.optima((*best_blades(physics, optimum), *candidates))
         else:
-            first = (*candidates, given)[0]
-            found = [search.as_given(first, each) for each in search.branches]
+            found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     tried = [replace(each.record, law=law) for law, each in search.tried]
@@ -144,9 +143,8 @@ def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]
     shape, limited = physics.shape, physics.law.torque_limit is not None or has_branches(physics)
     yield Candidate(BEST, shape.nearest(optimum.blade))
     if shape.designs_chord and limited:
-        ratio = FAST * optimum.tip_speed_ratio
-        faster = physics.rotor.best_blade(shape, ratio, optimum.blade, 1e-8).blade
-        yield Candidate(FASTER, shape.nearest(faster))
+        given = shape, FAST * optimum.tip_speed_ratio, optimum.blade, 1e-8
+        yield Candidate(FASTER, shape.nearest(physics.rotor.best_blade(*given).blade))
 
 
 def other_branch(start: StartingPoint) -> StartingPoint | None:
@@ -216,8 +214,8 @@ class Search:
         """Return the best optimum of each branch over the whole flow, the best first.
 
         A law of one gain is optimized from every blade. One of several gains, or with states, can
-        nearly follow an open loop, and is optimized from each of these. On a second branch the flow
-        is stalled, which makes optimizations long: one blade is enough.
+        nearly follow an open loop, and is optimized from each optimum of these. On a second branch
+        the flow is stalled, which makes optimizations long: one blade is enough.
         """
         law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
         follows = bool(law.states) or len(law.gain_units) > 1
@@ -228,9 +226,9 @@ class Search:
                     found.append(self._optimum(self._begin(each, branch)))
             if follows:
                 free = (self._scheduled(each.blade, branch) for each in some)
-                ends = [self._optimum(each, self._open_loop) for each in free]
-                guides = (replace(end, strategy=FITTED) for end in ends)
-                found += [self._optimum(self._fitted(guide, None)) for guide in guides]
+                ends = (self._optimum(each, self._open_loop) for each in free)
+                guides = {f"{end.objective:.6g}": replace(end, strategy=FITTED) for end in ends}
+                found += [self._optimum(self._fitted(end, None)) for end in guides.values()]
         found.sort(key=MERIT if law.is_feedback else self._less_stall, reverse=True)
         best = {end.branch: end for end in reversed(found)}
         return [self._over_time(each) for each in found if each is best[each.branch]]

@@ -65,8 +65,8 @@ def _in_speeds(scenario) -> SteadyScenario:
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
     kept = "mesh", "weight", "name", "limits", "interval_of", "own_limits", "density", "condition"
     about = {name: getattr(scenario, name) for name in kept}
-    place = np.arange(speeds.size)
-    return SteadyScenario(curve, edges=ends, place=place, resource=curve, **about)
+    about |= {"edges": ends, "place": np.arange(speeds.size), "resource": curve}
+    return SteadyScenario(curve, **about)
 
 
 class _Hopeless(Exception):
@@ -118,7 +118,8 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         cautious=steady.several_sections,
         progress=progress,
     )
-    driver.opt_settings["max_soc"] = 0  # second-order corrections double the number of model runs
+    # without equations, corrections for their curvature only cost time
+    driver.opt_settings |= {} if steady.law.is_feedback else {"max_soc": 0}
     problem = assemble(steady, setup, driver, scratch)
     given_up = False
     try:
