@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 CASES = Path(__file__).parents[1] / "cases" / "limits"
-KERNELS = "Haswell", "Sandybridge", "Nehalem"
+KERNELS = "Haswell", "Sandybridge"
 
 
 def ran(name, kernel, folder):

@@ -119,8 +119,8 @@ def find_start(
     """
     messages: tuple[str, ...] = ()
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    one = len(physics.law.gain_units) == 1  # may end 22 % lower without (rm1_turbulent_limits)
-    candidates = [given] if physics.law.is_feedback and (one or given.gains is not None) else []
+    # a law may end 22 % lower from the best blades alone (rm1_turbulent_limits)
+    candidates = [given] if physics.law.is_feedback else []
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
@@ -214,8 +214,9 @@ class Search:
         """Return the best optimum of each branch over the whole flow, the best first.
 
         A law of one gain is optimized from every blade. One of several gains, or with states, can
-        nearly follow an open loop, and is optimized from each optimum of these. On a second branch
-        the flow is stalled, which makes optimizations long: one blade is enough.
+        nearly follow an open loop, and is optimized from each of these, from one optimum until the
+        law keeps its limits. On a second branch the flow is stalled, which makes optimizations
+        long: one blade is enough.
         """
         law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
         follows = bool(law.states) or len(law.gain_units) > 1
@@ -224,11 +225,12 @@ class Search:
             for each in some:
                 if not follows or (each.gains is not None and law.is_static):
                     found.append(self._optimum(self._begin(each, branch)))
-            if follows:
-                free = (self._scheduled(each.blade, branch) for each in some)
-                ends = (self._optimum(each, self._open_loop) for each in free)
-                guides = {f"{end.objective:.6g}": replace(end, strategy=FITTED) for end in ends}
-                found += [self._optimum(self._fitted(end, None)) for end in guides.values()]
+            followed = set()
+            for each in some if follows else ():
+                guide = self._optimum(self._scheduled(each.blade, branch), self._open_loop)
+                if (digits := f"{guide.objective:.6g}") not in followed:
+                    found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
+                    followed |= {digits} if found[-1].worth[0] else set()
         found.sort(key=MERIT if law.is_feedback else self._less_stall, reverse=True)
         best = {end.branch: end for end in reversed(found)}
         return [self._over_time(each) for each in found if each is best[each.branch]]
