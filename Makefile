@@ -26,14 +26,11 @@ docs: $(STAMP)-docs
 fuzz: $(STAMP)-test
 	$(BIN)/python -m pytest -n 2 -m hypothesis --hypothesis-profile=random
 
-# branch coverage of every module by all tests, slow ones too, and by the processes that they start;
-# writes docs/coverage.md (half an hour on two cores): make coverage COVERED='tests/rotor'
+# branch coverage of every module by all tests, slow ones too, and by the processes that they start
+# (half an hour on two cores): make coverage COVERED='tests/rotor'
 COVERED ?= --ignore tests/benchmarks
 coverage: $(STAMP)-dev
-	mkdir -p results
-	$(BIN)/python -m pytest -n 2 $(COVERED) --cov=hkt_mdo \
-	    --cov-report=json:results/coverage.json
-	$(BIN)/python tests/coverage_page.py results/coverage.json 'pytest $(COVERED)'
+	$(BIN)/python -m pytest -n 2 $(COVERED) --cov=hkt_mdo --cov-report=term:skip-covered
 
 lint: $(STAMP)-dev
 	$(BIN)/ruff check .
