@@ -113,10 +113,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
             raise _Hopeless
 
     driver = drivers.make_driver(
-        *("casadi", "IPOPT", TOLERANCE, ITERATIONS),
-        barrier=BARRIER / count,
-        cautious=steady.several_sections,
-        progress=progress,
+        *("casadi", "IPOPT", TOLERANCE, ITERATIONS), barrier=BARRIER / count, progress=progress
     )
     # without equations, corrections for their curvature only cost time
     driver.opt_settings |= {} if steady.law.is_feedback else {"max_soc": 0}
