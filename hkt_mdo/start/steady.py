@@ -105,7 +105,6 @@ def co_designed(
 
 def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     """Return the end of one optimization by the point's torque curve, and if it was given up."""
-    setup = first_setup(steady, point)
     count, sign = sum(each.segments for each in steady.scenarios), steady.objective.sign
 
     def progress(iteration, objective, violation):
@@ -113,14 +112,17 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
             raise _Hopeless
 
     driver = drivers.make_driver(
-        *("casadi", "IPOPT", TOLERANCE, ITERATIONS), barrier=BARRIER / count, progress=progress
+        *("casadi", "IPOPT", TOLERANCE, ITERATIONS),
+        barrier=BARRIER / count,
+        # a law of one gain has better optima far from its start (rm1_turbulent_limits)
+        cautious=steady.several_sections and len(steady.law.gain_units) != 1,
+        progress=progress,
     )
     # without equations, corrections for their curvature only cost time
     driver.opt_settings |= {} if steady.law.is_feedback else {"max_soc": 0}
-    problem = assemble(steady, setup, driver, scratch)
+    problem = assemble(steady, first_setup(steady, point), driver, scratch)
     given_up = False
     try:
-        problem.final_setup()
         problem.run_model()
         problem.run_driver()
     except _Hopeless:
@@ -129,8 +131,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         problem.cleanup()
     end, excess = point_of(steady, problem), driver.violation()
     exceeds = [name for name, over in steady.excesses(end).items() if over > KEPT_EXCESS]
-    if excess > KEPT_EXCESS and not exceeds:
-        exceeds = ["balance_of_torques"]
+    exceeds = exceeds or ["balance_of_torques"] * (excess > KEPT_EXCESS)
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
     objective = sign * float(problem.get_val("objective")[0])
     return replace(end, objective=objective, exceeds=tuple(exceeds), **about), given_up

@@ -386,6 +386,7 @@ def test_a_folder_is_locked_before_a_case_is_prepared(tmp_path, monkeypatch):
 BLADES = Path(__file__).parents[1] / "data" / "blades"
 
 
+@pytest.mark.slow
 def test_a_blade_of_several_sections_succeeds_at_default_settings(tmp_path):
     rotor = {"blade": str(BLADES / "iea3_4.yaml"), "station_count": 14, "radius": 8.0}
     case = load_case({"rotor": rotor, "inflow": "sine", "control": "quadratic"})

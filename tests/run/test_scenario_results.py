@@ -23,6 +23,7 @@ CASE = {
     "control": {"law": "quadratic", "torque_limit": 700.0},
     "limits": {"power": "6 kW"},
     "phase": {"duration": 15.0, "segments": 15},
+    "start": {"method": "blade"},  # what is reported does not depend on it
 }
 SLOW = {
     "name": "slow",
