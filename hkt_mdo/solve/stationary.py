@@ -86,20 +86,17 @@ class Stationary:
         bool
             True once no iterate has been better for `Rules.patience` iterations.
         """
+        unit = self.tolerance
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
-        self._waited += bool(over <= self.tolerance)  # one that is not is on its way
+        self._waited += bool(over <= unit)  # an iterate beyond its bounds is on its way
         bound = np.where(multipliers > 0.0, self.upper, self.lower)
         room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
         gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)
         slope = float(np.max(np.abs(gradient), initial=0.0))
-        unit = self.tolerance
         if over <= unit and gap <= RULES.gap * unit and slope <= RULES.gradient * unit:
             if objective < self._objective:
-                self.best, self.gap, self._objective = (
-                    values[: gradient.size].copy(),
-                    gap,
-                    objective,
-                )
+                self.best, self.gap = values[: gradient.size].copy(), gap
+                self._objective = objective
             if objective < self._improved - RULES.better * unit * abs(objective):
                 self._improved, self._waited = objective, 0
         return self.best is not None and self._waited >= RULES.patience

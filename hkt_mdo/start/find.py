@@ -33,9 +33,9 @@ from hkt_mdo.start.steady import co_designed, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
 
 GIVEN, BEST = "blade as given", "best blade"
-FASTER, SLOWER = "best blade of a faster rotor", "best blade of a slower rotor"
+# names, and tip speed ratios over that of the best blade
+FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
-FAST, SLOW = 1.5, 0.75  # tip speed ratios of other rotors' blades over that of the best one
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to be tried over time
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
@@ -119,18 +119,18 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
-    given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    # a law may end 22 % lower from the best blades alone (rm1_turbulent_limits)
-    candidates = [given] if physics.law.is_feedback else []
+    candidates = [Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())]
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.insert(0, Candidate(RESULT, blade, gains))
     with TemporaryDirectory() as scratch:
         search = Search(physics, optimum, scratch)
         if improves(physics, improve):
-            found = search.optima((*best_blades(physics, optimum), *candidates))
+            # a law may end 22 % lower without the given blade (rm1_turbulent_limits), no open loop
+            used = candidates if physics.law.is_feedback else candidates[:-1]
+            found = search.optima((*best_blades(physics, optimum), *used))
         else:
-            found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
+            found = [search.as_given(candidates[0], each) for each in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     tried = [replace(each.record, law=law) for law, each in search.tried]
@@ -145,13 +145,12 @@ def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]
     An open loop may keep a limit by turning faster; a law of one gain has better optima where it
     turns slower (0.5 % of the energy of `rm1_turbulent_limits`).
     """
-    shape, limited = physics.shape, physics.law.torque_limit is not None or has_branches(physics)
+    shape, rotor = physics.shape, physics.rotor
     yield Candidate(BEST, shape.nearest(optimum.blade))
-    if shape.designs_chord and limited:
-        one = physics.law.is_feedback and len(physics.law.gain_units) == 1
-        name, factor = (SLOWER, SLOW) if one else (FASTER, FAST)
-        given = shape, factor * optimum.tip_speed_ratio, optimum.blade, 1e-8
-        yield Candidate(name, shape.nearest(physics.rotor.best_blade(*given).blade))
+    if shape.designs_chord and (physics.law.torque_limit is not None or has_branches(physics)):
+        name, factor = SLOWER if len(physics.law.gain_units) == 1 else FASTER
+        other = rotor.best_blade(shape, factor * optimum.tip_speed_ratio, optimum.blade, 1e-8)
+        yield Candidate(name, shape.nearest(other.blade))
 
 
 def other_branch(start: StartingPoint) -> StartingPoint | None:
@@ -237,7 +236,8 @@ class Search:
                 guide = self._optimum(self._scheduled(each.blade, branch), self._open_loop)
                 if (digits := f"{guide.objective:.6g}") not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
-                    followed |= {digits} if found[-1].worth[0] else set()
+                    if found[-1].worth[0]:
+                        followed.add(digits)
         found.sort(key=MERIT if law.is_feedback else self._less_stall, reverse=True)
         best = {end.branch: end for end in reversed(found)}
         return [self._over_time(each) for each in found if each is best[each.branch]]

@@ -65,8 +65,8 @@ def _in_speeds(scenario) -> SteadyScenario:
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
     kept = "mesh", "weight", "name", "limits", "interval_of", "own_limits", "density", "condition"
     about = {name: getattr(scenario, name) for name in kept}
-    about |= {"edges": ends, "place": np.arange(speeds.size), "resource": curve}
-    return SteadyScenario(curve, **about)
+    place = np.arange(speeds.size)
+    return SteadyScenario(curve, edges=ends, place=place, resource=curve, **about)
 
 
 class _Hopeless(Exception):
@@ -119,7 +119,8 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         progress=progress,
     )
     # without equations, corrections for their curvature only cost time
-    driver.opt_settings |= {} if steady.law.is_feedback else {"max_soc": 0}
+    if not steady.law.is_feedback:
+        driver.opt_settings["max_soc"] = 0
     problem = assemble(steady, first_setup(steady, point), driver, scratch)
     given_up = False
     try:
@@ -131,7 +132,8 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         problem.cleanup()
     end, excess = point_of(steady, problem), driver.violation()
     exceeds = [name for name, over in steady.excesses(end).items() if over > KEPT_EXCESS]
-    exceeds = exceeds or ["balance_of_torques"] * (excess > KEPT_EXCESS)
+    if excess > KEPT_EXCESS and not exceeds:
+        exceeds = ["balance_of_torques"]
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
     objective = sign * float(problem.get_val("objective")[0])
     return replace(end, objective=objective, exceeds=tuple(exceeds), **about), given_up
