@@ -26,6 +26,8 @@ from hkt_mdo.run.run import run_case, write_n2
 SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
 FAST = {"name": "fast", "inflow": "sine", "weight": 0.5}
 TIGHT = {"tolerance": 1e-10}
+# the search for a start takes most of a short run
+QUICK = {"start": {"method": "blade"}}
 
 
 def case(law="quadratic", *scenarios, duration=8.0, segments=6, **sections):
@@ -58,7 +60,7 @@ def one(tmp_path_factory):
 def two(tmp_path_factory):
     """Flows of different durations and weights, under feedback."""
     flows = SLOW | {"duration": 6.0, "weight": 1.0}, FAST | {"weight": 3.0}
-    return run(tmp_path_factory.mktemp("scenarios") / "two", case("quadratic", *flows))
+    return run(tmp_path_factory.mktemp("scenarios") / "two", case("quadratic", *flows, **QUICK))
 
 
 @pytest.fixture(

@@ -122,14 +122,11 @@ class Phase(Section):
     """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
     generator torque are equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
     final_speed: Literal["auto", "free", "initial"] = "auto"
-    """Rotor speed at the end: `free`; `initial`, that of t = 0, which closes the cycle, so that no
-    stored energy counts, and is possible for open loop only; `auto`: `initial` for open loop with
-    an objective that counts the generator's energy, otherwise `free`."""
-    stored_energy: Literal["limited", "allowed"] = "limited"
-    """Treatment of energy stored in the rotor, for objectives that count it as captured. `limited`:
-    an open loop whose rotor would store more than 1 % of the captured energy must end at its first
-    speed, and a result under feedback that stores as much more than the flow leaves in a rotor
-    that follows it is refused. `allowed`: stored energy is accepted."""
+    """Rotor speed at the end: `initial`, that of t = 0, which closes the cycle, so that no stored
+    energy counts, and is possible for open loop only; `free`; `auto`: `initial` for open loop,
+    `free` for feedback. Where it is free and the objective counts stored energy as captured, a
+    rotor that stores more than 1 % of it is refused; under feedback what the flow leaves in a rotor
+    that follows it does not count."""
 
 
 class Start(Section):

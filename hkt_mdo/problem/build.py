@@ -20,9 +20,9 @@ from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
-from hkt_mdo.problem.setup import HELD, THICKNESS_UNIT, TWIST_UNIT, Setup
+from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import PULSE, Follower
-from hkt_mdo.quantities import QUANTITIES, names
+from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
@@ -44,7 +44,6 @@ BARRIER = 6e-3
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
 # a first mesh, or of a held design, but not for the last digits on a finer one.
 FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
-LOOSER = 10.0  # tolerance while the design is held, over that of the case
 
 
 def assemble(
@@ -152,22 +151,20 @@ def _add_variants(group, physics, setup):
             group.add_subsystem(f"weight{variant}", weight, **about)
 
 
-def make_driver(
-    physics: Physics, progress=None, most=None, near=True, first=False, held=False
-) -> om.Driver:
+def make_driver(physics: Physics, progress=None, most=None, near=True, first=False) -> om.Driver:
     """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
 
     `near` tells that the start is near the optimum, so that an optimizer had better stay there;
-    `first` that no optimization on a coarser mesh went before, `held` that the design is held.
+    `first` that no optimization on a coarser mesh went before.
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
     steps = None if physics.several_sections else LATER_STEPS
-    steps = FEW_STEPS if first or held or law.is_feedback else steps
+    steps = FEW_STEPS if first or law.is_feedback else steps
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
-        (LOOSER if held else 1.0) * settings.tolerance,
+        settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
@@ -229,7 +226,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
             continue
         about = {"val": value, "units": units, "desc": DESIGNED[name]}
         given = name == "rotor_radius" and physics.shape.radius_bounds is None
-        if given or setup.moves == HELD:
+        if given:
             kept[name] = about
             continue
         low, high = bounds[name]
@@ -239,13 +236,9 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         low, high = physics.case.design.hub_inertia_bounds
         low, name, units = max(low, setup.least_hub), "hub_inertia", {"units": "kg*m**2"}
         hub = np.clip(start.blade.hub_inertia, low, high)
-        about = {"val": hub, "desc": DESIGNED[name], **units}
-        if setup.moves == HELD:
-            kept[name] = about
-        else:
-            designed[name] = about
-            ref = physics.mass_and_inertia(start.blade)[1]
-            model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
+        designed[name] = {"val": hub, "desc": DESIGNED[name], **units}
+        ref = physics.mass_and_inertia(start.blade)[1]
+        model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
     for scenario in physics.scenarios:
         name = named("density", physics.variants[scenario.turbine])
         kept[name] = {"val": physics.of(scenario).density, **QUANTITIES["density"].meta}
@@ -270,8 +263,7 @@ def _declare_constraints(model, physics, setup, scales):
         nodes = {} if held.component else {"indices": held.nodes, "flat_indices": True}
         model.add_constraint(held.constraint, **nodes, **held.options)
     for limit in physics.design_limits:
-        free = setup.moves != HELD or not set(names(over="result")).isdisjoint(limit.inputs)
-        if limit.constrains(physics.law) and free:
+        if limit.constrains(physics.law):
             _declare_design_limit(model, limit)
     for number, scenario in enumerate(physics.scenarios):
         if physics.may_pulse and not scenario.steady:

@@ -82,8 +82,8 @@ def _held(physics, setup, limit, number, scales) -> Held:
 
 
 def _distance_from_stall(physics, setup):
-    """Yield the distance from stall as a limit, where the setup has it."""
-    if setup.recovers and physics.has_curve:
+    """Yield the distance from stall as a limit, under feedback with a torque curve."""
+    if physics.law.is_feedback and physics.has_curve:
         yield DistanceFromStall(law=physics.law, spline=TorqueSpline(setup.nodes))
 
 

@@ -518,8 +518,7 @@ def complete(case: Case) -> Case:
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
     if final == "auto":
-        sells = case.objective.closes and not case.control.is_feedback
-        final = "initial" if sells else "free"
+        final = "free" if case.control.is_feedback else "initial"
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
     for number, own in enumerate(case.scenarios):

@@ -92,26 +92,19 @@ NARROW = MoveLimits(0.8, 1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3, thick
 """Narrower move limits, for an optimization that diverged from its start."""
 
 
-HELD = MoveLimits(chord=1.0, twist=0.0, radius=1.0, gain=1.0, thickness=0.0)
-"""The design is held, and only the operation is optimized."""
-
-
 @dataclass(frozen=True, eq=False)
 class Setup:
     """The start and the settings of one optimization.
 
-    `nodes` are the tip speed ratios of the torque curve. `recovers` tells whether a
-    rotor under feedback must recover from a small loss of speed (`DistanceFromStall`). `shares`
-    has, by the names of limit and scenario, the share of the limit's upper bound to which the nodes
-    of each segment are held, so that the limit holds between the nodes as well; a lower bound is
-    raised there by as much. `least_hub` (kg*m**2) raises the lower bound of a designed
-    `hub_inertia`.
+    `nodes` are the tip speed ratios of the torque curve. `shares` has, by the names of limit and
+    scenario, the share of the limit's upper bound to which the nodes of each segment are held, so
+    that the limit holds between the nodes as well; a lower bound is raised there by as much.
+    `least_hub` (kg*m**2) raises the lower bound of a designed `hub_inertia`.
     """
 
     start: StartingPoint
     nodes: np.ndarray
     moves: MoveLimits = MoveLimits()
-    recovers: bool = False
     shares: dict = field(default_factory=dict)
     least_hub: float = 0.0
 
@@ -125,15 +118,6 @@ class Setup:
         by_node = np.repeat(share, scenario.nodes_per_segment).reshape(scenario.segments, -1)
         by_node[:-1, -1] = np.minimum(share[:-1], share[1:])
         return by_node.ravel()[nodes]
-
-
-def first_setup(physics: Physics, start: StartingPoint, least_hub: float = 0.0) -> Setup:
-    """Return the setup of the first optimization from a start.
-
-    A rotor whose torque follows from its speed must recover from a loss of speed from the first.
-    """
-    nodes, recovers = curve_nodes(physics, start), physics.law.is_static
-    return Setup(start, nodes, recovers=recovers, least_hub=least_hub)
 
 
 def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:

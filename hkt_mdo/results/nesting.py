@@ -138,8 +138,9 @@ def allows(result: Solution, other: Solution) -> bool:
         return False
     if own.scenarios or own.model_dump(exclude=OWN) != theirs.model_dump(exclude=OWN):
         return False
-    phases = [(x.phase.duration, x.phase.initial_speed, x.phase.final_speed) for x in (own, theirs)]
-    if phases[0] != phases[1] or not own.control.contains(theirs.control):
+    phases = [(x.phase.duration, x.phase.initial_speed) for x in (own, theirs)]
+    ends = own.phase.final_speed in ("initial", theirs.phase.final_speed)
+    if phases[0] != phases[1] or not ends or not own.control.contains(theirs.control):
         return False
     return _allows_blade(result, other) and _keeps_limits(result, other)
 
@@ -180,6 +181,12 @@ def _keeps_limits(result, other) -> bool:
 
 
 def _gain(result, other) -> float:
-    """Return by how much the other's objective is better than a result's, as a share."""
-    objective = result.case.objective
-    return objective.behind(_objective(result) or 0.0, _objective(other) or 0.0)
+    """Return by how much the other's objective is better than a result's, as a share.
+
+    Over a closed cycle what is captured is delivered: energy that the other stores does not count.
+    """
+    objective, theirs = result.case.objective, _objective(other) or 0.0
+    ends = [x.case.phase.final_speed for x in (result, other)]
+    if objective.kind == "captured" and ends == ["initial", "free"]:
+        theirs = min(theirs, other.summary.generator_energy_J or 0.0)
+    return objective.behind(_objective(result) or 0.0, theirs)

@@ -9,11 +9,11 @@ import numpy as np
 
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import HELD, NARROW, Setup, curve_nodes
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry, MemoryEntry, PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.flight import Flight, Optimized, fly, may_tabulate, simulated_objective
-from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge, recovers
+from hkt_mdo.run.judge import BELOW_START, curve_errors, is_false, judge
 from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.mesh import Division, division, too_close_to_stall
 from hkt_mdo.run.optimization import assembled
@@ -22,13 +22,6 @@ from hkt_mdo.start.find import bounding_optimum
 
 WORTHWHILE = 1e-6
 """Relative gain of the objective for which a move limit is re-centred again."""
-
-DATED = 1e-4
-"""Change of the objective by finer meshes after which a held design is optimized again.
-
-After a change of 4e-4 a held design had lost 2e-6 to 3e-6 in one and in ten minutes of turbulence,
-and 1.4e-5, more than a mesh may, in a short sine.
-"""
 
 FEW = 0.1
 """Share of the segments up to which few of them are too coarse."""
@@ -139,9 +132,7 @@ class Before:
     verified : bool or None
         Whether the start's first branch has led to a result that passes; None: this is the first.
     objective : float
-        Objective of the last that was useful, J.
-    designed : float
-        Objective of the last that optimized the design, J.
+        Objective of the last that converged, J.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order and one kind of cycle.
@@ -153,7 +144,6 @@ class Before:
     passes: int = 0
     verified: bool | None = None
     objective: float = np.inf
-    designed: float = np.inf
     coarser: tuple[float, ...] = ()
     optimum: tuple[Physics, Optimized, tuple[Flight, ...]] | None = None
 
@@ -205,11 +195,6 @@ class Attempt:
         return failed and self.setup.moves == NARROW
 
     @cached_property
-    def recovers(self) -> bool:
-        """Whether the rotor recovers from a small loss of speed, or the setup requires this."""
-        return bool(self.setup.recovers) or recovers(self.physics, self.result)
-
-    @cached_property
     def memory(self) -> MemoryEntry | None:
         """Stability of an optimum's loop in a case with memory of the wake."""
         remembers = self.physics.remembers and self.converged
@@ -247,11 +232,6 @@ class Attempt:
         return float(np.max(curve_errors(self.physics, self.result)[1], initial=0.0))
 
     @property
-    def useful(self) -> bool:
-        """Whether its objective may be compared with others."""
-        return self.converged and self.recovers
-
-    @property
     def gain(self) -> float:
         """Relative change of the objective by this optimization; 1 for the first."""
         return abs(self.result.objective / self.before.objective - 1.0)
@@ -264,7 +244,7 @@ class Attempt:
         law may lose, since a coarse mesh let it exceed a limit.
         """
         after = self.begin.remedy in ("finer mesh", "recentred moves")
-        if self.physics.law.is_feedback or not (self.useful and after):
+        if self.physics.law.is_feedback or not (self.converged and after):
             return 0.0
         return self.physics.objective.behind(self.result.objective, self.before.objective)
 
@@ -274,16 +254,10 @@ class Attempt:
 
         A false solution is no start for another optimization.
         """
-        if not self.useful or self.gain <= WORTHWHILE or self.setup.moves == HELD:
+        if not self.converged or self.gain <= WORTHWHILE:
             return False
         reached = self.setup.moves.reached(self.physics, self.setup.start, self.result.point)
         return reached and not self.is_false
-
-    @property
-    def is_dated(self) -> bool:
-        """Whether its design was held, and a finer mesh has changed the objective since then."""
-        change = abs(self.result.objective / self.before.designed - 1.0)
-        return self.setup.moves == HELD and change > DATED
 
     @cached_property
     def division(self) -> Division:
@@ -325,17 +299,15 @@ class Attempt:
     def after(self, again: Begin) -> Before:
         """Return the record of the passes so far for the next one, which begins again."""
         before = replace(self.before, passes=self.before.passes + 1)
-        if self.useful and again.remedy != "smaller moves":  # otherwise its objective has fallen
+        if self.converged and again.remedy != "smaller moves":  # otherwise its objective has fallen
             before = replace(before, objective=self.result.objective)
-            if self.setup.moves != HELD:
-                before = replace(before, designed=self.result.objective)
         if again.remedy in AT_OPTIMUM:
             result = replace(self.result, mesh_error=self.division.error)
             before = replace(before, optimum=(self.physics, result, self.flights))
         if again.physics is not self.physics:
             meshes = [each.scenarios[0].mesh for each in (self.physics, again.physics)]
             same = meshes[0] == meshes[1]  # otherwise the objectives are no series
-            last = (self.result.objective,) if self.useful else ()
+            last = (self.result.objective,) if self.converged else ()
             coarser = (*before.coarser, *last) if same else ()
             before = replace(before, coarser=coarser)
         return before
@@ -344,8 +316,8 @@ class Attempt:
     def end(self) -> Judged:
         """The result of the run if no remedy follows, with its checks, of this or an earlier pass.
 
-        If this pass failed, it is the last optimum; a useful pass on a finer mesh gives the error
-        of its mesh.
+        If this pass failed, it is the last optimum; a finer mesh that converged gives the error of
+        its mesh.
         """
         physics, result, flights = self.physics, self.result, None
         if self.lost and self.before.optimum:

@@ -16,7 +16,6 @@ from hkt_mdo.dynamics.limits import (
     LEAST,
     SLOWED,
     TYPICAL,
-    DistanceFromStall,
     Limit,
     TorqueLimit,
     settled,
@@ -201,7 +200,8 @@ def _of_design(physics, optimum, reference, result, flights):
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(physics, optimum, flights)
-    if sells(physics):
+    closed = all(each.mesh.final_speed == "initial" for each in physics.scenarios)
+    if isinstance(physics.objective, CapturedEnergy) and not closed:
         word = "energy that the rotor stores over captured energy"
         if physics.law.is_feedback:
             word += ", except for what the flow leaves in a rotor that follows it"
@@ -284,13 +284,6 @@ def _resolved(physics, result, flights):
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
         yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
-
-
-def sells(physics: Physics) -> bool:
-    """Tell whether the objective counts energy stored in the rotor, which is not delivered."""
-    closed = all(each.mesh.final_speed == "initial" for each in physics.scenarios)
-    limited = physics.case.phase.stored_energy == "limited"
-    return limited and not closed and isinstance(physics.objective, CapturedEnergy)
 
 
 def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> float:
@@ -476,23 +469,6 @@ def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.nd
     return probe, np.max(errors, axis=0)
 
 
-def recovers(physics: Physics, result: Optimized) -> bool:
-    """Tell whether a rotor under feedback recovers from a small loss of speed, by the curve."""
-    if not (physics.law.is_feedback and result.curve.size):
-        return True
-    blade = result.point.blade
-    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        own, curve = physics.of(scenario), result.curve
-        if own is not physics:
-            curve = own.rotor.coefficients(blade, result.setup.nodes).torque
-        limit = DistanceFromStall(law=own.law, spline=TorqueSpline(result.setup.nodes))
-        known = nodes | own.scalars(blade, result.inertia)
-        known |= {"torque_coefficient_table": curve, "gains": result.point.gains}
-        if not np.all(~settled(known) | (limit.value_of(known) >= 0.0)):
-            return False
-    return True
-
-
 FALSE_SOLUTION = (
     "the collocation is too coarse or has converged to a false solution: try more phase.segments, "
     "phase.transcription=gauss-lobatto, start.method=quasi_steady"
@@ -517,7 +493,7 @@ TRY = {
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy includes energy stored in the rotor: try objective=generator, or "
-        "phase.stored_energy=allowed"
+        "phase.final_speed=auto"
     ),
     "rotor_keeps_turning": (
         "try a larger control.torque_limit, start.method=quasi_steady, or of a year a larger cut_in"

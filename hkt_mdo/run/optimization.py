@@ -7,7 +7,7 @@ import numpy as np
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.problem.build import assemble, make_driver, point_of, series
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.problem.setup import HELD, Setup
+from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
@@ -40,9 +40,7 @@ def solve(
     Optimized
         The end of the optimization, converged or not.
     """
-    driver = make_driver(
-        physics, state, most, near, first=not state.passes, held=setup.moves == HELD
-    )
+    driver = make_driver(physics, state, most, near, first=not state.passes)
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
     state.log.add_recorders(problem, whole=rows <= MOST_ROWS)

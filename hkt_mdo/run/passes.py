@@ -12,13 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.problem.build import MANY_SEGMENTS, point_of
+from hkt_mdo.problem.build import point_of
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import HELD, NARROW, MoveLimits, Setup, curve_nodes, first_setup
+from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
 from hkt_mdo.results.words import joined, per_cent
 from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
-from hkt_mdo.run.judge import STORED, most_between, sells, sold
+from hkt_mdo.run.judge import most_between
 from hkt_mdo.run.memory import first_hub, stable_hub
 from hkt_mdo.run.mesh import held
 from hkt_mdo.run.optimization import solve
@@ -55,24 +54,10 @@ def smaller_moves(attempt: Attempt) -> Begin | None:
     if attempt.converged or attempt.lost:
         return None
     why = f"the optimizer did not converge in {attempt.result.outcome.iterations} iterations"
-    if setup.moves == HELD:
-        return attempt.begin_again(f"{why} with the design held", moves=MoveLimits())
     if last.operation.energy > setup.start.operation.energy:
         nodes = curve_nodes(attempt.physics, last)
         return attempt.begin_again(why, moves=NARROW, start=last, nodes=nodes)
     return attempt.begin_again(why, moves=NARROW)
-
-
-def distance_from_stall(attempt: Attempt) -> Begin | None:
-    """Constrain the recovery of a rotor under feedback that does not recover."""
-    if not attempt.converged or attempt.setup.recovers:
-        return None
-    if not attempt.recovers:
-        why = f"a rotor that loses {100.0 * SLOWED:g} % of its speed does not recover"
-        return attempt.begin_again(why, recovers=True)
-    close = sum(map(np.sum, attempt.near_stall))
-    why = f"too close to stall between the nodes of {close} segments"
-    return attempt.begin_again(why, recovers=True) if close else None
 
 
 def finer_torque_curve(attempt: Attempt) -> Begin | None:
@@ -133,29 +118,7 @@ def finer_mesh(attempt: Attempt) -> Begin | None:
         for (limit, scenario), share in lowered.items()
     }
     point = point_of(physics, attempt.result.problem)
-    changes = {"physics": physics, "start": point, "shares": shares}
-    if _may_hold(physics):
-        # the operation alone needs half the iterations, which take a fraction of the time
-        changes |= {"moves": HELD, "nodes": curve_nodes(physics, point)}
-    return attempt.begin_again(why, **changes)
-
-
-def _may_hold(physics) -> bool:
-    """Tell whether the operation on a fine mesh is optimized with a held design first.
-
-    With several sections on a blade the operation alone does not converge there.
-    """
-    many = sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
-    designs = any(physics.shape.points.values()) or physics.shape.radius_bounds is not None
-    return many and designs and not (physics.law.is_feedback or physics.several_sections)
-
-
-def design_again(attempt: Attempt) -> Begin | None:
-    """Optimize design and operation together on a mesh that has been divided with a held design."""
-    if not (attempt.converged and attempt.is_dated):
-        return None
-    why = "the mesh is fine enough for the operation of the held design"
-    return attempt.from_end(why, moves=MoveLimits())
+    return attempt.begin_again(why, physics=physics, start=point, shares=shares)
 
 
 def lowered_limits(attempt: Attempt) -> Begin | None:
@@ -177,8 +140,6 @@ def lowered_limits(attempt: Attempt) -> Begin | None:
         return None
     why = _exceeded(worst)
     setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
-    if _may_hold(physics):
-        setup = replace(setup, moves=MoveLimits() if attempt.is_dated else HELD)
     return replace(attempt.begin, physics=physics, setup=setup, why=why)
 
 
@@ -209,24 +170,6 @@ def _lowered(physics, setup, flights):
                 lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
                 shares[limit.name, flight.scenario.name] = lower
     return shares, worst
-
-
-def closed_cycle(attempt: Attempt) -> Begin | None:
-    """Close the cycle of an open loop that counts stored energy as captured."""
-    physics = attempt.physics
-    if not attempt.converged or physics.law.is_feedback or not sells(physics):
-        return None
-    share = sold(physics, attempt.result, attempt.flights)
-    if share <= STORED:
-        return None
-    scenarios = [
-        replace(each, mesh=each.mesh.model_copy(update={"final_speed": "initial"}))
-        for each in attempt.state.first.scenarios
-    ]
-    why = f"the rotor stores {100.0 * share:.2g} % of what it captures"
-    # from the start: an end that stores much is far from any closed cycle
-    physics, start = replace(physics, scenarios=tuple(scenarios)), attempt.begin.start
-    return replace(attempt.begin, physics=physics, setup=_first_setup(physics, start), why=why)
 
 
 def stable_shaft(attempt: Attempt) -> Begin | None:
@@ -265,19 +208,16 @@ def other_branch(attempt: Attempt) -> Begin | None:
 
 def _first_setup(physics, start) -> Setup:
     """Return the first setup, in which a designed hub makes the loop with memory stable."""
-    return first_setup(physics, start, first_hub(physics, start))
+    return Setup(start, curve_nodes(physics, start), least_hub=first_hub(physics, start))
 
 
 REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
     smaller_moves,
-    closed_cycle,
     stable_shaft,
-    distance_from_stall,
     finer_torque_curve,
     recentred_moves,
     finer_mesh,
     lowered_limits,
-    design_again,
     other_branch,
 )
 
@@ -286,16 +226,16 @@ def next_begin(attempt: Attempt) -> Begin | None:
     """Return the start of the next optimization by the first remedy that applies.
 
     After `MAX_PASSES` from one start, only another start is left. A loop that is unstable with
-    memory of the wake is refused unless its rotor stalls or its shaft is designed: no mesh helps,
-    and its integration runs away.
+    memory of the wake is refused unless its shaft is designed: no mesh helps, and its integration
+    runs away.
     """
     *others, another_start = REMEDIES
     if attempt.before.verified:  # what fails on a second branch then is not tried again
         others.remove(smaller_moves)
     second = attempt.before.verified is not None
     last = () if attempt.approximate or second else (another_start,)  # for which the judges decide
-    if attempt.runs_away:  # of a rotor that stalls, stability says nothing
-        others, last = (stable_shaft if attempt.recovers else distance_from_stall,), ()
+    if attempt.runs_away:
+        others, last = (stable_shaft,), ()
     for remedy in (*(others if attempt.before.passes + 1 < MAX_PASSES else ()), *last):
         begin = remedy(attempt)
         if begin is not None:

@@ -7,7 +7,7 @@ import openmdao.api as om
 from hkt_mdo.case import Case
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import Physics, physics
-from hkt_mdo.problem.setup import Setup, first_setup
+from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.find import find_start, improves, steady_optimum
 
@@ -64,4 +64,4 @@ def start_of_case(case: Case, improve: bool | None = None) -> tuple[Physics, Set
         else:
             optimum = world.rotor.best_operation(world.blade)
         start = find_start(world, optimum, improve=improve)
-    return world, first_setup(world, start)
+    return world, Setup(start, curve_nodes(world, start))

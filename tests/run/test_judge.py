@@ -250,7 +250,7 @@ REFUSALS = [
         ["between t = 3 and 4 s", "phase.segments"],
     ),
     ("mesh_error", "open_loop", other_mesh, 2e-5, ["finer mesh", "phase.segments"]),
-    ("stored_energy", "feedback", wound_up, 0.02, ["flow leaves", "phase.stored_energy"]),
+    ("stored_energy", "feedback", wound_up, 0.02, ["flow leaves", "objective=generator"]),
     ("distance_from_stall", "feedback", near_stall, 1.0, ["slowed rotor", "start.method"]),
     ("surrogate_error", "feedback", wrong_curve, 2e-3, ["at tip speed ratio", "hydrodynamics"]),
     ("energy_over_bound", "feedback", lower_bound_of_the_energy, 0.07, ["bound", "phase.segments"]),

@@ -3,12 +3,7 @@
 import inspect
 import json
 
-import numpy as np
-import pytest
-
 from hkt_mdo.case import load_case
-from hkt_mdo.problem import build
-from hkt_mdo.run import flight, passes
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import REMEDIES
 from hkt_mdo.run.run import run_case
@@ -44,23 +39,6 @@ def test_an_optimizer_that_gives_up_goes_on_within_smaller_moves(solve_physics):
 def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
     law = {"control": {"law": "quadratic"}}
     assert [each.remedy for each in solve_physics(OPEN_LOOP | SHORT | law).passes] == [""]
-
-
-@pytest.mark.slow
-def test_a_long_open_loop_is_refined_with_its_design_held(solve_physics, monkeypatch):
-    """The optimum is that of a run which designs on every mesh."""
-    case = {"inflow": "sine", "control": LIMITED["control"], "limits": {"power": 4500}}
-    case |= SHORT | {"rotor": {"station_count": 9}}
-    usual = solve_physics(case)
-    for module in build, flight, passes:
-        monkeypatch.setattr(module, "MANY_SEGMENTS", 20)
-    held = solve_physics(case)
-    assert all(check.passed for check in held.checks().values())
-    remedies = [each.remedy for each in held.passes]
-    assert remedies.count("finer mesh") >= 1
-    assert {"design again", "lowered limits"} & set(remedies)
-    assert held.result.objective == pytest.approx(usual.result.objective, rel=1e-5)
-    assert np.any(held.result.point.blade.chord != held.start.blade.chord)
 
 
 def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
