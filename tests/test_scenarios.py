@@ -31,10 +31,13 @@ QUICK = {"start": {"method": "blade"}}
 
 
 def case(law="quadratic", *scenarios, duration=8.0, segments=6, **sections):
-    """Return the data of a short case; without scenarios, of one sine."""
+    """Return the data of a short case; without scenarios, of one sine.
+
+    The last speed is free: the end of a short closed cycle makes the optimum of the blade flat.
+    """
     flows = {"scenarios": list(scenarios)} if scenarios else {"inflow": "sine"}
     control = {"law": law, "torque_limit": 700.0}
-    phase = {"duration": duration, "segments": segments}
+    phase = {"duration": duration, "segments": segments, "final_speed": "free"}
     return {"control": control, "phase": phase, **flows, **sections}
 
 

@@ -124,9 +124,10 @@ class Phase(Section):
     final_speed: Literal["auto", "free", "initial"] = "auto"
     """Rotor speed at the end: `initial`, that of t = 0, which closes the cycle, so that no stored
     energy counts, and is possible for open loop only; `free`; `auto`: `initial` for open loop,
-    `free` for feedback. Where it is free and the objective counts stored energy as captured, a
-    rotor that stores more than 1 % of it is refused; under feedback what the flow leaves in a rotor
-    that follows it does not count."""
+    `free` for feedback and with a limit on a rate, which makes the way to that end long. Where it
+    is free and the objective counts stored energy as captured, a rotor that stores more than 1 % of
+    it is refused; under feedback what the flow leaves in a rotor that follows it does not count.
+    """
 
 
 class Start(Section):

@@ -42,7 +42,7 @@ BARRIER = 6e-3
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
-# a first mesh, or of a held design, but not for the last digits on a finer one.
+# a first mesh, but not for the last digits on a finer one.
 FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
 
 

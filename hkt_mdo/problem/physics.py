@@ -41,7 +41,7 @@ from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.plausible import doubts
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
-from hkt_mdo.quantities import LOADS, STEADY, names
+from hkt_mdo.quantities import LOADS, RATES, STEADY, names
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
@@ -518,7 +518,8 @@ def complete(case: Case) -> Case:
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
     if final == "auto":
-        final = "free" if case.control.is_feedback else "initial"
+        rates = any(limit.is_of(RATES) for limit in case.limits.given)
+        final = "free" if rates or case.control.is_feedback else "initial"
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
     for number, own in enumerate(case.scenarios):
