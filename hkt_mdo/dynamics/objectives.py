@@ -25,8 +25,8 @@ class Objective(Formula):
     maximize: ClassVar[bool] = True
     """Whether it is maximized; otherwise it is minimized."""
     closes: ClassVar[bool] = False
-    """Whether it would count the rotor's kinetic energy, so that the cycle of an open loop is
-    closed by default: the rotor ends at its initial speed."""
+    """Whether it counts the kinetic energy with which the rotor begins, unless it ends at its
+    initial speed: its bound holds over a closed cycle only."""
 
     def rate(self, **quantities: Any) -> Any:
         """Return the rate, `unit` a second, shape (n_times,)."""

@@ -225,8 +225,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         if not value.size:
             continue
         about = {"val": value, "units": units, "desc": DESIGNED[name]}
-        given = name == "rotor_radius" and physics.shape.radius_bounds is None
-        if given:
+        if name == "rotor_radius" and physics.shape.radius_bounds is None:
             kept[name] = about
             continue
         low, high = bounds[name]

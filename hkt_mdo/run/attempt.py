@@ -135,7 +135,7 @@ class Before:
         Objective of the last that converged, J.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
-        one order and one kind of cycle.
+        one order.
     optimum : tuple of Physics, Optimized and flights, or None
         The last optimum to which only remedies for the mesh, or for limits between its nodes,
         applied.
@@ -270,11 +270,11 @@ class Attempt:
         physics = changes.pop("physics", self.physics)
         return replace(self.begin, physics=physics, setup=replace(self.setup, **changes), why=why)
 
-    def from_end(self, why: str, *, finer: bool = False, **changes) -> Begin:
+    def from_end(self, why: str, *, finer: bool = False) -> Begin:
         """Return `begin_again` from this optimization's end, its torque curve finer or not."""
         point = self.result.point
         nodes = curve_nodes(self.physics, point, finer=finer)
-        return self.begin_again(why, start=point, nodes=nodes, **changes)
+        return self.begin_again(why, start=point, nodes=nodes)
 
     def entry(self, seconds: float, again: Begin | None) -> PassEntry:
         """Return the report of this optimization and of the remedy that follows.

@@ -493,7 +493,7 @@ TRY = {
     "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
     "stored_energy": (
         "the captured energy includes energy stored in the rotor: try objective=generator, or "
-        "phase.final_speed=auto"
+        "under open loop phase.final_speed=initial"
     ),
     "rotor_keeps_turning": (
         "try a larger control.torque_limit, start.method=quasi_steady, or of a year a larger cut_in"

@@ -91,10 +91,11 @@ def test_the_start_is_nearly_feasible(name):
     violations = {
         key: np.max(np.abs(values))
         for key, values in problem.driver.get_constraint_values().items()
-        # a schedule ends at the speed of its flow, and may be too close to stall
-        if not any(x in key for x in ("control_torque", "gain_of_speed", "distance_from_stall"))
+        if "control_torque" not in key
     }
-    assert max(violations.values()) < 0.05, violations
+    # a schedule ends at the speed of its flow, and a fitted gain may be too close to stall
+    known = {"phase_gain_of_speed.change": 0.15, "limit_distance_from_stall.value": 0.06}
+    assert all(over < known.get(key, 0.05) for key, over in violations.items()), violations
 
 
 def assert_sparse_totals_are_openmdaos(problem):

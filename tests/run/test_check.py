@@ -223,7 +223,9 @@ def test_what_stands_in_the_tables() -> None:
     assert "80: 9 chord_control, 9 twist_control, 1 gain_0, 61 states:rotor_speed" in rows(
         report, "Optimization"
     )
-    assert "1 rotor_acceleration[initial], 60 defects:rotor_speed" in rows(report, "Optimization")
+    assert (
+        "241: 180 limit_distance_from_stall, 1 rotor_acceleration[initial], 60 defects:rotor_speed"
+    ) in rows(report, "Optimization")
 
 
 TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
