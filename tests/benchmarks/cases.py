@@ -18,12 +18,13 @@ QUADRATIC = "{law: quadratic, torque_limit: 700}"
 OPEN_LOOP = "{law: open_loop, torque_limit: 700}"
 
 
-def case_of(control=QUADRATIC, segments=60, duration=None, **sections):
+def case_of(control=QUADRATIC, segments=60, duration=None, final_speed="auto", **sections):
     """Return a case over the sine flow."""
     lines = [
         "inflow: {profile: sine}",
         f"control: {control}",
-        f"phase: {{segments: {segments}, duration: {duration or segments}}}",
+        f"phase: {{segments: {segments}, duration: {duration or segments},"
+        f" final_speed: {final_speed}}}",
         *(f"{name}: {text}" for name, text in sections.items()),
     ]
     return read_case("\n".join(lines))
