@@ -235,13 +235,13 @@ class CurveFeedback(FeedbackLaw):
     def moves(self, gains, factor):
         speeds, torques = gains.reshape(2, -1)
         low, high = super().moves(torques, factor)
-        if np.isfinite(factor):  # each of two neighbours may take half of what is left to STEEPEST
-            rise, most = np.diff(np.log(torques)), STEEPEST * np.diff(np.log(speeds))
-            apart, closer = (np.exp(0.5 * np.maximum(x, 0.0)) for x in (most - rise, most + rise))
-            low[:-1] = np.maximum(low[:-1], torques[:-1] / apart)
-            high[1:] = np.minimum(high[1:], torques[1:] * apart)
-            low[1:] = np.maximum(low[1:], torques[1:] / closer)
-            high[:-1] = np.minimum(high[:-1], torques[:-1] * closer)
+        # each of two neighbours may take half of what is left to STEEPEST
+        rise, most = np.diff(np.log(torques)), STEEPEST * np.diff(np.log(speeds))
+        apart, closer = (np.exp(0.5 * np.maximum(x, 0.0)) for x in (most - rise, most + rise))
+        low[:-1] = np.maximum(low[:-1], torques[:-1] / apart)
+        high[1:] = np.minimum(high[1:], torques[1:] * apart)
+        low[1:] = np.maximum(low[1:], torques[1:] / closer)
+        high[:-1] = np.minimum(high[:-1], torques[:-1] * closer)
         return np.array(((*speeds, *low), (*speeds, *high)))
 
     def eased(self, gains, share):

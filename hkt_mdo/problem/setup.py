@@ -19,77 +19,41 @@ LOAD_ERROR = 5e-5  # of a load between the nodes of its curve, relatively
 
 @dataclass(frozen=True)
 class MoveLimits:
-    """How far from its start an optimization may go before it has to start anew from there.
+    """How far from its start an optimization may go, besides the case's own bounds.
 
-    Rotor speed between `slower` and `faster` times the start's range; chord, disc radius and gain
-    by factors, twist by an angle (rad), thickness by a difference (over chord). Wherever the case's
-    own bounds are tighter, they hold.
+    Rotor speed between `slower` and `faster` times the start's range; disc radius and gain by
+    factors.
     """
 
-    slower: float = 0.6
-    faster: float = 1.5
-    chord: float = np.inf
-    twist: float = np.inf
-    radius: float = 1.2
-    gain: float = 5.0
-    thickness: float = np.inf
+    slower: float = 0.2
+    faster: float = 4.0
+    radius: float = np.inf
+    gain: float = np.inf
 
     def bounds(self, physics: Physics, start: StartingPoint) -> dict[str, tuple]:
         """Return (lower, upper) of what the optimizer changes, and of the rotor speed.
 
         rotor_speed (rad/s), chord_control (m), twist_control (rad), thickness_control (over chord),
-        rotor_radius (m) and gain; what is not designed has no entries.
+        rotor_radius (m) where it is designed, and gain, (n_gains,) each.
         """
-        speed, gains, shape = start.operation.rotor_speed, start.gains, physics.shape
-        chord, twist, thick = shape.control(start.blade)
-        radius = np.full(int(shape.radius_bounds is not None), start.blade.rotor_radius)
-        own = gain_bounds(physics)
-        return {
+        speed, shape, radius = start.operation.rotor_speed, physics.shape, start.blade.rotor_radius
+        gains = physics.law.moves(start.gains, self.gain)
+        found = {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
-            "chord_control": _within(chord / self.chord, chord * self.chord, shape.chord_bounds),
-            "twist_control": _within(twist - self.twist, twist + self.twist, shape.twist_bounds),
-            "thickness_control": _within(
-                thick - self.thickness, thick + self.thickness, shape.thickness_bounds
-            ),
-            "rotor_radius": _within(
-                radius / self.radius, radius * self.radius, shape.radius_bounds or own
-            ),
-            "gain": _within(*physics.law.moves(gains, self.gain), own),
+            "chord_control": shape.chord_bounds,
+            "twist_control": shape.twist_bounds,
+            "thickness_control": shape.thickness_bounds,
+            "gain": np.clip(gains, *gain_bounds(physics)),
         }
-
-    def reached(self, physics: Physics, start: StartingPoint, end: StartingPoint) -> bool:
-        """Tell whether an optimum ended at a move limit, which is no bound of the case."""
-        own = MoveLimits(0.0, *[np.inf] * 6).bounds(physics, start)
-        chord, twist, thick = physics.shape.control(end.blade)
-        ends = {
-            "rotor_speed": end.operation.rotor_speed,
-            "chord_control": chord,
-            "twist_control": twist,
-            "thickness_control": thick,
-            "rotor_radius": np.array([end.blade.rotor_radius]),
-            "gain": end.gains,
-        }
-        for name, (low, high) in self.bounds(physics, start).items():
-            value, (own_low, own_high) = ends[name], own[name]
-            close = 1e-3 * np.maximum(np.abs(value), 1e-2)
-            if np.any((value < low + close) & (low > own_low)) or np.any(
-                (value > high - close) & (high < own_high)
-            ):
-                return True
-        return False
+        if shape.radius_bounds is not None:
+            ends = radius / self.radius, radius * self.radius
+            found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)
+        return found
 
 
 def gain_bounds(physics: Physics) -> tuple[float, float]:
     """Return the bounds on the feedback gains that a case gives, in their units; else none."""
     return physics.case.design.gain_bounds or (-np.inf, np.inf)
-
-
-def _within(low, high, bounds):
-    return np.clip(low, *bounds), np.clip(high, *bounds)
-
-
-NARROW = MoveLimits(0.8, 1.25, chord=1.3, twist=np.deg2rad(3.0), gain=1.3, thickness=0.02)
-"""Narrower move limits, for an optimization that diverged from its start."""
 
 
 @dataclass(frozen=True, eq=False)

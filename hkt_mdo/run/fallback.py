@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.rotor.shape import POINTS
-from hkt_mdo.run.attempt import Judged, as_it_stands
+from hkt_mdo.run.checked import Checked, as_it_stands
 from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
 
@@ -15,7 +15,7 @@ FEW_ITERATIONS = 300
 """Iterations below which `driver.max_iterations` is probably too small; most runs need a tenth."""
 
 
-def best_of(state: RunState, end: Judged) -> tuple[Judged, str]:
+def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
     """Return the best of a failed run's end, its best iterate and its start.
 
     Parameters
@@ -27,7 +27,7 @@ def best_of(state: RunState, end: Judged) -> tuple[Judged, str]:
 
     Returns
     -------
-    tuple of Judged and str
+    tuple of Checked and str
         The best one, on its own mesh, and its description; empty for the end.
     """
     best, held = end, ""
@@ -37,9 +37,9 @@ def best_of(state: RunState, end: Judged) -> tuple[Judged, str]:
             continue
         physics, point, words = other
         stands = as_it_stands(state, physics, point, end.result)
-        judged = Judged.of(end.start, state.optimum, physics, stands, reference=end.reference)
-        if judged.rank > best.rank:
-            best, held = judged, words
+        checked = Checked.of(state, end.start, end.reference, physics, stands)
+        if checked.rank > best.rank:
+            best, held = checked, words
     return best, held
 
 

@@ -200,14 +200,14 @@ def _of_design(physics, optimum, reference, result, flights):
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(physics, optimum, flights)
-    closed = all(each.mesh.final_speed == "initial" for each in physics.scenarios)
-    if isinstance(physics.objective, CapturedEnergy) and not closed:
-        word = "energy that the rotor stores over captured energy"
-        if physics.law.is_feedback:
-            word += ", except for what the flow leaves in a rotor that follows it"
-        yield "stored_energy", sold(physics, result, flights), STORED, word
+    captured = isinstance(physics.objective, CapturedEnergy)
+    if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
+        stored = total(flights, lambda flight: _stored(physics, result, flight))
+        energy = max(abs(total(flights, lambda flight: flight.simulation.energy)), 1e-9)
+        word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
+        yield "stored_energy", stored / energy, STORED, word
     objective = simulated_objective(physics, flights)
-    if not isinstance(physics.objective, CapturedEnergy):
+    if not captured:
         known = simulated_objective(physics, tuple(each.of_model for each in flights))
         error = abs(result.objective - known) / max(abs(known), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
@@ -286,39 +286,21 @@ def _resolved(physics, result, flights):
         yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
 
 
-def sold(physics: Physics, result: Optimized, flights: tuple[Flight, ...]) -> float:
-    """Return the energy stored in rotors by the optimizer's choice, over the captured energy.
+def _stored(physics, result, flight) -> float:
+    """Return the kinetic energy that the optimizer stores in a rotor at the end, J.
 
-    Open loop chooses the last speed. Under feedback the last speed follows from the flow: only the
-    energy beyond that at the equilibrium speed counts. A heavy shaft lags behind the flow and ends
-    faster or slower than in equilibrium. While the last speed is between speeds at which the rotor
-    has been in balance in its run, those at which it began or turned, only the energy in the blades
-    counts: their inertia is designed, that of the shaft is given.
+    Open loop chooses the last speed. Under feedback that follows from the flow: only what is gained
+    over the scenario and exceeds that at the equilibrium speed of the last flow counts.
     """
-    factor = physics.rotor.inertia_factor
-    given = hub = physics.rotor.hub_of(result.point.blade)
-    if physics.designs_hub:  # what is above its lower bound is the optimizer's choice
-        low, _ = physics.case.design.hub_inertia_bounds
-        given = min(hub, max(low, result.setup.least_hub))
-    blades = 1.0 - given * factor / result.inertia
-
-    def stored(flight) -> float:
-        flown = flight.simulation
-        if not physics.law.is_feedback:
-            return abs(flown.kinetic_energy_change)
-        speed = flown.rotor_speed
-        net, slowed = (each[-1] for each in _net_torques(physics, result, flight))
-        slope = (slowed - net) / (SLOWED * speed[-1])
-        if slope <= 0.0:  # no speed near the last one is a stable equilibrium
-            return abs(flown.kinetic_energy_change)
-        moves = np.diff(speed)
-        balanced = np.append(speed[1:-1][moves[:-1] * moves[1:] <= 0.0], speed[0])
-        beyond = abs(speed[-1] - np.clip(speed[-1], np.min(balanced), np.max(balanced)))
-        whole, outside = abs(net / slope), min(abs(net / slope), beyond)
-        counted = outside + blades * (whole - outside)
-        return flight.plant.inertia * speed[-1] * counted
-
-    return total(flights, stored) / max(abs(total(flights, lambda f: f.simulation.energy)), 1e-9)
+    speed, inertia = flight.simulation.rotor_speed, flight.plant.inertia
+    change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
+    if not physics.law.is_feedback:
+        return abs(change)
+    net, slowed = (each[-1] for each in _net_torques(physics, result, flight))
+    slope = (slowed - net) / (SLOWED * speed[-1])
+    # without a slope no speed near the last one is a stable equilibrium
+    beyond = -inertia * speed[-1] * net / slope if slope > 0.0 else change
+    return max(min(change, beyond), 0.0)
 
 
 def _recovery(physics, result, flights):

@@ -1,200 +1,284 @@
-"""The passes of a run: optimize, and again as long as a remedy applies.
+"""The passes of a run: optimize, integrate, and refine as long as the integration asks for it.
 
-A remedy takes an `Attempt` and returns the start of the next optimization, or None if it does not
-apply. `REMEDIES` are tried in order, and the first that applies decides.
+Each optimization is a `Pass`. What follows it is decided by `FOLLOW_UPS`, functions of a pass that
+return the next `Task`, or None if they do not apply; the first that applies decides.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from hkt_mdo.problem.build import point_of
+from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
-from hkt_mdo.problem.setup import NARROW, Setup, curve_nodes
-from hkt_mdo.results.words import joined, per_cent
-from hkt_mdo.run.attempt import FALLEN, Attempt, Before, Begin, Judged, quasi_steady_reference
-from hkt_mdo.run.judge import most_between
-from hkt_mdo.run.memory import first_hub, stable_hub
-from hkt_mdo.run.mesh import held
+from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.results.summary import MemoryEntry, PassEntry
+from hkt_mdo.results.words import per_cent
+from hkt_mdo.run.checked import Checked, quasi_steady_reference
+from hkt_mdo.run.flight import Flight, Optimized, fly, may_tabulate
+from hkt_mdo.run.judge import curve_errors
+from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
+from hkt_mdo.run.refine import Division, divided, division, exceeded, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 FIRST_ITERATIONS, SECOND_ITERATIONS = 300, 120
-"""Iterations after which an optimization within wide move limits counts as failed; the latter on a
-second branch where the first one has led to a result that passes."""
+"""Iterations after which an optimization begins again from its last iterate; the latter on a second
+branch where the first one has led to a result that passes."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
+FALLEN = 1e-4
+"""Share of the objective by which an optimum may be below one that it began with."""
 TIE = 2e-4
 """Share of the objective by which another branch has to be better without time to be tried."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
-MOST_LOWERED = 5e-3
-"""Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
-MOST_EXCEEDED = 0.02
-"""Relative excess beyond which lowering a limit at the nodes does not help.
-
-With memory of the wake limits may be lowered by as much, since the filters of all stations, by
-which they are judged, give other loads than the two of the optimization.
-"""
 
 
-def smaller_moves(attempt: Attempt) -> Begin | None:
-    """Begin again with narrow move limits after an optimization that failed."""
-    setup, last = attempt.setup, attempt.state.last
-    if attempt.fallen > FALLEN and setup.moves != NARROW:
-        why = f"the optimum is {100.0 * attempt.fallen:.2g} % below that of the pass before"
-        return attempt.begin_again(why, moves=NARROW)
-    if attempt.converged or attempt.lost:
-        return None
-    why = f"the optimizer did not converge in {attempt.result.outcome.iterations} iterations"
-    if last.operation.energy > setup.start.operation.energy:
-        nodes = curve_nodes(attempt.physics, last)
-        return attempt.begin_again(why, moves=NARROW, start=last, nodes=nodes)
-    return attempt.begin_again(why, moves=NARROW)
+@dataclass(frozen=True, eq=False)
+class Task:
+    """The next optimization, and what the ones before it from the same start have reached.
 
-
-def finer_torque_curve(attempt: Attempt) -> Begin | None:
-    """Halve the intervals of a torque curve that is too coarse for the optimized blade.
-
-    Segments that are too coarse are divided at once.
+    Attributes
+    ----------
+    start : StartingPoint
+        The start of the series of passes to which it belongs.
+    reference : float
+        Objective of that start, J; 0 where it is no measure of the optimum.
+    physics : Physics
+        On the mesh that is optimized on.
+    setup : Setup
+    name, why : str
+        What is done after the pass before, and the reason; empty for the first one.
+    passes : int
+        How many there were from this start.
+    verified : bool or None
+        Whether the start's first branch has led to a result that passes; None: this is the first.
+    objective : float
+        Objective of the last pass that converged, J.
+    coarser : tuple of float
+        Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
+        one order.
+    optimum : tuple of Physics, Optimized and flights, or None
+        The last optimum.
     """
-    physics = attempt.physics
-    most = physics.case.hydrodynamics.tolerance
-    if not (attempt.converged and physics.has_curve) or attempt.curve_error <= most:
-        return None
-    why = f"error of the torque curve {attempt.curve_error:.2g}, allowed {most:.2g}"
-    begin = finer_mesh(attempt)
-    if begin is None:
-        return attempt.from_end(why, finer=True)
-    nodes = curve_nodes(begin.physics, begin.setup.start, finer=True)
-    return replace(begin, setup=replace(begin.setup, nodes=nodes), why=f"{why}; {begin.why}")
+
+    start: StartingPoint
+    reference: float
+    physics: Physics
+    setup: Setup
+    name: str = ""
+    why: str = ""
+    passes: int = 0
+    verified: bool | None = None
+    objective: float = np.inf
+    coarser: tuple[float, ...] = ()
+    optimum: tuple[Physics, Optimized, tuple[Flight, ...]] | None = None
+
+    @classmethod
+    def first(cls, physics: Physics, start: StartingPoint, reference: float, **others) -> Task:
+        """Return the first optimization from a start; a designed hub makes its loop stable."""
+        setup = Setup(start, curve_nodes(physics, start), least_hub=first_hub(physics, start))
+        return cls(start, reference, physics, setup, **others)
 
 
-def recentred_moves(attempt: Attempt) -> Begin | None:
-    """Continue from an end at a move limit."""
-    if not attempt.at_limit or attempt.lost:
-        return None
-    before = attempt.before.objective
-    change = per_cent(attempt.result.objective - before, before)
-    return attempt.from_end(joined("at a move limit", change and f"objective changed by {change}"))
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One optimization of a run: its task and its end.
 
-
-def finer_mesh(attempt: Attempt) -> Begin | None:
-    """Divide the segments that are too coarse; not where that would let the rotor pulse faster."""
-    physics = attempt.physics
-    if not attempt.converged or attempt.lost or physics.may_pulse:
-        return None
-    division = attempt.division
-    if not division.allowed(physics.case.driver.optimizer):
-        return None
-    parts, order, meshes = division.parts, division.order, [each.mesh for each in physics.scenarios]
-    why = f", error of the mesh {division.error:.2g}" if division.error else ""
-    if order:
-        meshes = [mesh.model_copy(update={"order": order}) for mesh in meshes]
-        why = f"polynomials of order {order} for nearly all segments are too coarse{why}"
-    else:
-        count = sum(np.sum(own > 1) for own in parts)
-        why = f"{count} segment{' is' if count == 1 else 's are'} too coarse{why}"
-    scenarios = [
-        replace(each.divided(own), mesh=mesh)
-        for each, own, mesh in zip(physics.scenarios, parts, meshes, strict=True)
-    ]
-    by_name = {each.name: own for each, own in zip(scenarios, parts, strict=True)}
-    lowered, worst = attempt.setup.shares, 0.0
-    if not order and attempt.few_divided:  # lower the limits of the other segments at once
-        lowered, worst = _lowered(physics, attempt.setup, attempt.flights)
-    if worst:
-        why += f"; {_exceeded(worst)}"
-    physics = replace(physics, scenarios=tuple(scenarios))
-    shares = {  # a finer mesh may need no lower limit
-        (limit, scenario): np.repeat(np.where(by_name[scenario] > 1, 1.0, share), by_name[scenario])
-        for (limit, scenario), share in lowered.items()
-    }
-    point = point_of(physics, attempt.result.problem)
-    return attempt.begin_again(why, physics=physics, start=point, shares=shares)
-
-
-def lowered_limits(attempt: Attempt) -> Begin | None:
-    """Lower the limits that are exceeded between nodes, in the segments that need it.
-
-    Elsewhere a lower limit would only cost energy. If an optimization on a finer mesh fails, the
-    limits of the last optimum are lowered on its mesh.
+    Attributes
+    ----------
+    state : RunState
+    task : Task
+    result : Optimized
+    exact : bool
+        Whether its integrations have their torque by direct BEM, however long they are.
     """
-    if attempt.converged and not attempt.lost:
-        physics, setup, flights = attempt.physics, attempt.setup, attempt.flights
-        point = attempt.result.point
-    elif attempt.lost and attempt.before.optimum and attempt.begin.remedy == "finer mesh":
-        physics, result, flights = attempt.before.optimum
-        setup, point = result.setup, result.point
-    else:
+
+    state: RunState
+    task: Task
+    result: Optimized
+    exact: bool = False
+
+    @property
+    def approximate(self) -> bool:
+        """Whether the integrations have their torque by a spline, not by direct BEM."""
+        return not self.exact and may_tabulate(self.physics)
+
+    @property
+    def physics(self) -> Physics:
+        """The physics on the mesh of this optimization."""
+        return self.task.physics
+
+    @property
+    def converged(self) -> bool:
+        """Whether the optimizer converged."""
+        return self.result.outcome.success
+
+    @property
+    def failed(self) -> bool:
+        """Whether the optimizer failed, or lost much of an open loop's objective on a finer mesh.
+
+        There it can still operate as before; a law may lose, since a coarse mesh let it exceed a
+        limit.
+        """
+        if self.physics.law.is_feedback or not (self.converged and self.task.coarser):
+            return not self.converged
+        return self.physics.objective.behind(self.result.objective, self.task.objective) > FALLEN
+
+    @cached_property
+    def memory(self) -> MemoryEntry | None:
+        """Stability of an optimum's loop in a case with memory of the wake."""
+        remembers = self.physics.remembers and self.converged
+        return stability_of(self.physics, self.result) if remembers else None
+
+    @property
+    def runs_away(self) -> bool:
+        """Whether the loop is unstable with memory of the wake, in a case with memory."""
+        return self.memory is not None and not self.memory.stable
+
+    @cached_property
+    def flights(self) -> tuple[Flight, ...]:
+        """The integration of the end in each scenario."""
+        return fly(self.physics, self.result, self.approximate)
+
+    @cached_property
+    def curve_error(self) -> float:
+        """Largest relative error of the torque curve; 0 without one."""
+        return float(np.max(curve_errors(self.physics, self.result)[1], initial=0.0))
+
+    @cached_property
+    def division(self) -> Division:
+        """Error of the mesh, and the segments to divide."""
+        return division(self.physics, self.result, self.flights, self.task.coarser)
+
+    def next(self, why: str, *, physics: Physics | None = None, **changes) -> Task:
+        """Return the next optimization, with changes of the setup, or on another mesh."""
+        task, setup = self.task, replace(self.task.setup, **changes)
+        optimum, objective = task.optimum, task.objective
+        if not self.failed:
+            result = replace(self.result, mesh_error=self.division.error)
+            optimum, objective = (self.physics, result, self.flights), result.objective
+        coarser = task.coarser
+        if physics is not None:
+            meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
+            # objectives of polynomials of different orders are no series
+            coarser = (*coarser, self.result.objective) if meshes[0] == meshes[1] else ()
+        return replace(
+            task,
+            physics=physics or self.physics,
+            setup=setup,
+            why=why,
+            passes=task.passes + 1,
+            objective=objective,
+            coarser=coarser,
+            optimum=optimum,
+        )
+
+    def entry(self, seconds: float, following: Task | None) -> PassEntry:
+        """Return the report of this optimization, which took some seconds, and of what follows."""
+        return PassEntry(
+            number=len(self.state.passes) + 1,
+            converged=self.converged,
+            objective_J=self.result.objective,
+            iterations=self.result.outcome.iterations,
+            seconds=seconds,
+            remedy=following.name if following else "",
+            why=following.why if following else "",
+        )
+
+    @cached_property
+    def end(self) -> Checked:
+        """The result of the run if nothing follows, with its checks.
+
+        If this pass failed, it is the last optimum; a finer mesh that converged gives the error of
+        its mesh.
+        """
+        task, physics, result, flights = self.task, self.physics, self.result, None
+        if self.failed and task.optimum:
+            physics, result, _ = task.optimum
+            if self.converged:
+                error = abs(self.result.objective / result.objective - 1.0)
+                result = replace(result, mesh_error=max(error, result.mesh_error))
+        elif self.converged:
+            result = replace(result, mesh_error=self.division.error)
+            flights = None if self.approximate else self.flights
+        return Checked.of(self.state, task.start, task.reference, physics, result, flights)
+
+
+def begin_again(this: Pass) -> Task | None:
+    """Begin again from the last iterate of an optimization that did not converge, once.
+
+    That of the Hessian begins anew, at a torque curve of the iterate's blade.
+    """
+    last, start = this.state.last, this.task.setup.start
+    worse = last is None or last.operation.energy <= start.operation.energy
+    if this.converged or worse or this.task.name == "begin again":
         return None
-    shares, worst = _lowered(physics, setup, flights)
-    if not worst:
-        return None
-    why = _exceeded(worst)
-    setup = replace(setup, start=point, nodes=curve_nodes(physics, point), shares=shares)
-    return replace(attempt.begin, physics=physics, setup=setup, why=why)
+    why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
+    return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
 
 
-def _exceeded(worst):
-    return f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
-
-
-def _lowered(physics, setup, flights):
-    """Return the shares of lowered limits, and the largest excess; 0 where none is lowered."""
-    shares, worst = dict(setup.shares), 0.0
-    lowest = 1.0 - (MOST_EXCEEDED if physics.remembers else MOST_LOWERED)
-    for flight in flights:
-        for limit in held(physics, flight.scenario):
-            if not np.isfinite(limit.upper):
-                continue
-            most = most_between(limit)
-            over, _ = flight.between_nodes(limit)
-            share = reached = setup.share(limit, flight.scenario)
-            if flight.two_filters is not None:
-                # all stations may exceed a limit that the two filters of the nodes do not reach
-                own = 1.0 + limit.excess(flight.at_nodes)
-                reached = np.minimum(share, own.reshape(share.size, -1).max(axis=1))
-            # if it has not helped, or the limit is exceeded by much, a lower limit does not help
-            helps = (share > lowest) & (over < MOST_EXCEEDED)
-            over = np.where(helps, over, 0.0)
-            if np.max(over) > most:
-                worst = max(worst, float(np.max(over)))
-                lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
-                shares[limit.name, flight.scenario.name] = lower
-    return shares, worst
-
-
-def stable_shaft(attempt: Attempt) -> Begin | None:
+def heavier_hub(this: Pass) -> Task | None:
     """Bound a designed hub from below by the inertia from which the loop with memory is stable.
 
     The optimization does not see an instability whose growth is faster than its segments. A bound
     that is too high is lowered again.
     """
-    point, bound = attempt.result.point, attempt.setup.least_hub
-    hub = stable_hub(attempt.physics, point.blade, attempt.memory)
-    if hub is None or not (attempt.runs_away or hub < bound - SETTLED * attempt.result.inertia):
+    point, bound = this.result.point, this.task.setup.least_hub
+    hub = stable_hub(this.physics, point.blade, this.memory)
+    if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
         return None
     why = f"the loop with memory is stable from {hub:.4g} kg m^2 besides the blades"
     heavier = replace(point.blade, hub_inertia=max(hub, point.blade.hub_inertia))
-    start, nodes = replace(point, blade=heavier), curve_nodes(attempt.physics, point)
-    return attempt.begin_again(why, start=start, nodes=nodes, least_hub=hub)
+    start, nodes = replace(point, blade=heavier), curve_nodes(this.physics, point)
+    return this.next(why, start=start, nodes=nodes, least_hub=hub)
 
 
-def other_branch(attempt: Attempt) -> Begin | None:
-    """Begin on the start's other branch where that is better, or a judge refuses the end."""
-    physics, first = attempt.state.first, attempt.begin.start
+def refine(this: Pass) -> Task | None:
+    """Refine what the integration of an optimum shows to be too coarse.
+
+    That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
+    are lowered at the nodes of segments that are not divided.
+    """
+    if this.failed:
+        return None
+    physics, setup, finer, reasons = this.physics, this.task.setup, None, []
+    most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
+    coarse_curve = physics.has_curve and this.curve_error > most
+    if coarse_curve:
+        reasons.append(f"error of the torque curve {this.curve_error:.2g}, allowed {most:.2g}")
+    shares, worst = lowered(physics, setup, this.flights)
+    # an open loop whose wake has memory would pulse faster on a finer mesh
+    if not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer):
+        reasons.append(this.division.why)
+        finer, shares = divided(physics, this.division, shares)
+    if worst:
+        reasons.append(exceeded(worst))
+    if not reasons:
+        return None
+    start = point_of(finer or physics, this.result.problem)
+    if coarse_curve:
+        nodes = curve_nodes(finer or physics, start, finer=True)
+    why = "; ".join(reasons)
+    return this.next(why, physics=finer, start=start, nodes=nodes, shares=shares)
+
+
+def other_branch(this: Pass) -> Task | None:
+    """Begin on the start's other branch where that is better, or checks refuse the end."""
+    physics, first = this.state.first, this.task.start
     start = start_on_other_branch(first)
     if start is None:
         return None
-    refused = [check.name for check in attempt.end.checks if not check.passed]
+    refused = [check.name for check in this.end.checks if not check.passed]
     if set(refused) - {"loads_resolved"}:  # for which another start does not help
         why = f"{len(refused)} checks refuse the result on branch {first.branch}"
     elif start.objective > (1.0 + TIE) * first.objective:
@@ -203,48 +287,40 @@ def other_branch(attempt: Attempt) -> Begin | None:
     else:
         return None
     reference = quasi_steady_reference(physics, start)
-    return Begin(start, physics, _first_setup(physics, start), reference, why=why)
+    return Task.first(physics, start, reference, why=why, verified=this.end.passed)
 
 
-def _first_setup(physics, start) -> Setup:
-    """Return the first setup, in which a designed hub makes the loop with memory stable."""
-    return Setup(start, curve_nodes(physics, start), least_hub=first_hub(physics, start))
-
-
-REMEDIES: tuple[Callable[[Attempt], Begin | None], ...] = (
-    smaller_moves,
-    stable_shaft,
-    finer_torque_curve,
-    recentred_moves,
-    finer_mesh,
-    lowered_limits,
+FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
+    begin_again,
+    heavier_hub,
+    refine,
     other_branch,
 )
 
 
-def next_begin(attempt: Attempt) -> Begin | None:
-    """Return the start of the next optimization by the first remedy that applies.
+def next_task(this: Pass) -> Task | None:
+    """Return the next optimization by the first of `FOLLOW_UPS` that applies.
 
-    After `MAX_PASSES` from one start, only another start is left. A loop that is unstable with
-    memory of the wake is refused unless its shaft is designed: no mesh helps, and its integration
-    runs away.
+    After `MAX_PASSES` from one start, only another start is left, of which there is one. A loop
+    that is unstable with memory of the wake is refused unless its hub is designed: no mesh helps,
+    and its integration runs away.
     """
-    *others, another_start = REMEDIES
-    if attempt.before.verified:  # what fails on a second branch then is not tried again
-        others.remove(smaller_moves)
-    second = attempt.before.verified is not None
-    last = () if attempt.approximate or second else (another_start,)  # for which the judges decide
-    if attempt.runs_away:
-        others, last = (stable_shaft,), ()
-    for remedy in (*(others if attempt.before.passes + 1 < MAX_PASSES else ()), *last):
-        begin = remedy(attempt)
-        if begin is not None:
-            return replace(begin, remedy=remedy.__name__.replace("_", " "))
+    for follow in FOLLOW_UPS:
+        if this.runs_away and follow is not heavier_hub:
+            continue
+        if follow is other_branch:
+            if this.approximate or this.task.verified is not None:
+                continue
+        elif this.task.passes + 1 >= MAX_PASSES or (this.task.verified and follow is begin_again):
+            continue
+        task = follow(this)
+        if task is not None:
+            return replace(task, name=follow.__name__.replace("_", " "))
     return None
 
 
-def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
-    """Optimize from a start until no remedy applies.
+def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked:
+    """Optimize from a start, and as long as something follows.
 
     Parameters
     ----------
@@ -257,30 +333,26 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Judged:
 
     Returns
     -------
-    Judged
+    Checked
         The end, on its mesh: of the branches of the start, the best that passes.
     """
-    begin: Begin | None = Begin(start, state.first, _first_setup(state.first, start), reference)
-    before, ends = Before(), []
-    while begin is not None:
-        if before.passes == 0:
-            near = max(state.first.excesses(begin.start).values(), default=0.0) < FAR
-        if before.passes == 0 or begin.physics is not state.physics:
-            state.go_on_from(begin.physics, begin.setup.start, begin.reference)
+    task: Task | None = Task.first(state.first, start, reference)
+    ends = []
+    while task is not None:
+        if task.passes == 0:
+            near = max(state.first.excesses(task.start).values(), default=0.0) < FAR
+        if task.passes == 0 or task.physics is not state.physics:
+            state.go_on_from(task.physics, task.setup.start, task.reference)
         began = time.perf_counter()
-        most = SECOND_ITERATIONS if before.verified else FIRST_ITERATIONS
-        most = None if begin.setup.moves == NARROW else most
-        result = solve(state, begin.physics, begin.setup, near, most)
-        attempt = Attempt(state, begin, result, before)
-        again = next_begin(attempt)
-        if again is None and attempt.approximate:
-            attempt = replace(attempt, exact=True)
-            again = next_begin(attempt)
-        state.note_pass(attempt.entry(time.perf_counter() - began, again))
-        if again is None or again.start is not begin.start:
-            ends.append(attempt.end)
-            before = Before(verified=ends[-1].passed)
-        else:
-            before = attempt.after(again)
-        begin = again
+        most = SECOND_ITERATIONS if task.verified else FIRST_ITERATIONS
+        most = None if task.name == "begin again" else most
+        this = Pass(state, task, solve(state, task.physics, task.setup, near, most))
+        following = next_task(this)
+        if following is None and this.approximate:
+            this = replace(this, exact=True)
+            following = next_task(this)
+        state.note_pass(this.entry(time.perf_counter() - began, following))
+        if following is None or following.start is not task.start:
+            ends.append(this.end)
+        task = following
     return max((end for end in ends if end.passed), key=lambda end: end.rank, default=ends[0])

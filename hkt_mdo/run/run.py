@@ -29,7 +29,7 @@ from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.attempt import Judged, quasi_steady_reference
+from hkt_mdo.run.checked import Checked, quasi_steady_reference
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.fallback import best_of, first_remedy
 from hkt_mdo.run.groups import by_scenario
@@ -236,7 +236,7 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     return finished.model_copy(update={"message": message})
 
 
-def _why_none(physics: Physics, ended: Judged) -> str:
+def _why_none(physics: Physics, ended: Checked) -> str:
     """Return why a run that failed may have no solution; empty where that is not known."""
     if ended.start.operation.running:
         return none_found(physics, ended.start, ended.checks)

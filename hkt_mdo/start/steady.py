@@ -20,7 +20,7 @@ from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.physics import START_EXCESS, Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
-from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.problem.setup import MoveLimits, Setup, curve_nodes
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
 from hkt_mdo.start.steady_flow import in_speeds
@@ -28,6 +28,7 @@ from hkt_mdo.start.steady_flow import in_speeds
 ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
 PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
+MOVES = MoveLimits(0.6, 1.5, radius=1.2, gain=5.0)  # beyond, it would leave its branch
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
 
 
@@ -121,7 +122,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     # without equations, corrections for their curvature only cost time
     if not steady.law.is_feedback:
         driver.opt_settings["max_soc"] = 0
-    problem = assemble(steady, Setup(point, curve_nodes(steady, point)), driver, scratch)
+    problem = assemble(steady, Setup(point, curve_nodes(steady, point), MOVES), driver, scratch)
     given_up = False
     try:
         problem.run_model()

@@ -167,6 +167,7 @@ def wound_up(solved):
     (flight,) = solved.flights
     flown, speed = flight.simulation, flight.simulation.rotor_speed.copy()
     inertia = 0.02 * flown.energy / (0.01 * speed[-1] ** 2)
+    speed[0] = speed[-1]
     speed[-1] *= 1.01
     plant = replace(flight.plant, inertia=inertia)
     return with_flight(solved, simulation=replace(flown, rotor_speed=speed), plant=plant)
@@ -250,7 +251,7 @@ REFUSALS = [
         ["between t = 3 and 4 s", "phase.segments"],
     ),
     ("mesh_error", "open_loop", other_mesh, 2e-5, ["finer mesh", "phase.segments"]),
-    ("stored_energy", "feedback", wound_up, 0.02, ["flow leaves", "objective=generator"]),
+    ("stored_energy", "feedback", wound_up, 0.02, ["in equilibrium", "objective=generator"]),
     ("distance_from_stall", "feedback", near_stall, 1.0, ["slowed rotor", "start.method"]),
     ("surrogate_error", "feedback", wrong_curve, 2e-3, ["at tip speed ratio", "hydrodynamics"]),
     ("energy_over_bound", "feedback", lower_bound_of_the_energy, 0.07, ["bound", "phase.segments"]),
@@ -309,15 +310,6 @@ def test_one_judge_refuses(request, judge, whose, doctor, value, words):
 
 def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
-
-
-def test_of_what_a_heavy_shaft_keeps_at_the_end_only_the_share_of_the_blades_counts(feedback):
-    """Within the speeds of its run: the shaft is given, the blades are designed."""
-    found = wound_up(feedback)
-    whole = found.checks()["stored_energy"].value
-    rotor = replace(found.physics.rotor, hub_inertia=0.75 * found.result.inertia)
-    heavy = replace(found, physics=replace(found.physics, rotor=rotor))
-    assert heavy.checks()["stored_energy"].value == pytest.approx(0.25 * whole, rel=1e-9)
 
 
 def test_a_law_far_behind_the_open_loop_of_its_own_search_is_refused(feedback):
@@ -405,7 +397,7 @@ def test_the_rate_of_the_torque_is_judged_at_and_between_the_nodes(request, whos
     assert np.sum(inside) > 100
     assert np.max(np.abs(flown["torque_rate"] - slopes)[inside]) < 0.01 * largest
     ends = [largest, np.max(np.abs(flight.at_nodes["torque_rate"]))]
-    for bound, refused in ((1.01 * max(ends), []), (0.85 * min(ends), ["at", "between"])):
+    for bound, refused in ((1.01 * max(ends), []), (0.8 * min(ends), ["at", "between"])):
         limits = (*solved.physics.limits, TorqueRateLimit(bound=bound))
         limited = replace(solved, physics=replace(solved.physics, limits=limits))
         failed = [name for name, check in limited.checks().items() if not check.passed]

@@ -1,74 +1,46 @@
-"""How fine the mesh has to be: its error, and the segments to divide."""
+"""How a problem is refined: segments that are divided, and limits that are lowered at the nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run.flight import Flight, Optimized
-from hkt_mdo.run.judge import (
-    MESH_ERROR,
-    RECOVERY_ERROR,
-    SPEED_ERROR,
-    is_false,
-    most_between,
-    short_of_recovery,
-)
+from hkt_mdo.run.judge import MESH_ERROR, SPEED_ERROR, is_false, most_between
 
+NEAR_LIMIT = 1e-4
+"""Relative distance from its bound within which a limit binds at a node."""
+LOST = 3e-6
+"""Share of the energy that may be lost in segments that are not divided, and by lower limits: a
+third of the error of the mesh that is allowed."""
+COARSE_SPEED = 0.3
+"""Share of the largest error of speed that is allowed above which a segment is divided."""
+MOST_DIVISIONS = 6
+"""Divisions after which a limit that is exceeded between the nodes is only lowered."""
+PARTS, PARTS_OF_RATES = 4, 8
+"""Parts of a divided segment; the latter where a rate is limited, which is a second derivative of
+the speed (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`)."""
+NEARLY_ALL, HIGHER_ORDER = 0.5, 5
+"""Share of the segments that are too coarse from which an open loop's polynomials are too low, and
+their order then."""
+MOST_SEGMENTS, MOST_DENSE = 10_000, 400
+"""Segments: the problem takes several gigabytes; that of a dense optimizer, minutes."""
+MOST_LOWERED = 5e-3
+"""Largest relative amount by which a limit is lowered at the nodes, since that costs energy."""
+MOST_EXCEEDED = 0.02
+"""Relative excess beyond which lowering a limit at the nodes does not help.
 
-@dataclass(frozen=True)
-class Rules:
-    """Thresholds that decide which segments are divided, as relative values.
-
-    Attributes
-    ----------
-    near_limit : float
-        Distance from its bound within which a limit binds at a node.
-    short_of : float
-        Share of the energy that may be lost in segments that are not divided; a third of the error
-        of the mesh that the judges allow.
-    speed : float
-        Share of the judges' largest error of speed above which a segment is divided.
-    unchanged : float
-        Change of the objective by a division that changes nothing.
-    few : int
-        Divisions after which a limit that is exceeded between the nodes is lowered instead.
-    hair : float
-        Relative excess of an open loop's limit between the nodes up to which it may be lowered
-        instead, where that costs little.
-    parts, parts_rates : int
-        Parts of a divided segment; the latter where a rate is limited, which is a second derivative
-        of the speed (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`).
-    nearly_all : float
-        Share of the segments that are too coarse from which an open loop's polynomials are too low.
-    higher : int
-        Order of the polynomials then.
-    most, most_dense : int
-        Segments: the problem takes several gigabytes; that of a dense optimizer, minutes.
-    """
-
-    near_limit: float = 1e-4
-    short_of: float = 3e-6
-    speed: float = 0.3
-    unchanged: float = 1e-7
-    few: int = 6
-    hair: float = 5e-3
-    parts: int = 4
-    parts_rates: int = 8
-    nearly_all: float = 0.5
-    higher: int = 5
-    most: int = 10_000
-    most_dense: int = 400
-
-
-RULES = Rules()
+With memory of the wake limits may be lowered by as much, since the filters of all stations, by
+which they are checked, give other loads than the two of the optimization.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,16 +63,79 @@ class Division:
 
     def allowed(self, optimizer: str) -> bool:
         """Tell whether there is something to divide and the optimizer can handle the segments."""
-        most = RULES.most_dense if optimizer == "SLSQP" else RULES.most
+        most = MOST_DENSE if optimizer == "SLSQP" else MOST_SEGMENTS
         return bool(self.parts) and sum(map(np.sum, self.parts)) <= most
+
+    @property
+    def why(self) -> str:
+        """The reason of the division, as text."""
+        error = f", error of the mesh {self.error:.2g}" if self.error else ""
+        if self.order:
+            return (
+                f"polynomials of order {self.order} for nearly all segments are too coarse{error}"
+            )
+        count = sum(np.sum(own > 1) for own in self.parts)
+        return f"{count} segment{' is' if count == 1 else 's are'} too coarse{error}"
+
+
+def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics, dict]:
+    """Return the physics on a finer mesh, and the shares of lowered limits on it.
+
+    A limit is not lowered in a segment that is divided: a finer mesh may need no lower limit.
+    """
+    meshes = [each.mesh for each in physics.scenarios]
+    if division.order:
+        meshes = [mesh.model_copy(update={"order": division.order}) for mesh in meshes]
+    scenarios = tuple(
+        replace(each.divided(parts), mesh=mesh)
+        for each, parts, mesh in zip(physics.scenarios, division.parts, meshes, strict=True)
+    )
+    parts_of = {each.name: own for each, own in zip(scenarios, division.parts, strict=True)}
+    shares = {
+        (limit, name): np.repeat(np.where(parts_of[name] > 1, 1.0, share), parts_of[name])
+        for (limit, name), share in shares.items()
+    }
+    return replace(physics, scenarios=scenarios), shares
+
+
+def lowered(
+    physics: Physics, setup: Setup, flights: tuple[Flight, ...]
+) -> tuple[dict[tuple[str, str], np.ndarray], float]:
+    """Return the shares of lowered limits, and the largest excess; 0 where none is lowered.
+
+    Limits that are exceeded between nodes are lowered at these in the segments that need it.
+    Elsewhere a lower limit would only cost energy.
+    """
+    shares, worst = dict(setup.shares), 0.0
+    lowest = 1.0 - (MOST_EXCEEDED if physics.remembers else MOST_LOWERED)
+    for flight in flights:
+        for limit in held(physics, flight.scenario):
+            if not np.isfinite(limit.upper):
+                continue
+            most = most_between(limit)
+            over, _ = flight.between_nodes(limit)
+            share = reached = setup.share(limit, flight.scenario)
+            if flight.two_filters is not None:
+                # all stations may exceed a limit that the two filters of the nodes do not reach
+                own = 1.0 + limit.excess(flight.at_nodes)
+                reached = np.minimum(share, own.reshape(share.size, -1).max(axis=1))
+            # if it has not helped, or the limit is exceeded by much, a lower limit does not help
+            helps = (share > lowest) & (over < MOST_EXCEEDED)
+            over = np.where(helps, over, 0.0)
+            if np.max(over) > most:
+                worst = max(worst, float(np.max(over)))
+                lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
+                shares[limit.name, flight.scenario.name] = lower
+    return shares, worst
+
+
+def exceeded(worst: float) -> str:
+    """Return that a limit is exceeded between nodes by a share, as text."""
+    return f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
 
 
 def division(
-    physics: Physics,
-    result: Optimized,
-    flights: tuple[Flight, ...],
-    near: list[np.ndarray],
-    before: Sequence[float],
+    physics: Physics, result: Optimized, flights: tuple[Flight, ...], before: Sequence[float]
 ) -> Division:
     """Return by how much a finer mesh may change the objective, and the segments to divide.
 
@@ -111,36 +146,30 @@ def division(
     time to choose, and its error is none.
 
     Divided are segments where the integration contradicts the collocation, where it exceeds a limit
-    or is closer to stall between the nodes than at them and, under open loop, those in which a
-    limit begins or ceases to bind, or that keep most of that power. Where these are nearly all, as
-    with a heavy rotor, whose torque has an error of the acceleration, polynomials of a higher order
-    do better than shorter segments.
+    between the nodes by so much that a lower limit would cost energy and, under open loop, those in
+    which a limit begins or ceases to bind, or that keep most of that power. Where these are nearly
+    all, as with a heavy rotor, whose torque has an error of the acceleration, polynomials of a
+    higher order do better than shorter segments.
 
     Parameters
     ----------
     physics, result, flights
         An optimization's end, integrated.
-    near
-        Result of `too_close_to_stall`.
     before
         Objectives on the coarser meshes, J, the last one's at the end.
     """
     coarse, error = _contradicted(physics, flights, before), 0.0
-    unchanged = before and abs(result.objective / before[-1] - 1.0) < RULES.unchanged
-    for marks, close, flight in zip(coarse, near, flights, strict=True):
+    for marks, flight in zip(coarse, flights, strict=True):
         if flight.scenario.steady:  # has no mesh
             continue
-        if not unchanged:  # by the last division: close to stall now means at the nodes
-            marks |= close
-        for limit in held(physics, flight.scenario) if len(before) < RULES.few else ():
+        for limit in held(physics, flight.scenario) if len(before) < MOST_DIVISIONS else ():
             over = flight.of_model.between_nodes(limit)[0]
             nodes = limit.excess(flight.of_model.at_nodes).reshape(marks.size, -1)
             # what is exceeded at the nodes as well, no division corrects
             found = (over > most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
             lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
-            by_a_hair = np.max(over) <= RULES.hair and lost <= RULES.short_of
-            if physics.law.is_feedback or not by_a_hair:
-                marks |= found  # otherwise lowering an open loop's limit there costs very little
+            if lost > LOST or np.max(over) > MOST_LOWERED:
+                marks |= found
     if not physics.law.is_feedback:
         error = _open_loop(physics, result, flights, coarse, before)
     if not any(map(np.any, coarse)):
@@ -149,10 +178,11 @@ def division(
     if (
         error > MESH_ERROR
         and mesh.transcription == "gauss-lobatto"
-        and mesh.order < RULES.higher
-        and np.mean(np.concatenate(coarse)) > RULES.nearly_all
+        and mesh.order < HIGHER_ORDER
+        and np.mean(np.concatenate(coarse)) > NEARLY_ALL
     ):
-        return Division(float(error), [np.ones(x.size, dtype=int) for x in coarse], RULES.higher)
+        parts = [np.ones(marks.size, dtype=int) for marks in coarse]
+        return Division(float(error), parts, HIGHER_ORDER)
     return Division(float(error), [np.where(marks, _parts(physics), 1) for marks in coarse])
 
 
@@ -161,13 +191,13 @@ def _contradicted(physics, flights, before) -> list[np.ndarray]:
     coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
     if not is_false(flights):
         return coarse
-    # where only the energies differ, speeds differ less than the judges allow
+    # where only the energies differ, speeds differ less than is allowed
     worst = max(np.max(flight.speed_errors) for flight in flights)
     for marks, flight in zip(coarse, flights, strict=True):
         if flight.scenario.steady:
             continue
         errors = flight.speed_errors.reshape(marks.size, -1)
-        marks |= np.max(errors, axis=1) > RULES.speed * min(SPEED_ERROR, worst)
+        marks |= np.max(errors, axis=1) > COARSE_SPEED * min(SPEED_ERROR, worst)
     # the second time it is another trajectory, which no mesh corrects; Radau's ends are free
     radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
     if radau or (before and np.mean(np.concatenate(coarse)) > 0.5):
@@ -195,34 +225,12 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
 
 def _parts(physics) -> int:
     """Return the number of parts into which a segment is divided."""
-    return RULES.parts_rates if _limits_rates(physics) else RULES.parts
+    return PARTS_OF_RATES if _limits_rates(physics) else PARTS
 
 
 def _limits_rates(physics) -> bool:
     """Tell whether a limit on a rate holds in some scenario."""
     return any(x.is_of(RATES) for each in physics.scenarios for x in held(physics, each))
-
-
-def too_close_to_stall(
-    physics: Physics, result: Optimized, flights: tuple[Flight, ...]
-) -> list[np.ndarray]:
-    """Return, for each flight, the segments in which a feedback law is too close to stall.
-
-    Returns
-    -------
-    list of numpy.ndarray
-        Of bool, of shape (n_segments,) each.
-    """
-    if not (physics.law.is_feedback and physics.has_curve):
-        return [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
-    found = []
-    for flight in flights:
-        if flight.scenario.steady:
-            found.append(np.zeros(flight.scenario.segments, dtype=bool))
-            continue
-        short = short_of_recovery(physics, result, flight)[1:].reshape(flight.scenario.segments, -1)
-        found.append(np.max(short, axis=1) > RECOVERY_ERROR)
-    return found
 
 
 def held(physics: Physics, scenario: Scenario) -> list[Limit]:
@@ -235,7 +243,7 @@ def _switches(physics, flight) -> np.ndarray:
     scenario, nodes = flight.scenario, flight.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
     for limit in held(physics, scenario):
-        binds = limit.excess(nodes) > -RULES.near_limit
+        binds = limit.excess(nodes) > -NEAR_LIMIT
         first, *others = binds.reshape(scenario.segments, -1).T
         last = others[-1]
         found |= ~np.all(np.equal(first, others), axis=0)
@@ -268,7 +276,7 @@ def _left(physics, flight, energy, best) -> np.ndarray:
         return short
     room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)
     room = room.reshape(scenario.segments, -1)
-    binds = np.min(room, axis=1) < RULES.near_limit
+    binds = np.min(room, axis=1) < NEAR_LIMIT
     return np.where(binds, np.sum(room * _energies(flight, energy), axis=1), np.maximum(short, 0.0))
 
 
@@ -282,5 +290,5 @@ def _energies(flight, energy) -> np.ndarray:
 def _most(lost: np.ndarray) -> np.ndarray:
     """Return the segments with nearly all of the loss together."""
     found, order = np.zeros(lost.size, dtype=bool), np.argsort(lost)
-    found[order] = np.cumsum(lost[order]) > RULES.short_of
+    found[order] = np.cumsum(lost[order]) > LOST
     return found

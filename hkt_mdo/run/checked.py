@@ -1,0 +1,139 @@
+"""A result with its integrations and checks, and the objective of a start as its measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hkt_mdo.problem.physics import START_EXCESS, Physics
+from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.run.flight import Flight, Optimized, fly, simulated_objective
+from hkt_mdo.run.judge import BELOW_START, judge
+from hkt_mdo.run.optimization import assembled
+from hkt_mdo.run.state import RunState
+from hkt_mdo.start.find import bounding_optimum
+
+
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """A result with its integrations and checks.
+
+    Attributes
+    ----------
+    start : StartingPoint
+        Where its run began.
+    physics : Physics
+        On the mesh of the result.
+    result : Optimized
+    flights : tuple of Flight
+        The integration in each scenario.
+    optimum : SteadyOptimum
+        That which bounds the energy of the optimized blade.
+    reference : float
+        Objective of the start, J; 0 where it is no measure of the optimum.
+    checks : list of CheckEntry
+    """
+
+    start: StartingPoint
+    physics: Physics
+    result: Optimized
+    flights: tuple[Flight, ...]
+    optimum: SteadyOptimum
+    reference: float
+    checks: list[CheckEntry]
+
+    @classmethod
+    def of(
+        cls,
+        state: RunState,
+        start: StartingPoint,
+        reference: float,
+        physics: Physics,
+        result: Optimized,
+        flights: tuple[Flight, ...] | None = None,
+    ) -> Checked:
+        """Return a result with its checks; its integrations may be given."""
+        flights = flights or fly(physics, result)
+        if result.objective < (1.0 - BELOW_START) * reference:
+            reference = min(reference, _moving_reference(state, start, result))
+        optimum = bounding_optimum(physics, state.optimum, result.point.blade)
+        checks = judge(physics, optimum, reference, result, flights, start.starts)
+        return cls(start, physics, result, flights, optimum, reference, checks)
+
+    @property
+    def passed(self) -> bool:
+        """Whether all checks pass."""
+        return all(check.passed for check in self.checks)
+
+    @cached_property
+    def rank(self) -> tuple[float, float, float]:
+        """Rank of a result: numbers of large and of all failures, and the integration's objective.
+
+        A start in balance at every instant exceeds a torque limit by the torque that accelerates
+        the rotor. It ranks above an end only if that is false or worse by more than `BELOW_START`.
+        """
+        large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
+        refused = sum(not check.passed for check in self.checks)
+        worth = self.physics.objective.sign * simulated_objective(self.physics, self.flights)
+        return -large, -refused, worth
+
+
+def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
+    """Return the objective of a start, J; 0 where it is no measure of the optimum.
+
+    A start that breaks a limit may be better than the best design that keeps it.
+
+    Parameters
+    ----------
+    physics
+        On the mesh of the start.
+    start
+        Found by quasi-steady co-design.
+    """
+    if physics.start_objective is not physics.objective:  # the start maximizes another quantity
+        return 0.0
+    if len(physics.variants) > 1:  # its operation is that of the case's own turbine
+        return 0.0
+    if not start.operation.running or start.excess > START_EXCESS or np.isnan(start.objective):
+        return 0.0
+    return start.objective - physics.price_of(start.blade)
+
+
+def _moving_reference(state, start, result) -> float:
+    """Return the objective of a start with the rotor's inertia, J; 0 if it breaks a limit.
+
+    A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
+    """
+    physics = state.first
+    flights = fly(physics, as_it_stands(state, physics, start, result))
+    for flight in flights:
+        limits = physics.limits_in(flight.scenario)
+        # a law with states has other states over time than in equilibrium
+        over = [np.max(x.excess(at)) for x in limits for at in (flight.at_nodes, flight.flown)]
+        if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
+            return 0.0
+    return simulated_objective(physics, flights)
+
+
+def as_it_stands(
+    state: RunState, physics: Physics, point: StartingPoint, ended: Optimized
+) -> Optimized:
+    """Return a point as the result of an optimization without success.
+
+    Parameters
+    ----------
+    state
+        State of the run.
+    physics, point
+        A start or an iterate, and the physics on its mesh.
+    ended
+        The optimization whose outcome it takes.
+    """
+    message = "its result was refused" if ended.outcome.success else ended.outcome.message
+    outcome = replace(ended.outcome, success=False, message=message)
+    return assembled(physics, Setup(point, curve_nodes(physics, point)), outcome, state.scratch)
