@@ -1,11 +1,13 @@
-"""Which remedies follow an optimization, and what the log writes of them."""
+"""What follows an optimization, and what the log writes of it."""
 
 import inspect
 import json
 
+import pytest
+
 from hkt_mdo.case import load_case
 from hkt_mdo.run.log import Log
-from hkt_mdo.run.passes import REMEDIES
+from hkt_mdo.run.passes import FOLLOW_UPS
 from hkt_mdo.run.run import run_case
 
 OPEN_LOOP = {  # the baseline blade in sinusoidal flow, without a limit
@@ -19,21 +21,22 @@ SHORT = {"phase": {"segments": 15, "duration": 15}}
 
 def test_the_mesh_is_divided_where_it_is_too_coarse(solve_physics):
     passes = solve_physics(LIMITED).passes
-    assert passes[0].remedy == "finer mesh"
+    assert passes[0].remedy == "refine"
     assert "segments are too coarse" in passes[0].why
     assert [each.number for each in passes] == list(range(1, len(passes) + 1))
     assert passes[-1].remedy == passes[-1].why == ""
     assert all(each.converged for each in passes)
-    names = {remedy.__name__.replace("_", " ") for remedy in REMEDIES}
+    names = {follow.__name__.replace("_", " ") for follow in FOLLOW_UPS}
     assert {each.remedy for each in passes} <= names | {""}
 
 
-def test_an_optimizer_that_gives_up_goes_on_within_smaller_moves(solve_physics):
-    case = OPEN_LOOP | SHORT | {"driver": {"max_iterations": 2}}
+def test_an_optimizer_that_gives_up_begins_again_once_from_its_last_iterate(solve_physics):
+    case = OPEN_LOOP | SHORT | {"driver": {"max_iterations": 5}}
     passes = solve_physics(case).passes
-    assert [each.remedy for each in passes] == ["smaller moves", ""]
-    assert passes[0].why == "the optimizer did not converge in 2 iterations"
+    assert [each.remedy for each in passes] == ["begin again", ""]
+    assert passes[0].why == "the optimizer did not converge in 5 iterations"
     assert not any(each.converged for each in passes)
+    assert passes[1].objective_J == pytest.approx(passes[0].objective_J, rel=1e-6)
 
 
 def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
