@@ -256,13 +256,14 @@ def refine(this: Pass) -> Task | None:
     coarse_curve = physics.has_curve and this.curve_error > most
     if coarse_curve:
         reasons.append(f"error of the torque curve {this.curve_error:.2g}, allowed {most:.2g}")
-    shares, worst = lowered(physics, setup, this.flights)
     # an open loop whose wake has memory would pulse faster on a finer mesh
     if not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer):
         reasons.append(this.division.why)
-        finer, shares = divided(physics, this.division, shares)
-    if worst:
-        reasons.append(exceeded(worst))
+        finer, shares = divided(physics, this.division, setup.shares)
+    else:
+        shares, worst = lowered(physics, setup, this.flights)
+        if worst:
+            reasons.append(exceeded(worst))
     if not reasons:
         return None
     start = point_of(finer or physics, this.result.problem)
