@@ -13,100 +13,36 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
-from hkt_mdo.files.polar_table import PolarTable, Source, check_reynolds, polar_table
+from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_of_rows
 from hkt_mdo.files.table import (
     Column,
     fortran_number,
     line_error,
-    lines_of,
     number_columns,
+    numbered_lines,
     read_text,
 )
 
 # Airfoil tables -----------------------------------------------------------------------------------
 
-_SETTING = re.compile(r"""\s*(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")
+_SETTING = re.compile(r"""(@?"[^"]*"|@?'[^']*'|\S+)\s+([A-Za-z]\w*)""")
+_SEPARATOR = re.compile(r"[\s,]+")
 OLD_COUNT = re.compile(r"Number of airfoil tables", re.IGNORECASE)
 """In the line of an airfoil file of AeroDyn 14 or older that says how many tables it has."""
 
-_REMEDY = "see OpenFAST's AirfoilInfo v1.01 files"
-_COUNTS = "NumAlf counts the rows of a table, NumTabs the tables"
+_COLUMNS = ["alpha", "cl", "cd", "cm"]  # where a file does not name them
+_REMEDY = "NumTabs counts the tables; each has Re, and NumAlf, which counts the rows below it"
 
-
-class _Lines:
-    """The lines of an airfoil file without remarks, which are read one after the other."""
-
-    def __init__(self, text: str, file: Path) -> None:
-        self.file, self.at = file, 0
-        self.lines: list[tuple[int, str, list[str]]] = []  # number, text, names of columns above
-        names: list[str] = []
-        for number, line in enumerate([*lines_of(text.rstrip()), ""], start=1):
-            remark = line.lstrip()
-            if remark.startswith(("!", "#", "%")):
-                words = [re.sub(r"\W|_", "", word).lower() for word in remark.lstrip("!#%").split()]
-                if words and words[0] in ("alpha", "aoa", "alfa"):
-                    names = words
-            elif remark:
-                self.lines.append((number, line.partition("!")[0].strip(), names))
-                names = []
-        self.lines.append((number, "", []))
-
-    def refuse(self, problem: str, remedy: str) -> InputError:
-        """Return the error of the next line."""
-        number, text, _ = self.lines[self.at]
-        return line_error(self.file, number, problem, remedy, value=text)
-
-    def refuse_unexpected(self, expected: str, remedy: str = _COUNTS) -> InputError:
-        """Return the error of a line, or of the end, that comes before what is expected."""
-        begin = "comes" if self.at < len(self.lines) - 1 else "the file ends"
-        return self.refuse(f"{begin} where {expected} is expected", remedy)
-
-    def setting(self, keyword: str) -> tuple[int, str]:
-        """Return line number and value of the next setting of this name, passing over others."""
-        while True:
-            number, text, _ = self.lines[self.at]
-            match = _SETTING.match(text)
-            name = match[2].lower() if match else ""
-            if text.startswith("@") and not match:
-                remedy = "paste that file in place of this line"
-                raise self.refuse("takes its tables from another file", remedy)
-            if match is None or (name in ("numtabs", "re", "numalf") and name != keyword.lower()):
-                remedy = f"{_COUNTS}, and each table has its line Re"
-                raise self.refuse_unexpected(keyword, remedy)
-            self.at += 1
-            if name == keyword.lower():
-                return number, match[1]
-            if name == "numcoords" and not match[1].startswith("@"):
-                after = self.at + self.count("NumCoords", number, match[1], 0)
-                self.at = min(after, len(self.lines) - 1)
-
-    def count(self, keyword: str, number: int, text: str, fewest: int = 1) -> int:
-        """Return the number of rows or tables that a setting in line `number` states."""
-        if not re.fullmatch(r"\d{1,6}", text, re.ASCII) or int(text) < fewest:
-            problem = f"must be a whole number of at least {fewest}"
-            raise line_error(self.file, number, problem, _REMEDY, keyword, value=text)
-        return int(text)
-
-    def rows(self, count: int, count_line: int) -> list[tuple[int, list[str]]]:
-        """Return line number and cells of the rows that NumAlf, in line `count_line`, promises."""
-        rows: list[tuple[int, list[str]]] = []
-        while len(rows) < count:
-            number, line, _ = self.lines[self.at]
-            cells = re.split(r"[\s,]+", line)
-            setting = len(cells) > 1 and cells[1].lower() in ("re", "userprop", "ctrl")
-            if setting or fortran_number(cells[0]) is None:
-                expected = f"row {len(rows) + 1} of NumAlf = {count} (line {count_line})"
-                raise self.refuse_unexpected(expected)
-            rows.append((number, cells))
-            self.at += 1
-        return rows
+_Line = tuple[int, str, list[str]]
+"""Number and text of a line, and the names of columns in the remark above it."""
 
 
 def read_airfoil(text: str, path: Path) -> list[PolarTable]:
     """Read the tables of an airfoil file of AeroDyn 15.
 
     The format is AirfoilInfo v1.01 of OpenFAST, https://openfast.readthedocs.io; the file's
-    Reynolds numbers are in millions.
+    Reynolds numbers are in millions. Each line has a value and its name; NumCoords and NumAlf say
+    how many rows of numbers follow.
 
     Parameters
     ----------
@@ -124,38 +60,84 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
     ------
     InputError
         If the file is broken; the message names the line.
-    """
-    file = _Lines(text, path)
-    n_tables = file.count("NumTabs", *file.setting("NumTabs"))
-    tables = [_read_table(file, f"table {index + 1}") for index in range(n_tables)]
-    if file.at < len(file.lines) - 1:
-        raise file.refuse("follows the last row of the last table", _COUNTS)
+    """  # noqa: DOC501 - `line_error` returns an InputError
+    tables: list[PolarTable] = []
+    settings: dict[str, tuple[int, str]] = {}  # line and value by name
+    lines, at = _lines_without_remarks(text), 0
+    while at < len(lines):
+        line, content, _ = lines[at]
+        match = _SETTING.match(content)
+        if match is None:
+            problem, remedy = "comes where a value with its name is expected", _REMEDY
+            if content.startswith("@"):
+                problem = "takes its tables from another file"
+                remedy = "paste that file in place of this line"
+            raise line_error(path, line, problem, remedy, value=content)
+        value, name = match[1], match[2].lower()
+        settings[name] = line, value
+        at += 1
+        if name == "numcoords" and not value.startswith("@"):
+            at += _count(settings, "NumCoords", path, 0)
+        elif name == "numalf":
+            count = _count(settings, "NumAlf", path)
+            where = f"table {len(tables) + 1}"
+            tables.append(_read_table(lines[at : at + count], settings, path, where))
+            at += count
+            del settings["re"]
+    count = _count(settings, "NumTabs", path)
+    if count != len(tables):
+        line, problem = settings["numtabs"][0], f"is not the number of tables, {len(tables)}"
+        raise line_error(path, line, problem, _REMEDY, "NumTabs", value=count)
     return tables
 
 
-def _read_table(file: _Lines, where: str) -> PolarTable:
-    """Read the next table; `where` tells it from others in the file."""
-    line, cell = file.setting("Re")
-    reynolds = check_reynolds(fortran_number(cell), cell, file.file, f"line {line}, Re", 1e6)
-    count_line, cell = file.setting("NumAlf")
-    line, _, names = file.lines[file.at]
+def _lines_without_remarks(text: str) -> list[_Line]:
+    """Return the lines of an airfoil file that are neither empty nor remarks."""
+    lines: list[_Line] = []
+    names: list[str] = []
+    for number, line in numbered_lines(text):
+        if line.lstrip()[:1] in ("!", "#", "%"):
+            words = [re.sub(r"\W|_", "", word).lower() for word in line.strip(" \t!#%").split()]
+            names = words if words[:1] in (["alpha"], ["aoa"], ["alfa"]) else names
+        elif line.strip():
+            lines.append((number, line.partition("!")[0].strip(), names))
+            names = []
+    return lines
+
+
+def _count(settings: dict[str, tuple[int, str]], name: str, path: Path, fewest: int = 1) -> int:
+    """Return the number of rows or tables that a setting states."""
+    line, value = settings.get(name.lower(), (1, ""))
+    if not re.fullmatch(r"\d{1,6}", value, re.ASCII) or int(value) < fewest:
+        problem = f"must be a whole number of at least {fewest}" if value else "is missing"
+        raise line_error(path, line, problem, _REMEDY, name, value=value)
+    return int(value)
+
+
+def _read_table(
+    lines: list[_Line], settings: dict[str, tuple[int, str]], path: Path, where: str
+) -> PolarTable:
+    """Return the polar of some rows; `where` tells it from others in the file."""
+    count_line, count = settings["numalf"]
+    if "re" not in settings:
+        raise line_error(path, count_line, "comes without a line Re above it", _REMEDY, "NumAlf")
+    line, cell = settings["re"]
+    reynolds = check_reynolds(fortran_number(cell), cell, path, f"line {line}, Re", 1e6)
+    if len(lines) < int(count):
+        problem = f"announces more rows than the {len(lines)} that follow"
+        raise line_error(path, count_line, problem, _REMEDY, "NumAlf", value=count)
+    rows = [(number, _SEPARATOR.split(content)) for number, content, _ in lines]
+    line, _, names = lines[0]
     if names and names[1:3] != ["cl", "cd"]:
         problem = "the columns are to be Alpha, Cl, Cd and optionally Cm and Cpmin"
-        remedy = "put them in order"
-        raise line_error(file.file, line, problem, remedy, where, value=" ".join(names))
-    rows = file.rows(file.count("NumAlf", count_line, cell), count_line)
-    numbers = [str(number + 1) for number in range(len(rows[0][1]))]
-    read = number_columns(rows, numbers, file.file, numbers).values()
-    if len(read) < 3:
+        raise line_error(path, line, problem, "put them in order", where, value=" ".join(names))
+    width = len(rows[0][1])
+    if width < 3:
         remedy = "give Alpha, Cl and Cd in every row"
-        raise line_error(file.file, rows[0][0], "has fewer than three columns", remedy)
+        raise line_error(path, line, "has fewer than three columns", remedy)
     # Without names the fourth column is the moment; MHK files have the smallest pressure there.
-    names = names or ["alpha", "cl", "cd", "cm"]
-    alpha, lift, drag, *_ = columns = [column.values for column in read]
-    further = dict(zip(names[3:], columns[3:], strict=False))
-    pressure = {"Cpmin": further["cpmin"]} if "cpmin" in further else None
-    source = Source(file.file, where, ("Alpha", "Cl", "Cd", "Cm"), [line for line, _ in rows])
-    return polar_table(alpha, lift, drag, further.get("cm"), reynolds, pressure, source)
+    names = ["alpha", *(names or _COLUMNS)[1:], *[""] * width][:width]
+    return polar_of_rows(rows, names, reynolds, path, where)
 
 
 FEWEST_POINTS = 10
@@ -188,21 +170,21 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
     InputError
         If the file is broken, or older, with its tables beside each other; with the line.
     """  # noqa: DOC501 - `line_error` returns an InputError
-    lines = list(enumerate(lines_of(text), start=1))
+    lines = numbered_lines(text)
     begin = next(at for at, (_, line) in enumerate(lines) if OLD_COUNT.search(line))
     number, counted = lines[begin]
-    count = int(fortran_number(counted.split()[0]) or 0)
+    count = fortran_number(counted.split()[0])
     about = " ".join(line for _, line in lines[:begin]).lower()
     fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
     tables: list[PolarTable] = []
     block: list[tuple[int, list[str]]] = []
     for line, content in [*lines[begin + 1 :], (lines[-1][0], "EOT")]:
-        cells = re.split(r"[\s,]+", content.strip())
-        if cells[0].upper() != "EOT":
-            block += [(line, cells)] if content.strip() else []
-        elif block:
+        cells = _SEPARATOR.split(content.strip())
+        if content.strip() and cells[0].upper() != "EOT":
+            block.append((line, cells))
+        elif content.strip() and block:
             where = f"table {len(tables) + 1}"
-            tables.append(_read_old_table(block, path, where, fourth, count == 1))
+            tables.append(_read_old_table(block, path, where, fourth, count == 1.0))
             block = []
     if len(tables) != count:
         problem = f"is not the number of tables that end with EOT, {len(tables)}"
@@ -216,24 +198,18 @@ def _read_old_table(
     """Read a table of AeroDyn 13 from the lines between two EOT; one alone may have Re = 0."""
     line, cells = block[0]
     if len(cells) > 1 and fortran_number(cells[1]) is not None:
-        problem = (
-            "has several Reynolds numbers: its tables stand beside each other, as of AeroDyn 12"
-        )
+        problem = "has several Reynolds numbers: its tables stand side by side, as of AeroDyn 12"
         raise line_error(path, line, problem, _OLD_REMEDY, where, value=" ".join(cells))
     reynolds = fortran_number(cells[0])
-    where_re = f"line {line}, Re"
-    zero = alone and reynolds == 0.0
-    reynolds = None if zero else check_reynolds(reynolds, cells[0], path, where_re, 1e6)
+    if alone and reynolds == 0.0:
+        reynolds = None
+    else:
+        reynolds = check_reynolds(reynolds, cells[0], path, f"line {line}, Re", 1e6)
     rows = [row for row in block if len(row[1]) > 2 and None not in map(fortran_number, row[1])]
     if not rows:
         raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
-    names = ["alpha", "cl", "cd", fourth][: len(rows[0][1])]
-    given = {
-        name: column.values for name, column in number_columns(rows, names, path, names).items()
-    }
-    pressure = {"Cpmin": given.pop("cpmin")} if "cpmin" in given else None
-    source = Source(path, where, ("alpha", "cl", "cd", "cm"), [number for number, _ in rows])
-    return polar_table(*given.values(), reynolds=reynolds, pressure=pressure, source=source)
+    names = [*_COLUMNS[:3], fourth][: len(rows[0][1])]
+    return polar_of_rows(rows, names, reynolds, path, where)
 
 
 _COORDINATES = re.compile(
@@ -265,7 +241,7 @@ def coordinates_of(airfoil: Path) -> Path:
     if not match or not named:
         return airfoil
     if not named.is_file():
-        line = len(lines_of(text[: match.end()]))
+        line = len(numbered_lines(text[: match.end()]))
         remedy = "put the file there, or give another outline"
         raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(named))
     return named
@@ -337,7 +313,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     InputError
         If the file is broken, with the line, or `hub_radius` is None.
     """
-    columns, messages = _blade_columns(lines_of(text.rstrip()), file)
+    columns, messages = _blade_columns([line for _, line in numbered_lines(text.rstrip())], file)
     span, degrees, chord, section = (columns[name] for name in _NEEDED)
     unknown = np.full(span.values.size, hub_radius is None)
     problem = "is measured from the blade's root, whose radius an AeroDyn file does not contain"

@@ -16,7 +16,7 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.aerodyn import read_blade_definition
 from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import Csv, line_error, lines_of, read_text, write_files
+from hkt_mdo.files.table import Csv, line_error, numbered_lines, read_text, write_files
 from hkt_mdo.files.windio import read_windio
 
 _AERODYN = re.compile(
@@ -57,7 +57,7 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
         problem, remedy = "must not be negative", "give it in metres"
         raise InputError(problem, remedy, key="hub_radius", value=hub_radius)
     # The first lines that are no remarks show which format it is.
-    lines = [line for line in lines_of(text) if line.strip() and line.lstrip()[0] != "#"]
+    lines = [line for _, line in numbered_lines(text) if line.strip() and line.lstrip()[0] != "#"]
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (lines and suffix in {".dat", ".inp"} and "," not in lines[0]):
         table = read_blade_definition(text, path, hub_radius)

@@ -11,7 +11,14 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import FEWEST_POINTS, coordinates_of
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
+from hkt_mdo.files.table import (
+    Csv,
+    line_error,
+    number_columns,
+    numbered_lines,
+    parse_number,
+    read_text,
+)
 
 MOST_POINTS = 5000
 """Largest number of points; testing more for crossings takes too long."""
@@ -65,7 +72,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     text = read_text(path, "file with an outline")
     lines = [
         (number, line.strip())
-        for number, line in enumerate(lines_of(text), start=1)
+        for number, line in numbered_lines(text)
         if line.strip() and line.lstrip()[0] not in "#!%"
     ]
     if not lines:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import pairwise
+from itertools import compress, pairwise
 from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import OLD_COUNT, read_airfoil, read_old_airfoil
-from hkt_mdo.files.polar_table import SURFACES, PolarTable, Source, check_reynolds, polar_table
+from hkt_mdo.files.polar_table import SURFACES, PolarTable, check_reynolds, polar_of_rows
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
-from hkt_mdo.files.table import Csv, line_error, lines_of, number_columns, parse_number, read_text
+from hkt_mdo.files.table import Csv, line_error, numbered_lines, parse_number, read_text
 
+_ANGLES = "alpha_deg", "alpha_rad"
 _FORMATS = "a CSV file alpha_deg,cl,cd (or alpha_rad), an AeroDyn airfoil table or an XFOIL polar"
 _FLAGS = re.MULTILINE | re.IGNORECASE
 _AERODYN = re.compile(
@@ -82,7 +83,7 @@ def _read_file(path: Path) -> list[PolarTable]:
     if OLD_COUNT.search(text):
         return read_old_airfoil(text, path)
     if _AIRFOIL_TOOLS.search(text):
-        return [_read_airfoil_tools(text, path)]
+        return _read_airfoil_tools(text, path)
     return _read_xfoil(text, path) if _XFOIL.search(text) else _read_csv(text, path)
 
 
@@ -91,81 +92,69 @@ def _read_file(path: Path) -> list[PolarTable]:
 
 def _read_csv(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a CSV file, one for each number in its column reynolds."""
-    optional = "cm", "reynolds", "cpmin", *SURFACES
-    known = "alpha_deg", "alpha_rad", "cl", "cd", *optional
+    known = *_ANGLES, "cl", "cd", "cm", "reynolds", "cpmin", *SURFACES
     table = Csv(text, path, "alpha_deg,cl,cd", known)
-    angle = "alpha_rad" if "alpha_rad" in table.header else "alpha_deg"
-    if {"alpha_rad", "alpha_deg"} <= set(table.header):
+    angles = [name for name in _ANGLES if name in table.header]
+    if len(angles) > 1:
         raise table.refuse("names both alpha_deg and alpha_rad", "keep one of them")
+    angle = angles[0] if angles else "alpha_deg"
     if not {angle, "cl", "cd"} & set(table.header):
         raise table.refuse(f"is no header of {angle},cl,cd", f"give {_FORMATS}")
-    columns = table.columns((angle, "cl", "cd"), "polar", optional)
-    reynolds = columns.pop("reynolds", None)
-    pressure = {name: columns.pop(name) for name in ("cpmin", *SURFACES) if name in columns}
-    lines = np.array([line for line, _ in table.rows])
-
-    def polar(rows: np.ndarray | slice, number: float | None, where: str) -> PolarTable:
-        source = Source(path, where, list(columns), lines[rows].tolist())
-        coefficients = [column.values[rows] for column in columns.values()]
-        pressures = {name: column.values[rows] for name, column in pressure.items()}
-        return polar_table(*coefficients, reynolds=number, pressure=pressures, source=source)
-
-    if reynolds is None:
-        return [polar(slice(None), None, "")]
-    for number, cell, key in zip(reynolds.values, reynolds.shown, reynolds.keys, strict=True):
+    table.check((angle, "cl", "cd"), "polar", known)
+    if "reynolds" not in table.header:
+        return [polar_of_rows(table.rows, table.header, None, path, parse=parse_number)]
+    column = table.columns(("reynolds",), "polar")["reynolds"]
+    for number, cell, key in zip(column.values, column.shown, column.keys, strict=True):
         check_reynolds(number, cell, path, key)
-    return [
-        polar(reynolds.values == number, number, f"reynolds = {number:g}")
-        for number in np.unique(reynolds.values).tolist()
-    ]
+    polars = []
+    for number in np.unique(column.values).tolist():
+        rows = list(compress(table.rows, column.values == number))
+        where = f"reynolds = {number:g}"
+        polars.append(polar_of_rows(rows, table.header, number, path, where, parse_number))
+    return polars
 
 
-def _read_airfoil_tools(text: str, path: Path) -> PolarTable:
+def _read_airfoil_tools(text: str, path: Path) -> list[PolarTable]:
     """Return the polar of a CSV file of airfoiltools.com: lines about it, a header, rows."""
-    lines = list(enumerate(lines_of(text), start=1))
-    number, cell = next(
-        (line, row.partition(",")[2].strip())
-        for line, row in lines
-        if row.lower().startswith("reynolds number,")
-    )
-    reynolds = check_reynolds(parse_number(cell), cell, path, f"line {number}, Reynolds number")
-    begin = next(at for at, (_, row) in enumerate(lines) if row.lower().startswith("alpha,cl,cd,"))
-    names = lines[begin][1].lower().split(",")
-    rows = [(line, row.split(",")) for line, row in lines[begin + 1 :] if row.strip()]
-    columns = number_columns(rows, names, path, _COEFFICIENTS[:4])
-    source = Source(path, "", ("Alpha", "Cl", "Cd", "Cm"), [line for line, _ in rows])
-    return polar_table(*(column.values for column in columns.values()), reynolds, source=source)
+    reynolds, names, rows = None, [], []
+    for line, content in numbered_lines(text):
+        cells = [cell.strip() for cell in content.lower().split(",")]
+        if names and content.strip():
+            rows.append((line, cells))
+        elif cells[0] == "reynolds number":
+            key = f"line {line}, Reynolds number"
+            reynolds = check_reynolds(parse_number(cells[1]), cells[1], path, key)
+        elif cells[:3] == ["alpha", "cl", "cd"]:
+            names = cells
+    return [polar_of_rows(rows, names, reynolds, path)]
 
 
 # XFOIL --------------------------------------------------------------------------------------------
 
 _XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
 _XFOIL_REYNOLDS = re.compile(r"\bRe\s*=\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)")
-_COEFFICIENTS = "alpha", "cl", "cd", "cm", "cpmin"  # names of columns; the first three are needed
 _XFOIL_REMEDY = "give the file as XFOIL's PACC has written it"
 
 
 def _read_xfoil(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a file that XFOIL's PACC or XFLR5 has written, one after the other."""
-    lines = list(enumerate(lines_of(text), start=1))
+    lines = numbered_lines(text)
     begins = [at for at, (_, line) in enumerate(lines) if _XFOIL_BEGIN.search(line)]
-    above = lines[: begins[0]] if begins else []
     if not begins:
         raise line_error(path, 1, "lacks the line Calculated polar for:", _XFOIL_REMEDY)
+    of_xflr5 = any("xflr5" in line.lower() for _, line in lines[: begins[0]])
     parts = [lines[low:high] for low, high in pairwise([*begins, len(lines)])]
     return [
-        _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "", above)
+        _read_xfoil_polar(part, path, f"polar {index}" if len(parts) > 1 else "", of_xflr5)
         for index, part in enumerate(parts, start=1)
     ]
 
 
 def _read_xfoil_polar(
-    part: list[tuple[int, str]], path: Path, where: str, above: list[tuple[int, str]]
+    part: list[tuple[int, str]], path: Path, where: str, of_xflr5: bool
 ) -> PolarTable:
-    """Return one polar of numbered lines; `above` are those at the file's head."""
-    reynolds, of_xflr5 = None, any("xflr5" in line.lower() for _, line in above)
-    names: list[str] = []
-    rows: list[tuple[int, list[str]]] = []
+    """Return one polar of numbered lines."""
+    reynolds, names, rows = None, [], []
     for number, line in part:
         words = re.sub(r"(?i)\b(top|bot) (xtr|itr)\b", r"\1_\2", line).split()
         if names:
@@ -177,19 +166,18 @@ def _read_xfoil_polar(
             names = [word.lower() for word in words]
         else:
             reynolds = _xfoil_reynolds(line, number, path) or reynolds
-    flaws = [] if names else ["lacks the line of column names alpha CL CD"]
-    flaws += [f"lacks the column {name.upper()}" for name in _COEFFICIENTS[:3] if name not in names]
-    flaws += ["lacks the line Mach = Re ="] if reynolds is None else []
-    flaws += [] if rows else ["has no rows"]
-    if flaws:
-        problem = f"the polar that begins here {flaws[0]}"
-        raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
-    columns = number_columns(rows, names, path, _COEFFICIENTS)
-    pressure = columns.pop("cpmin", None)
-    pressures = {"Cpmin": pressure.values} if pressure else None
-    coefficients = [column.values for column in columns.values()]
-    source = Source(path, where, ("alpha", "CL", "CD", "CM"), [line for line, _ in rows])
-    return polar_table(*coefficients, reynolds=reynolds, pressure=pressures, source=source)
+    flaws = {
+        "lacks the line of column names alpha CL CD": not names,
+        "lacks the column CL": "cl" not in names,
+        "lacks the column CD": "cd" not in names,
+        "lacks the line Mach = Re =": reynolds is None,
+        "has no rows": not rows,
+    }
+    for flaw, found in flaws.items():
+        if found:
+            problem = f"the polar that begins here {flaw}"
+            raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
+    return polar_of_rows(rows, names, reynolds, path, where)
 
 
 def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:

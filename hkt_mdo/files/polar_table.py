@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Column
+from hkt_mdo.files.table import Column, Row, fortran_number, number_columns
 
 FEWEST_ROWS = 8
 """Fewest angles of a polar; fewer do not show where it stalls."""
@@ -29,6 +28,9 @@ PRESSURE_RANGE = -60.0, 1.0
 
 SURFACES = "cpmin_upper", "cpmin_lower"
 """Columns of the smallest pressure coefficient of each surface; `cpmin` is that of both."""
+
+ANGLES = "alpha", "alpha_deg", "alpha_rad"
+"""Names of a column of angles of attack; without a unit they are in degrees."""
 
 _CIRCLE_EDGE = 1e-3
 """How far an end of a full circle may be from 180 deg, deg; files write 3.1416 rad."""
@@ -76,35 +78,6 @@ class Source(NamedTuple):
     lines: Sequence[int] = ()
     """Numbers of the rows' lines; empty where the file has no line for each row."""
 
-    def column(self, title: str, values: np.ndarray) -> Column:
-        """Return numbers as a column.
-
-        Parameters
-        ----------
-        title : str
-            The file's name of the column.
-        values : numpy.ndarray, shape (n_rows,)
-            The numbers.
-
-        Returns
-        -------
-        Column
-            The numbers with the place of each.
-
-        Raises
-        ------
-        InputError
-            If one of them is not finite.
-        """
-        prefix = f"{self.where}, " if self.where else ""
-        numbers = np.asarray(values, dtype=float)
-        rows = [f"line {line}" for line in self.lines]
-        rows = rows or [f"row {index + 1}" for index in range(numbers.size)]
-        keys = [f"{prefix}{row}, column {title}" for row in rows]
-        column = Column(f"{prefix}{title}", numbers, keys, numbers.tolist(), self.file)
-        column.refuse(~np.isfinite(numbers), "must be a finite number", "correct the row")
-        return column
-
 
 def polar_table(
     alpha: np.ndarray,
@@ -150,81 +123,129 @@ def polar_table(
         ends of a full circle differ, drag is not positive, one surface's pressure comes without the
         other's, or a number is not finite or beyond what sections have.
     """
-    source, messages = source or Source(), ()
-    given = {"angle": alpha, "lift": lift, "drag": drag, "moment": moment}
-    given = {name: np.asarray(rows, float) for name, rows in given.items() if rows is not None}
-    pressure = {name: np.asarray(rows, float) for name, rows in (pressure or {}).items()}
-    columns = (*given.values(), *pressure.values())
-    new = np.append(True, np.any([np.diff(rows) != 0.0 for rows in columns], axis=0))
-    if not np.all(new) and given["angle"].size:
-        messages = (f"{source.file}: {np.sum(~new)} repeated rows are left out",)
-        given = {name: rows[new] for name, rows in given.items()}
-        pressure = {name: rows[new] for name, rows in pressure.items()}
-        source = source._replace(lines=list(compress(source.lines, new)))
-    half_turn = np.pi if source.titles[0].endswith("_rad") else 180.0
-    if _is_half_of_symmetric(given, half_turn / 180.0):
-        first = f"{given['angle'][0] * 180.0 / half_turn:.4g}"
-        messages += (f"{source.file}: symmetric section, mirrored below {first} degrees",)
-        given, pressure, source = _mirrored(given, pressure, source)
-    alpha, lift, drag, moment = (given.get(name) for name in ("angle", *LARGEST))
-    angle, *coefficients = (
-        source.column(title, values)
-        for title, values in zip(source.titles, (alpha, lift, drag, moment), strict=False)
-        if values is not None
-    )
-    constant = all(np.ptp(column.values) == 0.0 for column in coefficients[:2] if len(alpha))
-    radians, circle = _angles(angle, not source.titles[0].endswith("_rad"), constant)
-    for name, column in zip(LARGEST, coefficients, strict=False):
-        _check_coefficient(name, column, circle)
-    pressures = {title: source.column(title, cp) for title, cp in pressure.items()}
+    source, messages = source or Source(), []
+    given = {"angle": alpha, "lift": lift, "drag": drag, "moment": moment, **(pressure or {})}
+    table = {name: np.asarray(rows, float) for name, rows in given.items() if rows is not None}
+    changes = np.any([np.diff(rows) != 0.0 for rows in table.values()], axis=0)
+    new = np.append(True, changes)[: table["angle"].size]
+    table["row"] = np.asarray(source.lines if len(source.lines) else np.arange(new.size) + 1)
+    if not np.all(new):
+        messages.append(f"{source.file}: {np.sum(~new)} repeated rows are left out")
+        table = {name: rows[new] for name, rows in table.items()}
+    radians_per_unit = 1.0 if source.titles[0].endswith("_rad") else np.pi / 180.0
+    if _is_half_of_symmetric(table, np.deg2rad(NEEDED_RANGE[0]) / radians_per_unit):
+        first = f"{np.rad2deg(table['angle'][0] * radians_per_unit):.4g}"
+        messages.append(f"{source.file}: symmetric section, mirrored below {first} degrees")
+        table = _mirrored(table)
+    titles = dict(zip(("angle", *LARGEST), source.titles, strict=False))
+    columns = {
+        name: _column(titles.get(name, name), rows, table["row"], source)
+        for name, rows in table.items()
+        if name != "row"
+    }
+    values = {name: column.values for name, column in columns.items()}
+    constant = values["lift"].size > 0 and not np.ptp(values["lift"]) and not np.ptp(values["drag"])
+    radians, circle = _angles(columns["angle"], radians_per_unit != 1.0, constant)
+    for name in LARGEST:
+        if name in columns:
+            _check_coefficient(name, columns[name], circle)
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
-        coefficients[0].values,
-        coefficients[1].values,
-        None if moment is None else coefficients[2].values,
+        values["lift"],
+        values["drag"],
+        values.get("moment"),
         circle,
-        _smallest_pressure(pressures),
+        _smallest_pressure({name: columns[name] for name in pressure or ()}),
         f"{source.file}, {source.where}" if source.where else str(source.file),
-        messages,
+        tuple(messages),
     )
 
 
-def _is_half_of_symmetric(given: Mapping[str, np.ndarray], degree: float) -> bool:
-    """Tell whether a table begins between -5 and 0 degrees, and is symmetric as far as it goes."""
-    angle, low = given["angle"], NEEDED_RANGE[0] * degree
+def polar_of_rows(
+    rows: Sequence[Row],
+    names: Sequence[str],
+    reynolds: float | None,
+    file: object,
+    where: str = "",
+    parse: Callable[[str], float | None] = fortran_number,
+) -> PolarTable:
+    """Return the polar of rows of a text.
+
+    Parameters
+    ----------
+    rows : sequence of (int, sequence of str)
+        Line number and cells of each row.
+    names : sequence of str
+        Names of all columns: ``alpha``, ``alpha_deg`` or ``alpha_rad``, ``cl``, ``cd``, and perhaps
+        ``cm``, ``cpmin`` and `SURFACES`, in small letters; others are not read.
+    reynolds : float or None
+        Reynolds number by the chord.
+    file : object
+        The file, for messages.
+    where : str
+        Words that identify this polar among others in the file.
+    parse : callable
+        Returns the number that a cell is, or None.
+
+    Returns
+    -------
+    PolarTable
+        The polar.
+
+    Raises
+    ------
+    InputError
+        If a row has more or fewer cells than `names`, a cell is no number, or as of `polar_table`.
+    """
+    angle = next(name for name in names if name in ANGLES)
+    wanted = angle, "cl", "cd", "cm", "cpmin", *SURFACES
+    columns = number_columns(rows, names, file, wanted, parse=parse)
+    values = {name: column.values for name, column in columns.items()}
+    alpha, lift, drag = values.pop(angle), values.pop("cl"), values.pop("cd")
+    moment = values.pop("cm", None)
+    source = Source(file, where, (angle, "cl", "cd", "cm"), [line for line, _ in rows])
+    return polar_table(alpha, lift, drag, moment, reynolds, values, source)
+
+
+def _column(title: str, values: np.ndarray, rows: np.ndarray, source: Source) -> Column:
+    """Return finite numbers with the place of each."""
+    prefix = f"{source.where}, " if source.where else ""
+    word = "line" if len(source.lines) else "row"
+    keys = [f"{prefix}{word} {row:.0f}, column {title}" for row in rows]
+    column = Column(f"{prefix}{title}", values, keys, values.tolist(), source.file)
+    column.refuse(~np.isfinite(values), "must be a finite number", "correct the row")
+    return column
+
+
+def _is_half_of_symmetric(table: Mapping[str, np.ndarray], low: float) -> bool:
+    """Tell whether a table begins between `low` and 0, and is symmetric as far as it goes."""
+    angle = table["angle"]
     begins_late = angle.size and low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
-    if not begins_late or (angle[0] == 0.0 and "moment" not in given):
+    if not begins_late or (angle[0] == 0.0 and "moment" not in table):
         return False
-    for at in np.flatnonzero(angle <= 0.0):
-        (other,) = np.nonzero(np.abs(angle + angle[at]) < 1e-6)
-        if not other.size:
-            return False
-        for name, near in _SYMMETRIC.items():
-            if name in given:
-                one, two = given[name][at], given[name][other[0]]
-                off = abs(one - two) / abs(two) if name == "drag" and two else abs(one + two)
-                if not off <= near:
-                    return False
+    below = np.flatnonzero(angle <= 0.0)
+    opposite = np.array([np.argmin(np.abs(angle + angle[at])) for at in below])
+    if np.any(np.abs(angle[below] + angle[opposite]) >= 1e-6):
+        return False
+    for name, near in _SYMMETRIC.items():
+        if name in table:
+            one, two = table[name][below], table[name][opposite]
+            off = one - two if name == "drag" else one + two
+            if not np.all(np.abs(off) <= near * (np.abs(two) if name == "drag" else 1.0)):
+                return False
     return True
 
 
-def _mirrored(
-    given: Mapping[str, np.ndarray], pressure: Mapping[str, np.ndarray], source: Source
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], Source]:
-    """Return columns, pressures and source with the rows that a symmetric section lacks."""
-    (more,) = np.nonzero(given["angle"] > -given["angle"][0])
-    more = more[::-1]
-
-    def joined(rows, other=None, sign=1.0):
-        rows = np.asarray(rows)
-        return np.concatenate((sign * (rows if other is None else np.asarray(other))[more], rows))
-
-    given = {n: joined(rows, sign=1.0 if n == "drag" else -1.0) for n, rows in given.items()}
-    surfaces = dict(zip(SURFACES, SURFACES[::-1], strict=True))
-    pressure = {n: joined(rows, pressure.get(surfaces.get(n, n))) for n, rows in pressure.items()}
-    lines = joined(source.lines).tolist() if len(source.lines) else ()
-    return given, pressure, source._replace(lines=[int(line) for line in lines])
+def _mirrored(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return a table with the rows that a symmetric section lacks."""
+    lacking = np.flatnonzero(table["angle"] > -table["angle"][0])[::-1]
+    other = dict(zip(SURFACES, SURFACES[::-1], strict=True))
+    signs = {"angle": -1.0, "lift": -1.0, "moment": -1.0}
+    return {
+        name: np.append(signs.get(name, 1.0) * table.get(other.get(name), rows)[lacking], rows)
+        for name, rows in table.items()
+    }
 
 
 def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray, bool]:

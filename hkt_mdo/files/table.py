@@ -170,8 +170,8 @@ def make_folder(folder: Path) -> None:
         raise InputError(problem, "choose another one", file=folder) from error
 
 
-def lines_of(text: str) -> list[str]:
-    r"""Return the lines of a text.
+def numbered_lines(text: str) -> list[tuple[int, str]]:
+    r"""Return the lines of a text with their numbers.
 
     Parameters
     ----------
@@ -180,10 +180,10 @@ def lines_of(text: str) -> list[str]:
 
     Returns
     -------
-    list of str
-        The lines without these ends.
+    list of (int, str)
+        Number of each line, from 1, and the line without its end.
     """
-    return re.split(r"\r\n|\r|\n", text)
+    return list(enumerate(re.split(r"\r\n|\r|\n", text), start=1))
 
 
 def line_error(
@@ -472,10 +472,8 @@ class Csv:
             raise InputError("has a header but no rows", "add rows of numbers", file=self.file)
         return rows
 
-    def columns(
-        self, names: Sequence[str], what: str, optional: Sequence[str] = ()
-    ) -> dict[str, Column]:
-        """Return columns of numbers.
+    def check(self, names: Sequence[str], what: str, optional: Sequence[str] = ()) -> None:
+        """Refuse a header that lacks a column, or has one twice.
 
         Parameters
         ----------
@@ -484,7 +482,30 @@ class Csv:
         what : str
             What the table is, for messages.
         optional : sequence of str
-            Columns that are returned if they are there.
+            Columns that may be there, once.
+
+        Raises
+        ------
+        InputError
+            If a column is missing or there twice.
+        """
+        for name in (*names, *optional):
+            if name in self.header:
+                self.place(name)
+            elif name in names:
+                remedy = did_you_mean(name, self.header)
+                remedy += f"the {what} has the columns {','.join(names)}"
+                raise self.refuse(f"lacks the column {name}", remedy)
+
+    def columns(
+        self, names: Sequence[str], what: str, optional: Sequence[str] = ()
+    ) -> dict[str, Column]:
+        """Return columns of numbers.
+
+        Parameters
+        ----------
+        names, what, optional
+            As of `check`.
 
         Returns
         -------
@@ -494,14 +515,8 @@ class Csv:
         Raises
         ------
         InputError
-            If a column is missing or there twice, there are no rows, or a cell is no number.
+            As of `check`, and if there are no rows, or a cell is no number.
         """
-        wanted = [name for name in (*names, *optional) if name in self.header]
-        for name in wanted:
-            self.place(name)
-        for name in names:
-            if name not in wanted:
-                remedy = did_you_mean(name, self.header)
-                remedy += f"the {what} has the columns {','.join(names)}"
-                raise self.refuse(f"lacks the column {name}", remedy)
+        self.check(names, what, optional)
+        wanted = (*names, *optional)
         return number_columns(self.rows, self.header, self.file, wanted, parse=parse_number)

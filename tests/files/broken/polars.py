@@ -139,29 +139,32 @@ def _aerodyn(rows: list[str], count: int | None = None) -> bytes:
 
 
 _BROKEN_AERODYN: dict[str, tuple[bytes, str]] = {
-    "no rows": ("\n".join(_AERODYN_LINES[:14]).encode(), "the file ends where row 1 of NumAlf"),
-    "NumTabs missing": (_replace(_AERODYN, (_AERODYN_LINES[5], "!")), "where NumTabs is expected"),
+    "no rows": (
+        "\n".join(_AERODYN_LINES[:14]).encode(),
+        "line 12, NumAlf = '25': announces more rows than the 0",
+    ),
+    "NumTabs missing": (_replace(_AERODYN, (_AERODYN_LINES[5], "!")), "NumTabs = '': is missing"),
     "NumTabs too many": (
         _replace(_AERODYN, ("1        NumTabs", "2  NumTabs")),
-        "the file ends where Re is expected",
+        "line 6, NumTabs = 2: is not the number of tables, 1",
     ),
     "NumTabs too few": (
         _replace(_AERODYN_TWO, ("2        NumTabs", "1  NumTabs")),
-        "line 41 = '1.000  Re': follows the last row",
+        "line 6, NumTabs = 1: is not the number of tables, 2",
     ),
     "Re not in millions": (_replace(_AERODYN, ("0.200", "200000")), "give it in millions"),
     "NumAlf a fraction": (_replace(_AERODYN, ("25  ", "25.5  ")), "line 12, NumAlf = '25.5'"),
     "NumAlf too large before a table": (
         _replace(_AERODYN_TWO, ("25  ", "26  ")),
-        "row 26 of NumAlf = 26 (line 12)",
+        "line 41 = '1.000 Re': has 2 numbers where the table has 4 columns",
     ),
     "NumAlf too small before a table": (
         _replace(_AERODYN_TWO, ("25  ", "24  ")),
-        "line 39 = '16.00  1.9000  0.03560  -0.0800': comes where Re",
+        "line 39 = '16.00  1.9000  0.03560  -0.0800': comes where a value with its name",
     ),
     "NumCoords lies": (
         _replace(_AERODYN, ('@"x.txt"   NumCoords', "3  NumCoords")),
-        "where NumTabs is expected",
+        "line 12, NumAlf: comes without a line Re",
     ),
     "tables in another file": (
         ("\n".join(_AERODYN_LINES[:6]) + '\n@"tables.dat"\n').encode(),
@@ -169,7 +172,7 @@ _BROKEN_AERODYN: dict[str, tuple[bytes, str]] = {
     ),
     "columns swapped": (_replace(_AERODYN, ("Alpha  Cl  Cd", "Alpha  Cd  Cl")), "Alpha, Cl, Cd"),
     "two columns": (_aerodyn([f" {a} 0.1" for a in range(-8, 17)]), "fewer than three columns"),
-    "nan": (_replace(_AERODYN, (_A3, "  3.00 nan 0.01 0.0")), "line 26, column 2 = 'nan'"),
+    "nan": (_replace(_AERODYN, (_A3, "  3.00 nan 0.01 0.0")), "line 26, column cl = 'nan'"),
     "radians": (
         _aerodyn([f" {math.radians(a):.5f} 0.1 0.02" for a in range(-180, 190, 10)]),
         "are radians",
