@@ -502,7 +502,7 @@ def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
         problem = "is another name of inflow, and both are given"
         raise refusal(problem, "give one of them", key="resource")
     profile = resource.get("profile")
-    known = [kind_name(each) for each in BUILT_IN.profiles if issubclass(each, Resource)]
+    known = [kind_name(each) for each in BUILT_IN.of(Resource)]
     if profile not in known:
         problem, remedy = "is no resource", f"give profile: {', '.join(known)}"
         raise refusal(problem, remedy, key="resource.profile", value=profile)
@@ -553,13 +553,13 @@ _BaseCase = Case
 @cache
 def case_class(kinds: Kinds) -> type[Case]:
     """Return the class of the cases that may name some kinds; a subclass of `Case`."""
-    resources = [each for each in kinds.profiles if issubclass(each, Resource)]
-    profiles = [x for x in kinds.profiles if not issubclass(x, SumInflow | Resource)]
+    resources = kinds.of(Resource)
+    profiles = [x for x in kinds.of(Inflow) if not issubclass(x, SumInflow | Resource)]
     part: Any = Annotated[Union[tuple(profiles)], Field(discriminator="profile")]  # noqa: UP007
     total = _subclass(SumInflow, parts=(tuple[part, ...], Field(min_length=2, max_length=20)))
     limits: dict[str, Any] = {
         kind_name(each): (each | None, Field(None, description=(each.__doc__ or "").strip()))
-        for each in kinds.limits
+        for each in kinds.of(Limit)
     }
     section = _subclass(Limits, **limits)
     own = FlowScenario.model_fields
@@ -572,12 +572,12 @@ def case_class(kinds: Kinds) -> type[Case]:
     made = _subclass(
         Case,
         scenarios=(tuple[scenario, ...], Field((), max_length=MOST_SCENARIOS)),  # type: ignore[valid-type]
-        robustness=_choice("robustness", kinds.aggregates),
+        robustness=_choice("robustness", kinds.of(Aggregate)),
         inflow=_choice("inflow", [*profiles, *resources, total]),
         resource=_choice("resource", [*resources, None]),
-        control=_choice("control", kinds.laws),
+        control=_choice("control", kinds.of(Law)),
         limits=(section, Field(section(), description=Limits.__doc__)),
-        objective=_choice("objective", kinds.objectives),
+        objective=_choice("objective", kinds.of(Objective)),
     )
     made.kinds = kinds
     return made

@@ -179,7 +179,7 @@ FLOWS = [
         "{profile: sum, parts: [{profile: sine}, {profile: sum, parts: []}]}",
         "inflow.parts[1].profile",
         "sum",
-        "give one of constant, step, sine, record, turbulence, tide, gust",
+        "give one of constant, step, sine, tide, gust, record, turbulence",
     ),
     (
         "{profile: sum, parts: [{profile: sine}, {mean: 1}]}",
