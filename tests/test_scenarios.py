@@ -335,7 +335,7 @@ BAD = {
     "torque": (
         [{"limits": {"torque": 600}}],
         r"scenarios\[0\].limits.torque = 600",
-        "give control.torque_limit",
+        "write control.torque_limit",
     ),
     "unknown limit": ([{"limits": {"thrst": 1}}], r"\[0\].limits.thrst = 1", "did you mean thrust"),
     "name": ([{"name": "a b"}], r"scenarios\[0\].name = 'a b'", "letters and digits and `_`"),

@@ -48,12 +48,12 @@ from hkt_mdo.errors import InputError, show
 from hkt_mdo.sections import Quantity, Section
 
 ENTRY_POINTS = "hkt_mdo.extensions"
-MODULES = (laws, wide_laws, tracking, flows, sampled, resource, long_record)
-MODULES += (limits, objectives, aggregates)
+MODULES: list[ModuleType] = [laws, wide_laws, tracking, flows, sampled, resource, long_record]
+MODULES += [limits, objectives, aggregates]
 """Modules of the package's own kinds, in the order in which a case's reference lists them."""
 
-INTERNAL = (resource.DurationCurve, limits.TorqueLimit, limits.ForwardRotation)
-INTERNAL += (limits.DistanceFromStall,)
+INTERNAL: list[type] = [resource.DurationCurve, limits.TorqueLimit, limits.ForwardRotation]
+INTERNAL += [limits.DistanceFromStall]
 """Classes there that no case names: they follow from other keys."""
 
 TAGS: dict[type[Section], str] = {
@@ -65,7 +65,7 @@ TAGS: dict[type[Section], str] = {
 }
 """By base class: the class attribute with the kind's name."""
 
-_TAKEN = {"given", "torque", *dir(Section)}
+_TAKEN = {"given", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit, Objective or Aggregate"
 _FORMULAS = {"demand": FeedbackLaw, "speed_at": Inflow, "value": Aggregate}
 """By base class: the method that a kind must have."""

@@ -144,6 +144,8 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
                 remedy = f"give the {what} as {context['quantity']}"
         case "extra_forbidden":
             problem, remedy = "unknown key", _suggest_key(place, str(error["loc"][-1]), root)
+            if key.endswith("limits.torque"):  # its name in earlier versions
+                problem, remedy = "has another name", "write control.torque_limit"
         case "missing":
             found, problem, remedy = {}, "is missing", f"give it: {place.what}"
             if place.members:

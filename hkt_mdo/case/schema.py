@@ -21,7 +21,6 @@ from pydantic import (
     model_validator,
 )
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
@@ -37,7 +36,6 @@ from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import find_case
-from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Quantity, Section, refusal
@@ -46,8 +44,6 @@ MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scena
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
 VERSION = 2  # of the keys of a case; `Case.version` says what version 1 means
-PAPER_BLADE = "bahaj2007"
-PAPER_CHORD_BOUNDS = 0.01, 1.0  # m; of the paper's rotor, and of every case under version 1
 
 
 def _known_version(version: int) -> int:
@@ -64,14 +60,11 @@ class Limits(Section):
     A limit whose only key is `bound` may be given as that alone, such as `limits: {power: 5 kW}`.
     """
 
-    torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
-    """Largest generator torque: another name of `control.torque_limit`."""
-
     @property
     def given(self) -> tuple[Limit, ...]:
         """The limits that the case gives."""
         values = (getattr(self, name) for name in type(self).model_fields)
-        return tuple(value for value in values if isinstance(value, Limit))
+        return tuple(value for value in values if value is not None)
 
 
 class FlowScenario(Section):
@@ -212,10 +205,9 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _spell_out(cls, data: Any) -> Any:
-        """Write out a kind that is given by its bare name, and the paper's bounds on the chord.
+        """Write out a kind that is given by its bare name, and the stations of a resolved blade.
 
-        Also the stations of a resolved blade, one of splines or whose operation is limited
-        (docs/stations.md).
+        That is one of splines, or whose operation is limited (docs/stations.md).
         """
         if not isinstance(data, dict):
             return data
@@ -223,10 +215,8 @@ class Case(Section):
         for key, tag in TAGS.items():
             if isinstance(data.get(key), str):
                 data = data | {key: {tag: data[key]}}
-        data = _torque_limit_moved(data)
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
-        data = _chord_bounds_filled(data)
         rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
         if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
             limited = _is_limited(data) and data.get("version", VERSION) != 1
@@ -366,11 +356,6 @@ class Case(Section):
         """Refuse weights that are all zero, and limits that a scenario cannot have of its own."""
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
-            if scenario.limits.torque is not None:
-                problem = "is the controller's, which all scenarios share"
-                remedy = "give control.torque_limit"
-                torque = scenario.limits.torque
-                raise refusal(problem, remedy, key=f"{key}.limits.torque", value=torque)
             for limit in scenario.limits.given:
                 if limit.place != "time":
                     problem = "is a limit of the design, which all scenarios share"
@@ -444,9 +429,6 @@ class Case(Section):
         paths start from the current folder. Raises InputError for one that is not valid.
         """
         data, _ = self._without_own()
-        bare = data | {"design": data["design"] | {"chord_bounds": None}}
-        if _chord_bounds_filled(bare)["design"]["chord_bounds"] == self.design.chord_bounds:
-            data = bare  # the default of the paper's rotor, which the overrides may change
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
 
 
@@ -509,44 +491,6 @@ def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
     return data | {"inflow": resource, "resource": None}
 
 
-def _chord_bounds_filled(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a case's data with the paper's bounds on the chord where they are the default."""
-    design, rotor = data.get("design", {}), data.get("rotor", {})
-    if not isinstance(design, dict) or not isinstance(rotor, dict):
-        return data
-    own = shipped_rotor(PAPER_BLADE)
-    paper = rotor.get("blade") in (None, PAPER_BLADE) and rotor.get("chord") is None
-    try:
-        radius = _LENGTH.read(rotor.get("radius") or own["radius"])
-        paper = paper and abs(radius / own["radius"] - 1.0) < 1e-9  # 1400 mm
-    except PydanticCustomError:  # reported where the key is read
-        return data
-    if design.get("chord_bounds") is not None or not (paper or data.get("version") == 1):
-        return data
-    return data | {"design": design | {"chord_bounds": PAPER_CHORD_BOUNDS}}
-
-
-def _torque_limit_moved(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a case's data with `limits.torque` in `control.torque_limit`; refuse two of them."""
-    limits, control = data.get("limits"), data.get("control")
-    if not isinstance(limits, dict) or not isinstance(control, dict):
-        return data
-    torque, given = limits.get("torque"), control.get("torque_limit")
-    try:
-        torque, given = (x if x is None else _TORQUE.read(x) for x in (torque, given))
-    except PydanticCustomError:  # reported where the key is read
-        return data
-    if torque is None:
-        return data
-    if given not in (None, torque):
-        problem = f"is not control.torque_limit = {given:g} N m, of which it is another name"
-        raise refusal(problem, "give one of them", key="limits.torque", value=limits["torque"])
-    limits = {name: value for name, value in limits.items() if name != "torque"}
-    return data | {"limits": limits, "control": control | {"torque_limit": torque}}
-
-
-_TORQUE = Quantity("N*m", gt=0)
-_LENGTH = Quantity("m", gt=0)
 _BaseCase = Case
 
 
@@ -689,7 +633,6 @@ def _make_case(
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
-    _leave_to_blade(data, overrides)
     given = {assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     made = case_class(kinds)
@@ -700,18 +643,6 @@ def _make_case(
         if data.get("resource") and failure.key.partition(".")[0] == "inflow":
             failure.key = failure.key.replace("inflow", "resource", 1)
         raise failure from None
-
-
-def _leave_to_blade(data: dict[str, Any], overrides: Sequence[str]) -> None:
-    """Remove the values of the old shipped blade from a case that an earlier version wrote out.
-
-    Such a case has all of it written out, so that another blade would be of the old one's size.
-    """
-    rotor = data.get("rotor")
-    if isinstance(rotor, dict) and any(re.match(r"\s*rotor\.blade\s*=", o) for o in overrides):
-        if all(rotor.get(key) is not None for key in shipped_rotor(rotor.get("blade"))):
-            for key in own_keys(rotor):
-                del rotor[key]
 
 
 def assign(data: dict[str, Any], override: str, file: str) -> str:

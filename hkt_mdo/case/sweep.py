@@ -29,7 +29,6 @@ SWEEP = "sweep.yaml"
 MAX_BYTES = 1024**2  # of a sweep file
 MOST_VALUES = 1_000_000
 _NUMBER = re.compile(r"\s*([+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
-_TORQUE = "limits.torque", "control.torque_limit"
 
 Point = dict[str, Any]
 """What a run of a sweep has: the values of its keys."""
@@ -120,8 +119,8 @@ class Sweep(Section):
     case: str
     """Case file, relative to the sweep's folder, or the name of a shipped case."""
     over: Annotated[dict[str, Annotated[Axis, BeforeValidator(_spelled_out)]], Field(min_length=1)]
-    """Values of keys of the case, such as `limits.torque: [500, 600]`. Each combination of lists
-    and of ranges with a `count` is run, with each sample of the ranges without one."""
+    """Values of keys of the case, such as `control.torque_limit: [500, 600]`. Each combination of
+    lists and of ranges with a `count` is run, with each sample of the ranges without one."""
     set_: dict[str, Any] = Field({}, alias="set")
     """Keys of the case that have another value in all runs."""
     samples: Annotated[int, Strict(), Field(ge=1, le=MOST_VALUES)] | None = None
@@ -194,10 +193,7 @@ class Sweep(Section):
 
     def case_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Case:
         """Return the case of a point. Raises InputError where that has no case."""
-        given = self.set_ | point
-        for name, other in (_TORQUE, _TORQUE[::-1]):  # two names of one key
-            given |= {other: given[name]} if name in given and other not in given else {}
-        changes = [f"{key}={json.dumps(value)}" for key, value in given.items()]
+        changes = [f"{key}={json.dumps(value)}" for key, value in (self.set_ | point).items()]
         return load_case(self.case, changes, extensions=extensions)
 
     def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:
@@ -234,7 +230,7 @@ def load_sweep(
     path = Path(source)
     data = parse(read_text(path, "sweep file in YAML", MAX_BYTES), str(path))
     if not isinstance(data, dict):
-        remedy = "write case: FILE and over: {limits.torque: [500, 600, 700]}"
+        remedy = "write case: FILE and over: {control.torque_limit: [500, 600, 700]}"
         raise InputError("must hold keys and values at its top", remedy, file=path, value=data)
     try:
         sweep = Sweep.model_validate(data)

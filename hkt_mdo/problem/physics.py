@@ -35,6 +35,7 @@ from hkt_mdo.dynamics.objectives import (
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.operation import in_operation
@@ -60,6 +61,7 @@ FEWEST_SEGMENTS = 60
 MOST_PERIODS = 1_000_000  # most periods of the flow's highest frequency that can be sampled
 MOST_TORQUE = 1.0  # torque coefficient that no rotor has; good ones have 0.06
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
+PAPER_BLADE, PAPER_CHORD_BOUNDS = "bahaj2007", (0.01, 1.0)  # m
 CHORD_FACTORS = 0.2, 3.0  # on the smallest and the largest chord: the default bounds
 STATIONS = 120  # from which the loads of a blade change by less than a thousandth
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
@@ -798,8 +800,13 @@ def _with_chord_bounds(case: Case, blade: Blade) -> Case:
     """Return a case with the bounds on the chord that follow from its blade, if it gives none."""
     if case.design.chord_bounds is not None or case.design.blade == "fixed":
         return case
-    ends = CHORD_FACTORS[0] * np.min(blade.chord), CHORD_FACTORS[1] * np.max(blade.chord)
-    bounds = tuple(float(f"{end:.3g}") for end in ends)
+    rotor = case.rotor
+    is_paper = rotor.blade == PAPER_BLADE and rotor.chord is None
+    is_paper = is_paper and np.isclose(rotor.radius, shipped_rotor(PAPER_BLADE)["radius"], 1e-9, 0)
+    bounds: tuple[float, ...] = PAPER_CHORD_BOUNDS
+    if not is_paper and case.version != 1:
+        ends = CHORD_FACTORS[0] * np.min(blade.chord), CHORD_FACTORS[1] * np.max(blade.chord)
+        bounds = tuple(float(f"{end:.3g}") for end in ends)
     design = case.design.model_copy(update={"chord_bounds": bounds})
     return case.model_copy(update={"design": design})
 

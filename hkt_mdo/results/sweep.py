@@ -204,7 +204,7 @@ class SweepTable:
         if name == "objective":
             words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
         elif name in self.sweep.over:
-            words, unit = name, unit_at("control.torque_limit" if name == "limits.torque" else name)
+            words, unit = name, unit_at(name)
         elif unit not in ("W", "J", "N", "Pa", "Nm", "kg"):
             return values, name
         plain = plain_unit(unit.replace("Nm", "N m"))

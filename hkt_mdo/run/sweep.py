@@ -211,7 +211,7 @@ def _values(point: Point, case: Case | None) -> Row:
     found: Row = {}
     for key, given in point.items():
         value: Any = data
-        for part in ("control.torque_limit" if key == "limits.torque" else key).split("."):
+        for part in key.split("."):
             value = value.get(part) if isinstance(value, dict) else None
         bound = value.get("bound") if isinstance(value, dict) else value
         plain = isinstance(bound, int | float) and not isinstance(bound, bool)

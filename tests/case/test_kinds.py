@@ -270,7 +270,7 @@ def test_nothing_is_left_of_an_extension():
         ("control: mixed", "control.law = 'mixed': unknown; give one of open_loop, linear, quad"),
         (
             "limits: {tip_acceleration: 160 m/s^2}",
-            r"limits.tip_acceleration = '160 m/s\^2': unknown key; known here: torque, torque_rate, power",
+            r"limits.tip_acceleration = '160 m/s\^2': unknown key; known here: torque_rate, power",
         ),
         ("objective: priced_torque", "objective.kind = 'priced_torque': unknown; give one of capt"),
     ):

@@ -17,17 +17,26 @@ def read(folder, over, more=""):
 
 def test_a_grid_has_every_combination(tmp_path):
     over = (
-        "{limits.torque: [600 N m, 700], inflow.mean: {from: 1.3 m/s, to: 1.5 m/s, count: 3}, "
+        "{control.torque_limit: [600 N m, 700], "
+        "inflow.mean: {from: 1.3 m/s, to: 1.5 m/s, count: 3}, "
         "limits.power: {from: 1, to: 100, count: 3, spacing: log}}"
     )
     sweep = read(tmp_path, over)
     assert (sweep.shape, sweep.size) == ((2, 3, 3), 18)
     points = list(sweep.points())
     assert len(points) == 18
-    assert points[0] == {"limits.torque": "600 N m", "inflow.mean": "1.3 m/s", "limits.power": 1.0}
-    assert points[4] == {"limits.torque": "600 N m", "inflow.mean": "1.4 m/s", "limits.power": 10.0}
+    assert points[0] == {
+        "control.torque_limit": "600 N m",
+        "inflow.mean": "1.3 m/s",
+        "limits.power": 1.0,
+    }
+    assert points[4] == {
+        "control.torque_limit": "600 N m",
+        "inflow.mean": "1.4 m/s",
+        "limits.power": 10.0,
+    }
     case = sweep.case_at(points[-1])
-    assert case.control.torque_limit == 700.0  # in place of the case's own, its other name
+    assert case.control.torque_limit == 700.0  # in place of the case's own
     assert case.inflow.mean == 1.5
     assert case.limits.power.bound == 100.0
     again = read(tmp_path, sweep.to_yaml().partition("over:")[2].partition("seed")[0])
@@ -63,20 +72,20 @@ def test_samples_are_a_latin_hypercube_with_their_seed(tmp_path):
 
 
 BAD = {
-    "{limits.torqe: [1, 2]}": r"s.yaml: over.limits.torqe = 1: unknown key; did you mean torque\?",
-    "{limits.torque: [600, -2]}": r"over.limits.torque = -2: .*must be greater than 0",
-    "{limits.torque: 600}": r"over.limits.torque = 600: must be a list or a range of numbers",
-    "{limits.torque: []}": r"over.limits.torque.values = \[\]: must have at least 1 values",
-    "{limits.torque: [600, 600]}": "has a value twice; give each value once",
-    "{limits.torque: {from: 500, to: 600}}": "has no count, and the sweep no samples",
-    "{limits.torque: {from: 500, to: 600, cuont: 3}}": r"cuont = 3: .*did you mean count",
-    "{limits.torque: {from: 500, to: 6 kN m, count: 3}}": "has ends of two units",
-    "{limits.torque: {from: low, to: 6, count: 3}}": "must be a list or a range of numbers",
-    "{limits.torque: {from: 500, to: 500, count: 3}}": "begins where it ends",
-    "{limits.torque: {from: 500, to: 600, count: 1}}": r"count = 1: must be at least 2",
-    "{limits.torque: {from: 0, to: 600, count: 3, spacing: log}}": "without a common sign",
-    "{limits.torque: {values: [600], count: 3}}": "has values and a range",
-    "{limits.torque: [.nan]}": r"over.limits.torque = nan: .*must be a",
+    "{control.gian: [1, 2]}": r"s.yaml: over.control.gian = 1: unknown key; did you mean gain\?",
+    "{limits.power: [600, -2]}": r"over.limits.power = -2: .*must be greater than 0",
+    "{limits.power: 600}": r"over.limits.power = 600: must be a list or a range of numbers",
+    "{limits.power: []}": r"over.limits.power.values = \[\]: must have at least 1 values",
+    "{limits.power: [600, 600]}": "has a value twice; give each value once",
+    "{limits.power: {from: 500, to: 600}}": "has no count, and the sweep no samples",
+    "{limits.power: {from: 500, to: 600, cuont: 3}}": r"cuont = 3: .*did you mean count",
+    "{limits.power: {from: 500, to: 6 kW, count: 3}}": "has ends of two units",
+    "{limits.power: {from: low, to: 6, count: 3}}": "must be a list or a range of numbers",
+    "{limits.power: {from: 500, to: 500, count: 3}}": "begins where it ends",
+    "{limits.power: {from: 500, to: 600, count: 1}}": r"count = 1: must be at least 2",
+    "{limits.power: {from: 0, to: 600, count: 3, spacing: log}}": "without a common sign",
+    "{limits.power: {values: [600], count: 3}}": "has values and a range",
+    "{limits.power: [.nan]}": r"over.limits.power = nan: .*must be a",
     "{rotor.radius.x: [1]}": r"over.rotor.radius.x = 1: rotor.radius must be a number",
     "{control: [{law: lineer}]}": r"over.control = .*did you mean linear\?",
     "{a b: [1]}": "write section.key=value",
@@ -102,7 +111,7 @@ def test_axes_that_are_refused(tmp_path, over, words):
 )
 def test_other_keys_that_are_refused(tmp_path, more, words):
     with pytest.raises(InputError, match=words):
-        read(tmp_path, "{limits.torque: [600]}", more)
+        read(tmp_path, "{control.torque_limit: [600]}", more)
 
 
 def test_a_case_that_is_not_there_is_told_at_its_key(tmp_path):

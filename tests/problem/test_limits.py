@@ -27,7 +27,7 @@ CHORD = np.array([0.1, 0.2, 0.15, 0.18])
 
 def test_units_and_names_of_a_case():
     limits = {"power": "5 kW", "rotor_speed": "105 rpm", "tip_speed": "15 m/s"}
-    limits |= {"electrical_power": "4.5 kW", "taper_from": 0.3, "torque": "0.7 kN m"}
+    limits |= {"electrical_power": "4.5 kW", "taper_from": 0.3}
     limits |= {"torque_rate": "0.5 kN m/s"}
     case = load_case(CASE | {"limits": limits})
     found = {limit.name: limit.bound for limit in case.limits.given}
@@ -39,10 +39,6 @@ def test_units_and_names_of_a_case():
         "taper_from": 0.3,
         "torque_rate": 500.0,
     }
-    assert (case.control.torque_limit, case.limits.torque) == (700.0, None)
-    assert load_case(CASE | {"control": {"law": "open_loop", "torque_limit": 700}}) == (
-        load_case(CASE | {"limits": {"torque": 700}})
-    )
     again = case.with_overrides()
     assert again == case
 
@@ -52,9 +48,8 @@ def test_units_and_names_of_a_case():
     [
         ({"power": 0}, "limits.power.bound = 0: must be greater than 0 W"),
         ({"rotor_speed": "9 m/s"}, "limits.rotor_speed.bound = '9 m/s': has the unit m/s"),
-        ({"torque": "5 kW"}, "limits.torque = '5 kW': has the unit kW"),
         ({"torque_rate": "5 N m"}, "limits.torque_rate.bound = '5 N m': has the unit N*m"),
-        ({"torque": 600}, "limits.torque = 600: is not control.torque_limit = 700 N m"),
+        ({"torque": 600}, "limits.torque = 600: has another name; write control.torque_limit"),
         ({"taper_from": 1}, "limits.taper_from.bound = 1: must be less than 1"),
     ],
 )
@@ -63,12 +58,6 @@ def test_refusals(limits, told):
     with pytest.raises(InputError) as caught:
         load_case(CASE | {"control": control, "limits": limits})
     assert told in str(caught.value)
-
-
-def test_two_names_of_one_torque_limit():
-    control = {"law": "open_loop", "torque_limit": "0.7 kN m"}
-    case = load_case(CASE | {"control": control, "limits": {"torque": "700 Nm"}})
-    assert case.control.torque_limit == 700.0
 
 
 def test_closed_forms():
@@ -204,12 +193,14 @@ def test_what_could_be_kept_is_not_refused():
         ),
         ({"tip_speed": 15, "rotor_speed": 10}, {}, ["tip_speed"]),
         ({"tip_speed": 13, "rotor_speed": 10}, {}, ["rotor_speed"]),
-        ({"torque": 700, "rotor_speed": 10, "power": 7.1e3}, {}, ["power"]),
-        ({"torque": 700, "rotor_speed": 10, "power": 6.9e3}, {}, []),
+        ({"rotor_speed": 10, "power": 7.1e3}, {}, ["power"]),
+        ({"rotor_speed": 10, "power": 6.9e3}, {}, []),
     ],
 )
 def test_limits_of_no_effect_are_reported(limits, generator, free):
-    world = physics(load_case(CASE | {"limits": limits, "generator": generator}))
+    control = {"law": "open_loop", "torque_limit": 700 if "power" in limits else None}
+    given = {"control": control, "limits": limits, "generator": generator}
+    world = physics(load_case(CASE | given))
     told = [text for text in world.messages if "has no effect" in text]
     assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
 

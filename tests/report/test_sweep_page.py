@@ -20,11 +20,11 @@ def folder(tmp_path):
     path = tmp_path / SWEEP
     path.write_text(
         "case: sine_limited_quadratic\n"
-        "over: {limits.torque: [600, 700], inflow.mean: [1.4, 1.5]}\nfront: mass_kg\n"
+        "over: {control.torque_limit: [600, 700], inflow.mean: [1.4, 1.5]}\nfront: mass_kg\n"
     )
     rows = []
     for number, (torque, mean) in enumerate(((600, 1.4), (600, 1.5), (700, 1.4), (700, 1.5))):
-        row = {"limits.torque": torque, "inflow.mean": mean, "run": f"runs/{number}"}
+        row = {"control.torque_limit": torque, "inflow.mean": mean, "run": f"runs/{number}"}
         if number < 3:
             solution = Solution.load(make_result(tmp_path / "runs" / str(number)))
             row |= row_of(solution) | {
@@ -41,7 +41,7 @@ def folder(tmp_path):
 def test_the_table_has_a_grid_too(folder):
     xarray = pytest.importorskip("xarray")
     with xarray.open_dataset(folder / "grid.nc") as grid:
-        found = grid["objective"].sel({"limits.torque": 600.0, "inflow.mean": 1.5})
+        found = grid["objective"].sel({"control.torque_limit": 600.0, "inflow.mean": 1.5})
         assert float(found) == 301.0
         assert grid["objective"].isnull().sum() == 1
         assert str(grid["message"][1, 1].item()) == "<b>its worker died</b>"
@@ -61,7 +61,7 @@ def test_columns_are_shown_in_peoples_units(folder):
     assert label == "stress (MPa)"
     assert table.shown("objective")[1] == "objective (J)"
     assert table.shown("mass_kg")[1] == "mass (kg)"
-    labels = ["limits.torque (N m)", "inflow.mean (m/s)"]
+    labels = ["control.torque_limit (N m)", "inflow.mean (m/s)"]
     assert [table.shown(key)[1] for key in table.numeric] == labels
     ax, bar = plot_map(table).figure.axes
     assert [ax.get_xlabel(), ax.get_ylabel(), bar.get_ylabel()] == [*labels, "objective (J)"]
