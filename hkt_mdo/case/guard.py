@@ -158,22 +158,19 @@ def _wrong_slope(method: Callable, kind: Any, given: dict[str, Any]) -> str:
         if name in CONSTANT or size.dtype.kind not in "iuf" or not size.size:
             continue
         step = MOVE * np.maximum(size, 1e-3 * np.max(size) or 1.0)
-
-        def at(by: complex, name: str = name, moved: Any = (value, step)) -> np.ndarray:
-            return np.ravel(method(kind, **given | {name: moved[0] + by * moved[1]}))
-
+        moved = [value + by * step for by in (0.0, -1.0, 1.0, 1j * STEP)]
         try:
-            here, lower, upper, aside = (at(by) for by in (0.0, -1.0, 1.0, 1j * STEP))
+            found = [np.ravel(method(kind, **given | {name: each})) for each in moved]
         except Exception as error:
             return f"raises {one_line(error)} for a complex {name}"
+        here, lower, upper, aside = found
         slope, sides = np.imag(aside) / STEP, np.stack((here - lower, upper - here))
         noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
         off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise
-        if np.any(off > 0.0):
-            worst = np.argmax(off)
+        for worst in np.flatnonzero(off > 0.0)[:1]:
             unit = np.resize(step, off.size)[worst]
-            both = slope[worst] / unit, np.mean(sides[:, worst]) / unit
-            told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
+            by_step, by_difference = slope[worst] / unit, np.mean(sides[:, worst]) / unit
+            told = f"{by_step:.4g} by complex step and {by_difference:.4g} by differences"
             return f"has a derivative by {name} of {told}"
     return ""
 

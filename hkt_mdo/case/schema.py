@@ -229,22 +229,18 @@ class Case(Section):
         """Refuse a start outside the bounds of the design, and options that exclude each other."""
         design, rotor, control = self.design, self.rotor, self.control
         self._realize()
-        if design.gain_bounds is not None and not isinstance(control, FeedbackLaw):
-            problem = f"bounds a gain that the law {control.law} does not have"
-            remedy = "leave design.gain_bounds out, or choose a feedback law"
-            raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
         if design.gain_bounds is not None and len(control.gain_units) != 1:
             problem = f"bounds one gain, and the law {control.law} has {len(control.gain_units)}"
-            remedy = "leave design.gain_bounds out"
+            remedy = "leave design.gain_bounds out, or choose a feedback law of one gain"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
-        if self.robustness.relative and not self.objective.is_energy:
-            problem = "compares mean powers, and the objective is no energy that is maximized"
-            remedy = "give robustness: expected, or an objective such as captured"
-            raise refusal(problem, remedy, key="robustness.measure", value=self.robustness.measure)
-        if design.hub_inertia_price and not self.objective.is_energy:
-            problem = "is a price in J, and the objective is no energy that is maximized"
-            remedy, key = "leave it out, or give an objective such as captured", "hub_inertia_price"
-            raise refusal(problem, remedy, key=f"design.{key}", value=design.hub_inertia_price)
+        for key, value, needs_energy in (
+            ("robustness.measure", self.robustness.measure, self.robustness.relative),
+            ("design.hub_inertia_price", design.hub_inertia_price, design.hub_inertia_price),
+        ):
+            if needs_energy and not self.objective.is_energy:
+                problem = "needs an objective that is an energy and is maximized"
+                remedy = "leave it out, or give an objective such as captured"
+                raise refusal(problem, remedy, key=key, value=value)
         limited = {each.name for each in self.limits.given}
         if (
             isinstance(control, RatedFeedback)

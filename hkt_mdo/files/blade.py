@@ -8,6 +8,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -78,20 +79,14 @@ def _suspect_radians(file: Path, column: str, twist: np.ndarray, remedy: str) ->
 
 # CSV ----------------------------------------------------------------------------------------------
 
-# For each quantity: the names of its columns, and words that headers use for it without a unit.
 _QUANTITIES = {
-    "radius": ("r_m r_mm r_over_R", "r|radius|radii|span|rr|x"),
-    "chord": ("chord_m chord_mm chord_over_R c_over_R", "c|chord|cr"),
-    "twist": ("twist_deg twist_rad pitch_deg", "twist|pitch|theta|beta|twistangle|pitchangle"),
-    "thickness": (
-        "thickness_over_chord t_over_c thickness_percent t_over_c_pct",
-        "t|tc|thickness|rthick|relativethickness",
-    ),
+    "radius": ["r_m", "r_mm", "r_over_R"],
+    "chord": ["chord_m", "chord_mm", "chord_over_R", "c_over_R"],
+    "twist": ["twist_deg", "twist_rad", "pitch_deg"],
+    "thickness": ["thickness_over_chord", "t_over_c", "thickness_percent", "t_over_c_pct"],
 }
+"""For each quantity the names of its columns."""
 _BOTH_TWISTS = {"twist_rad", "twist_deg"}
-_UNIT = re.compile(
-    r"[\[(].*|_(m|mm|cm|ft|in|inch|deg|rad|degrees|radians|pct|percent|over_\w+)$|/.*"
-)
 # For each unit at a name's end that is converted: the factor, and the text of the message.
 _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "mm": (lambda length: length / 1e3, "mm converted to m"),
@@ -103,7 +98,7 @@ _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 
 def _read_csv(text: str, file: Path) -> BladeTable:
     """Return the blade of a CSV file."""
-    known = ["section", *" ".join(columns for columns, _ in _QUANTITIES.values()).split()]
+    known = ["section", *chain.from_iterable(_QUANTITIES.values())]
     table = Csv(text, file, "a header such as r_m,chord_m,twist_deg", known)
     names = {quantity: _column_of(table, quantity) for quantity in _QUANTITIES}
     relative = names["radius"] == "r_over_R"
@@ -156,25 +151,18 @@ def _read_csv(text: str, file: Path) -> BladeTable:
 
 def _column_of(table: Csv, quantity: str) -> str:
     """Return the one column that holds a quantity; empty if there is no thickness."""
-    names, words = _QUANTITIES[quantity][0].split(), _QUANTITIES[quantity][1]
-    needed = quantity != "thickness"
-    one_of = f"{', '.join(names[:-1])} or {names[-1]}"
+    names = _QUANTITIES[quantity]
     columns = [name for name in dict.fromkeys(table.header) if name in names]
     if set(columns) == _BOTH_TWISTS:
         return "twist_rad"  # the exact twist of a result's file
     if len(columns) > 1:
         problem = f"has two columns for the {quantity}: {columns[0]} and {columns[1]}"
         raise table.refuse(problem, "keep one of them")
-    if columns:
-        return columns[0]
-    for cell in table.header:
-        bare = re.sub(r"[^a-z]", "", _UNIT.sub("", cell.lower()))
-        if (needed or cell.lower() == "thickness") and re.fullmatch(words, bare):
-            problem = "has no unit in its name" if bare == cell.lower() else "is no known column"
-            raise table.refuse(problem, f"rename it {one_of}", cell)
-    if needed:
-        raise table.refuse(f"lacks a column of the {quantity}", f"add one named {one_of}")
-    return ""
+    lowered = [name.lower() for name in table.header]
+    if columns or (quantity == "thickness" and quantity not in lowered):
+        return columns[0] if columns else ""
+    remedy = f"name it {', '.join(names[:-1])} or {names[-1]}, by its unit"
+    raise table.refuse(f"lacks a column of the {quantity}", remedy)
 
 
 def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:

@@ -94,8 +94,16 @@ _CSV = _changed(
         "twist in another unit": ("twist_deg", "twist_rad", "line 3, column twist_rad = '20'"),
         "thickness zero": ("0.24", "0", "line 3, column t_over_c = '0'"),
         "thickness in per cent": ("0.24", "24", "line 3, column t_over_c = '24'"),
-        "chord without unit": ("chord_m", "chord", "column chord: has no unit in its name"),
-        "unit in brackets": ("r_m", "Radius [m]", "column Radius [m]: is no known column"),
+        "chord without unit": (
+            "chord_m",
+            "chord",
+            "lacks a column of the chord; name it chord_m, chord_mm",
+        ),
+        "unit in brackets": (
+            "r_m",
+            "Radius [m]",
+            "lacks a column of the radius; name it r_m, r_mm or r_over_R",
+        ),
         "no chord": ("chord_m", "weight_kg", "lacks a column of the chord"),
         "mixed lengths": ("chord_m", "c_over_R", "mixes r_m with c_over_R"),
         "two radii": ("t_over_c", "r_mm", "two columns for the radius"),
