@@ -86,7 +86,6 @@ _QUANTITIES = {
     "thickness": ["thickness_over_chord", "t_over_c", "thickness_percent", "t_over_c_pct"],
 }
 """For each quantity the names of its columns."""
-_BOTH_TWISTS = {"twist_rad", "twist_deg"}
 # For each unit at a name's end that is converted: the factor, and the text of the message.
 _CONVERSIONS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
     "mm": (lambda length: length / 1e3, "mm converted to m"),
@@ -100,7 +99,13 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     """Return the blade of a CSV file."""
     known = ["section", *chain.from_iterable(_QUANTITIES.values())]
     table = Csv(text, file, "a header such as r_m,chord_m,twist_deg", known)
-    names = {quantity: _column_of(table, quantity) for quantity in _QUANTITIES}
+    both_twists = set(table.header) >= {"twist_rad", "twist_deg"}  # of a result's file
+    quantities = _QUANTITIES | ({"twist": ["twist_rad"]} if both_twists else {})
+    needed = {"radius", "chord", "twist", *map(str.lower, table.header)}
+    names = {
+        quantity: table.one_of(columns, quantity, quantity in needed)
+        for quantity, columns in quantities.items()
+    }
     relative = names["radius"] == "r_over_R"
     if relative != names["chord"].endswith("_over_R"):
         problem = f"mixes {names['radius']} with {names['chord']}"
@@ -121,7 +126,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
             columns[name] = replace(column, values=convert(column.values))
             messages.append(f"{name}: {message}")
     r, chord, twist, thickness = (columns.get(name) for name in names.values())
-    if set(table.header) >= _BOTH_TWISTS:
+    if both_twists:
         same = table.columns(["twist_deg"], "blade")["twist_deg"]
         differs = np.abs(np.deg2rad(same.values) - twist.values) > 1e-9
         same.refuse(differs, "is not twist_rad in degrees", "keep one of both columns")
@@ -147,22 +152,6 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         messages=tuple(messages),
         file=str(file),
     )
-
-
-def _column_of(table: Csv, quantity: str) -> str:
-    """Return the one column that holds a quantity; empty if there is no thickness."""
-    names = _QUANTITIES[quantity]
-    columns = [name for name in dict.fromkeys(table.header) if name in names]
-    if set(columns) == _BOTH_TWISTS:
-        return "twist_rad"  # the exact twist of a result's file
-    if len(columns) > 1:
-        problem = f"has two columns for the {quantity}: {columns[0]} and {columns[1]}"
-        raise table.refuse(problem, "keep one of them")
-    lowered = [name.lower() for name in table.header]
-    if columns or (quantity == "thickness" and quantity not in lowered):
-        return columns[0] if columns else ""
-    remedy = f"name it {', '.join(names[:-1])} or {names[-1]}, by its unit"
-    raise table.refuse(f"lacks a column of the {quantity}", remedy)
 
 
 def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:

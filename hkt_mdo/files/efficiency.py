@@ -40,11 +40,7 @@ def read_efficiency(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     path = Path(path)
     header = "torque_Nm,speed_rpm,efficiency"
     file = Csv(read_text(path, "table of efficiencies"), path, header)
-    given = [name for name in SPEEDS if name in file.header]
-    if len(given) != 1:
-        problem = "names two columns of speeds" if given else "lacks a column of speeds"
-        raise file.refuse(problem, f"give one of {' and '.join(SPEEDS)}")
-    names = "torque_Nm", given[0], "efficiency"
+    names = "torque_Nm", file.one_of(SPEEDS, "speed"), "efficiency"
     torque, speed, efficiency = file.columns(names, "table of efficiencies").values()
     for column in (torque, speed):
         column.refuse(column.values < 0.0, "must not be negative", "give its magnitude")
@@ -62,7 +58,7 @@ def read_efficiency(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     table = np.full((torques.size, speeds.size), np.nan)
     table[i, j] = efficiency.values
     for row, column in np.argwhere(np.isnan(table))[:1]:
-        problem = f"has no row for {names[0]} = {torques[row]:g} at {given[0]} = {speeds[column]:g}"
+        problem = f"has no row for {names[0]} = {torques[row]:g} at {names[1]} = {speeds[column]:g}"
         remedy = "give every torque at every speed: the table must be rectangular"
         raise InputError(problem, remedy, file=path)
-    return torques, speeds * SPEEDS[given[0]], table
+    return torques, speeds * SPEEDS[names[1]], table

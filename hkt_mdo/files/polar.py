@@ -94,12 +94,9 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     """Return the polars of a CSV file, one for each number in its column reynolds."""
     known = *_ANGLES, "cl", "cd", "cm", "reynolds", "cpmin", *SURFACES
     table = Csv(text, path, "alpha_deg,cl,cd", known)
-    angles = [name for name in _ANGLES if name in table.header]
-    if len(angles) > 1:
-        raise table.refuse("names both alpha_deg and alpha_rad", "keep one of them")
-    angle = angles[0] if angles else "alpha_deg"
-    if not {angle, "cl", "cd"} & set(table.header):
-        raise table.refuse(f"is no header of {angle},cl,cd", f"give {_FORMATS}")
+    if not {*_ANGLES, "cl", "cd"} & set(table.header):
+        raise table.refuse("is no header of alpha_deg,cl,cd", f"give {_FORMATS}")
+    angle = table.one_of(_ANGLES, "angle of attack")
     table.check((angle, "cl", "cd"), "polar", known)
     if "reynolds" not in table.header:
         return [polar_of_rows(table.rows, table.header, None, path, parse=parse_number)]

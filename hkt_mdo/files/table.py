@@ -472,6 +472,37 @@ class Csv:
             raise InputError("has a header but no rows", "add rows of numbers", file=self.file)
         return rows
 
+    def one_of(self, names: Collection[str], quantity: str, needed: bool = True) -> str:
+        """Return the one column that holds a quantity, whose unit its name has.
+
+        Parameters
+        ----------
+        names : collection of str
+            The names that it may have.
+        quantity : str
+            What it holds, for messages.
+        needed : bool
+            Whether it must be there.
+
+        Returns
+        -------
+        str
+            Its name; empty if there is none.
+
+        Raises
+        ------
+        InputError
+            If there are two, or none that is needed.
+        """
+        found = [name for name in dict.fromkeys(self.header) if name in names]
+        if len(found) > 1:
+            problem = f"has two columns for the {quantity}: {found[0]} and {found[1]}"
+            raise self.refuse(problem, "keep one of them")
+        if needed and not found:
+            remedy = f"name it {' or '.join(names)}, by its unit"
+            raise self.refuse(f"lacks a column of the {quantity}", remedy)
+        return found[0] if found else ""
+
     def check(self, names: Sequence[str], what: str, optional: Sequence[str] = ()) -> None:
         """Refuse a header that lacks a column, or has one twice.
 

@@ -154,8 +154,11 @@ HEADER = "torque_Nm,speed_rpm,efficiency\n"
         (HEADER + "0,0,0.9\n0,9,0.9\n0,9,0.8\n7,0,0.9\n7,9,0.9\n", "line 4, column torque_Nm"),
         (HEADER + "0,0,0.9\n7,0,0.9\n", "has 1 value of speed_rpm"),
         (HEADER + "-1,0,0.9\n-1,9,0.9\n7,0,0.9\n7,9,0.9\n", "must not be negative"),
-        ("torque_Nm,speed,efficiency\n0,0,0.9\n", "lacks a column of speeds"),
-        ("torque_Nm,speed_rpm,speed_rad_s,efficiency\n0,0,0,0.9\n", "names two columns of speeds"),
+        ("torque_Nm,speed,efficiency\n0,0,0.9\n", "lacks a column of the speed"),
+        (
+            "torque_Nm,speed_rpm,speed_rad_s,efficiency\n0,0,0,0.9\n",
+            "has two columns for the speed",
+        ),
         ("torque,speed_rpm,efficiency\n0,0,0.9\n", "lacks the column torque_Nm"),
     ],
 )

@@ -97,12 +97,12 @@ _CSV = _changed(
         "chord without unit": (
             "chord_m",
             "chord",
-            "lacks a column of the chord; name it chord_m, chord_mm",
+            "lacks a column of the chord; name it chord_m or chord_mm",
         ),
         "unit in brackets": (
             "r_m",
             "Radius [m]",
-            "lacks a column of the radius; name it r_m, r_mm or r_over_R",
+            "lacks a column of the radius; name it r_m or r_mm or r_over_R",
         ),
         "no chord": ("chord_m", "weight_kg", "lacks a column of the chord"),
         "mixed lengths": ("chord_m", "c_over_R", "mixes r_m with c_over_R"),

@@ -64,8 +64,14 @@ _IN_RADIANS = [f"{math.radians(float(angle)):.6f},{rest}" for angle, rest in _RA
 
 _BROKEN_CSV: dict[str, tuple[bytes, str]] = {
     "empty": (b"", "is empty"),
-    "angle not named": (_replace(_CSV, ("alpha_deg", "alpha")), "lacks the column alpha_deg"),
-    "angle named twice": (_replace(_CSV, ("cm", "alpha_rad")), "both alpha_deg and alpha_rad"),
+    "angle not named": (
+        _replace(_CSV, ("alpha_deg", "alpha")),
+        "lacks a column of the angle of attack; name it alpha_deg or alpha_rad",
+    ),
+    "angle named twice": (
+        _replace(_CSV, ("cm", "alpha_rad")),
+        "two columns for the angle of attack: alpha_deg and alpha_rad",
+    ),
     "cut after few rows": (_csv(*_CSV_ROWS[:5], header="alpha_deg,cl,cd,cm"), "at least 8"),
     "begins above -5 degrees": (_csv(*_plain(range(-2, 20))), "from -5 or less"),
     "beyond 90 degrees": (_csv(*_plain(range(-95, 25, 5))), "within -90 and 90"),
