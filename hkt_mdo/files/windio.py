@@ -60,6 +60,10 @@ class _Version(NamedTuple):
         """The unit of angles in words."""
         return f"windIO {self.number} counts angles in {self.angle_unit}"
 
+    def radians(self, angles: np.ndarray) -> np.ndarray:
+        """Return angles of the file in radians."""
+        return np.deg2rad(angles) if self.number == 2 else angles
+
 
 _VERSIONS = (
     _Version(1, "outer_shape_bem", np.pi, "radians", "relative_thickness", ("c_l", "c_d", "c_m")),
@@ -137,8 +141,8 @@ class _Turbine:
         s_axis, height = self.height()
         s_chord, chord = _spanwise(shape.get("chord"))
         s_twist, twist = _spanwise(shape.get("twist"))
+        twist = replace(twist, values=version.radians(twist.values))
         if version.number == 2:
-            twist = replace(twist, values=np.deg2rad(twist.values))
             self.messages.append("windIO 2: degrees converted to radians")
         if not np.array_equal(s_chord, s_twist):
             grids = "chord and twist have different grids: rows are both, linear in between"
@@ -162,7 +166,7 @@ class _Turbine:
             thickness = np.interp(s, s_airfoils, [of_section[name] for name in names])
         cone, right_angle = root.find("components.hub.cone_angle"), 0.5 * version.half_turn
         angle = cone and cone.number(-right_angle, right_angle, version.angles)
-        angle = angle and angle / version.half_turn * np.pi
+        angle = angle and float(version.radians(angle))
         r_airfoils = hub + np.interp(s_airfoils, s_axis, height)
         return BladeTable(
             r,
@@ -298,60 +302,52 @@ class _Turbine:
         return [polar for entry in entries for polar in entry.get("re_sets").items()]
 
     def polar(self, place: Place, section: str) -> PolarTable:
-        """Return one polar, its coefficients on one grid of angles of attack."""
-        limit, (lift, drag, moment) = self.version.half_turn, self.version.coefficients
-        given = {lift: place.get(lift), drag: place.get(drag)}
-        if place.find(moment):
-            given[moment] = place.get(moment)
+        """Return one polar, its coefficients on one grid of angles of attack, rad."""
+        version, (lift, _, moment) = self.version, self.version.coefficients
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for name, curve in given.items():
+        for name in version.coefficients:
+            curve = place.find(name) if name == moment else place.get(name)
+            if curve is None:
+                continue
             grid, column = _curve(curve)
-            beyond = np.abs(grid.values) > limit * (1.0 + _ANGLE_ROUNDED)
-            grid.refuse(beyond, "lies beyond the full circle", self.version.angles)
-            if self.version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
+            radians = version.radians(grid.values)
+            beyond = np.abs(radians) > np.pi * (1.0 + _ANGLE_ROUNDED)
+            grid.refuse(beyond, "lies beyond the full circle", version.angles)
+            if version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
                 problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
                 remedy = "windIO 2 counts them in degrees: convert them if they are radians"
                 raise curve.get("grid").refuse(problem, remedy)
-            curves[name] = np.clip(grid.values, -limit, limit), column.values
-        alpha, values = self.joined(place, curves, section)
-        alpha = self.closed(alpha, values, section)
-        number = place.find("re")
-        reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
-        angle = f"{lift}.grid{', alpha_rad' * (self.version.number == 1)}"
-        source = Source(place.file, place.shown, (angle, *(f"{name}.values" for name in values)))
-        return polar_table(alpha, *values.values(), reynolds=reynolds, source=source)
-
-    def joined(
-        self, place: Place, curves: dict[str, tuple[np.ndarray, np.ndarray]], section: str
-    ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return the coefficients on one grid of angles, linear in between if there are several."""
+            curves[name] = np.clip(radians, -np.pi, np.pi), column.values
         grids = [grid for grid, _ in curves.values()]
-        alpha = grids[0]
-        if all(np.array_equal(alpha, other) for other in grids):
-            return alpha, {name: column for name, (_, column) in curves.items()}
-        low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
         alpha = np.unique(np.concatenate(grids))
+        low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
         alpha = alpha[(alpha >= low) & (alpha <= high)]
         if alpha.size < 2:
             problem = "has lift and drag at angles that do not overlap"
             raise place.refuse(problem, "give both over one grid")
-        self.messages.append(f"{section}: coefficients on different grids are joined linearly")
-        return alpha, {name: np.interp(alpha, *points) for name, points in curves.items()}
+        if any(grid.size != alpha.size for grid in grids):
+            note = "coefficients on different grids are joined linearly"
+            self.messages.append(f"{section}: {note}")
+        values = {name: np.interp(alpha, *curve) for name, curve in curves.items()}
+        alpha = self.closed(alpha, values, section)
+        number = place.find("re")
+        reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
+        titles = f"{lift}.grid, alpha_rad", *(f"{name}.values" for name in values)
+        source = Source(place.file, place.shown, titles)
+        return polar_table(alpha, *values.values(), reynolds=reynolds, source=source)
 
     def closed(self, alpha: np.ndarray, values: dict[str, np.ndarray], section: str) -> np.ndarray:
         """Close a full circle whose angles, or whose coefficients at both ends, are rounded."""
-        limit = self.version.half_turn
-        short = limit - np.abs(alpha[[0, -1]])
-        if np.any(short >= limit / np.pi * _CIRCLE_ROUNDED):
+        short = np.pi - np.abs(alpha[[0, -1]])
+        if np.any(short >= _CIRCLE_ROUNDED):
             return alpha
         if np.any(short > 0.0):
-            alpha = np.concatenate(([-limit], alpha[1:-1], [limit]))
+            alpha = np.concatenate(([-np.pi], alpha[1:-1], [np.pi]))
             self.messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
         for name, numbers in values.items():
             first, last = numbers[0], numbers[-1]
             if _ENDS_EQUAL < abs(last - first) < _ENDS_ROUNDED:
-                mean = 0.5 * (first + last)
-                values[name] = np.concatenate(([mean], numbers[1:-1], [mean]))
+                numbers[[0, -1]] = 0.5 * (first + last)
                 ends = f"{section}: {name} = {first:.4g} and {last:.4g} at ±180 degrees"
                 self.messages.append(f"{ends}, which are one angle: their mean is taken")
         return alpha
