@@ -3,7 +3,6 @@
 import textwrap
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import yaml
@@ -87,59 +86,46 @@ def _inlined(value: Any, sections: Mapping[str, Any]) -> Any:
 
 
 def case_markdown(extensions: Iterable[Extension] = ()) -> str:
-    """Return the whole schema as one page in Markdown.
+    """Return the whole schema as one page in Markdown, by the template ``page.md``.
 
     It has a preface, every section with every key, the shipped names, and, in a checkout, the case
     files of its folder ``cases`` and of the folders in it. `extensions` are those of
     `hkt_mdo.case.load_case`.
     """
+    import jinja2  # takes long to import
+
     schema = case_json_schema(extensions)
-    contents, blocks = [], []
-    needs = {"inflow": ", or `scenarios`, or `resource`", "control": ", required"}
-    for key, value, sections in _chapters(schema):
-        entry = value.get("items", {})
-        if not sections and "properties" not in entry:
-            contents.append(_bullet(key, value))
-            continue
-        first = value["description"].partition("\n\n")[0]
-        contents.append(f"- [`{key}`](#{key}){needs.get(key, '')}: {first}")
-        blocks += [f"## {key}", value["description"]]
-        if entry:
-            blocks += [f"### An entry of `{key}`", entry["description"]]
-            blocks += _keys(key, entry, schema["properties"])
-        for tag, section in sections.items():
-            if tag:
-                blocks += [f"### `{section['title']}`", section["description"]]
-            blocks += _keys(key, section)
-    parts = {"contents": "\n".join(contents), "sections": "\n\n".join(blocks)}
-    page = Template(Path(__file__).with_name("page.md").read_text(encoding="utf-8"))
-    return page.substitute(parts | _shipped_names()) + _cases()
+    environment = jinja2.Environment(
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {"kind": _kind, "yaml": _yaml, "code": _code, "inner": _inner_sections}
+    page = Path(__file__).with_name("page.md").read_text(encoding="utf-8")
+    brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
+    grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
+    return environment.from_string(page).render(
+        chapters=list(_chapters(schema)),
+        known=schema["properties"],
+        blades=brought,
+        blade_keys=dict.fromkeys(key for own in brought.values() for key in own),
+        families=POLAR_FAMILIES,
+        single_polars=[name for name in shipped_names("polar") if name not in grouped],
+        outlines=shipped_names("outline"),
+        materials=MATERIALS,
+        cases=_cases(),
+    )
 
 
-def _keys(path: str, section: Mapping[str, Any], known: Collection[str] = ()) -> Iterator[str]:
-    """Yield the list of a section's keys, then the sections that are values or entries of keys.
+def _inner_sections(value: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the sections that the value of a key is or has as entries, with words for these.
 
-    Sections of `known` keys are described elsewhere.
+    A section whose only key is its bound is described with the key.
     """
-    keys, required = section["properties"], section.get("required", ())
-    if keys:
-        yield "\n".join(_bullet(key, value, key in required) for key, value in keys.items())
-    for key, value in keys.items():
-        if key in known:
-            continue
-        inner = [("", each) for each in value.get("anyOf", [value])]
-        for words, part in [("An entry of ", value.get("items", {})), *inner]:
-            # a section whose only key is its bound is described already
-            if part.get("properties", {}).keys() - {"bound"}:
-                yield f"### {words}`{path}.{key}`"
-                yield part["description"]
-                yield from _keys(f"{path}.{key}", part)
-
-
-def _bullet(key: str, value: Mapping[str, Any], required: bool = False) -> str:
-    default = "Required" if required else f"Default: `{_yaml(value.get('default'))}`"
-    text = value.get("description", "").replace("\n\n", "\n\n  ")
-    return f"- **`{key}`**: {_kind(value)}. {default}.\n  {text}"
+    inner = [("An entry of ", value.get("items", {}))]
+    inner += [("", each) for each in value.get("anyOf", [value])]
+    return [(words, part) for words, part in inner if part.get("properties", {}).keys() - {"bound"}]
 
 
 def _kind(value: Mapping[str, Any]) -> str:
@@ -190,52 +176,22 @@ def _yaml(value: object) -> str:
     return text.strip()[1:-1]
 
 
-def _table(*rows: Iterable[str]) -> str:
-    """Return the table of some rows, the first of which is its header."""
-    lines = [f"| {' | '.join(cells)} |" for cells in rows]
-    rule = f"| {' | '.join(['---'] * (lines[0].count('|') - 1))} |"
-    return "\n".join((lines[0], rule, *lines[1:]))
-
-
 def _code(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-def _shipped_names() -> dict[str, str]:
-    """Return the lists and tables of the names that need no file, by their place in the page."""
-    brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
-    keys = list(dict.fromkeys(key for own in brought.values() for key in own))
-    blades = [
-        [f"`{name}`", *(_yaml(own[key]) if key in own else "" for key in keys)]
-        for name, own in brought.items()
-    ]
-    families = {f"`{name}`": _code(polars) for name, polars in POLAR_FAMILIES.items()}
-    grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
-    alone = [f"`{name}`" for name in shipped_names("polar") if name not in grouped]
-    families |= dict.fromkeys(alone, "all angles")
-    numbers = [[f"`{name}`", *map(_yaml, each.values())] for name, each in MATERIALS.items()]
-    strengths = ["material", "`density`", "`modulus`", "`allowable_stress`"]
-    return {
-        "blades": _table(map("`{}`".format, ["blade", *keys]), *blades),
-        "polars": _table(["section", "its polars"], *families.items()),
-        "outlines": _code(shipped_names("outline")),
-        "materials": _table(strengths, *numbers),
-    }
-
-
-def _cases() -> str:
-    """Return the table of the shipped case files; empty where they are not there."""
+def _cases() -> list[dict[str, str]]:
+    """Return the shipped case files: path, kinds of flow and law, and first line of remarks."""
     folder, rows = shipped_cases(), []
     for file in (*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))):
         text = read_text(file, "case file in YAML")
         data = parse(text, str(file))
         remarks = (line.lstrip("# ") for line in text.splitlines() if line.startswith("#"))
         first = next((line for line in remarks if not line.startswith("yaml-language-server")), "")
-        link = f"[{file.stem}](../cases/{file.relative_to(folder).as_posix()})"
-        kinds = (data.get("inflow") or data["resource"])["profile"], data["control"]["law"]
-        rows.append((link, *kinds, first.replace("|", "\\|")))
-    table = _table(["case", "`inflow.profile`", "`control.law`", "what"], *rows)
-    return f"\n## Shipped cases\n\n{table}\n" if rows else ""
+        row = {"path": file.relative_to(folder).as_posix(), "name": file.stem, "what": first}
+        row["profile"] = (data.get("inflow") or data["resource"])["profile"]
+        rows.append(row | {"law": data["control"]["law"]})
+    return rows
 
 
 def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[str]) -> str:

@@ -233,14 +233,14 @@ class Case(Section):
             problem = f"bounds one gain, and the law {control.law} has {len(control.gain_units)}"
             remedy = "leave design.gain_bounds out, or choose a feedback law of one gain"
             raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
-        for key, value, needs_energy in (
+        for key, given, needs_energy in (
             ("robustness.measure", self.robustness.measure, self.robustness.relative),
             ("design.hub_inertia_price", design.hub_inertia_price, design.hub_inertia_price),
         ):
             if needs_energy and not self.objective.is_energy:
                 problem = "needs an objective that is an energy and is maximized"
                 remedy = "leave it out, or give an objective such as captured"
-                raise refusal(problem, remedy, key=key, value=value)
+                raise refusal(problem, remedy, key=key, value=given)
         limited = {each.name for each in self.limits.given}
         if (
             isinstance(control, RatedFeedback)

@@ -95,15 +95,15 @@ def _read_pairs(
 ) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Read pairs of numbers in Selig's or Lednicer's order."""
     rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
-    begin = int(not _is_point(rows[0][1]))  # the first line is the name of the section
-    while begin < len(rows) and _is_heading(lines[begin][1], rows[begin][1]):
-        begin += 1
-    lines, rows = lines[begin:], rows[begin:]
-    if not rows:
-        raise line_error(path, 1, "has no coordinates", f"give {_FORMATS}")
-    count = _count_before_text(lines, rows)
-    lines, rows = lines[:count], rows[:count]
-    columns = number_columns(rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
+    points = [at for at, (_, cells) in enumerate(rows) if _is_point(cells)]
+    if not points:
+        raise line_error(path, lines[0][0], "has no coordinates", f"give {_FORMATS}")
+    first, last = points[0], points[-1]
+    beside = [*range(1, first), *range(last + 1, len(rows))[:1]]  # line 0 may be any name
+    broken = [rows[at] for at in beside if not _is_heading(lines[at][1], rows[at][1])]
+    lines, rows = lines[first : last + 1], rows[first : last + 1]
+    # a line beside the points that is no text is refused as a broken point
+    columns = number_columns(broken + rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
     x, y = columns["x"].values, columns["y"].values
     numbers = [number for number, _ in lines]
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
@@ -131,18 +131,9 @@ def _is_point(cells: Sequence[str]) -> bool:
 
 
 def _is_heading(line: str, cells: Sequence[str]) -> bool:
-    """Tell whether a line above the points is text, or the four ends of the grid of MSES."""
+    """Tell whether a line beside the points is text, or the four ends of the grid of MSES."""
     grid = len(cells) == 4 and None not in map(parse_number, cells)
-    return not _is_point(cells) and (grid or bool(_TEXT.match(line)))
-
-
-def _count_before_text(
-    lines: Sequence[tuple[int, str]], rows: Sequence[tuple[int, list[str]]]
-) -> int:
-    """Return how many rows come before the text at the end of a file, which no point follows."""
-    last = max((at for at, (_, cells) in enumerate(rows) if _is_point(cells)), default=-1)
-    text = " ".join(line for _, line in lines[last + 1 : last + 2])
-    return last + 1 if last >= 0 and _TEXT.match(text) else len(rows)
+    return grid or bool(_TEXT.match(line))
 
 
 def _read_aerodyn(

@@ -295,7 +295,7 @@ _BROKEN_OUTLINES: dict[str, tuple[str, bytes, str]] = {
     ),
     "ragged row": ("ragged.dat", _replace(_SELIG, (_POINTS[5], "0.9")), "line 7 = '0.9'"),
     "nan": ("nan.dat", _replace(_SELIG, (_POINTS[5], "0.9 nan")), "line 7, column y = 'nan'"),
-    "half a point above": ("above.dat", b"A BOOK\n1.0 -\n" + _SELIG.encode(), "line 3, column x"),
+    "half a point above": ("above.dat", b"A BOOK\n1.0 -\n" + _SELIG.encode(), "line 2, column y"),
     "broken last point": ("last.dat", _SELIG.encode() + b"1.0 O.0\n", "column y = 'O.0'"),
     "text between points": ("text.dat", _replace(_SELIG, (_POINTS[5], "lower side")), "line 7"),
     "AeroDyn's count lies": (
