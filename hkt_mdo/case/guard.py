@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import wraps
+from functools import cached_property, wraps
 from inspect import getattr_static, signature
 from traceback import extract_tb
 from types import FunctionType
@@ -65,18 +65,20 @@ def guard(kind: Any, source: str) -> Any:
     """
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or source
     for name in dir(kind):
-        value = getattr_static(kind, name)
-        method = getattr(value, "fget", None) or getattr(value, "func", value)  # of a property
-        if name.startswith("_") or not isinstance(method, FunctionType):
+        method = value = getattr_static(kind, name)
+        if isinstance(value, property):
+            method = value.fget
+        elif isinstance(value, cached_property):
+            method = value.func
+        own = isinstance(method, FunctionType) and not name.startswith("_")
+        if not own or method.__module__.startswith(("hkt_mdo.", "pydantic.")):
             continue
-        if method.__module__.startswith(("hkt_mdo.", "pydantic.")) or hasattr(
-            method, "__wrapped__"
-        ):
+        if hasattr(method, "__wrapped__"):  # guarded already, as a method of a base
             continue
         guarded = _guard(method, file, f"{kind.__name__}.{name}")
         made = guarded if method is value else type(value)(guarded)
         setattr(kind, name, made)
-        if hasattr(made, "__set_name__"):  # of a cached property
+        if isinstance(made, cached_property):
             made.__set_name__(kind, name)
     return kind
 

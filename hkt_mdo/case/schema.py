@@ -316,10 +316,6 @@ class Case(Section):
         for number, scenario in enumerate(self.scenarios):
             for each in scenario.realized(self, f"scenarios[{number}]"):
                 name = (each.name or "").lower()  # they name files
-                if len(name) > LONGEST_NAME:
-                    problem = f"becomes {each.name}, of more than {LONGEST_NAME} characters"
-                    key = f"scenarios[{number}].name"
-                    raise refusal(problem, "give a shorter one", key=key, value=scenario.name)
                 if name in made:
                     problem, remedy = "is the name of two scenarios", "give each its own"
                     key = f"scenarios[{number}].name"
@@ -329,11 +325,8 @@ class Case(Section):
                     self._check_condition(f"scenarios[{number}].condition", each.condition)
         if len(made) > MOST_SCENARIOS:
             problem = f"are {len(made)} flows with their realizations"
-            remedy, given = (
-                f"give at most {MOST_SCENARIOS}",
-                [x.realizations for x in self.scenarios],
-            )
-            raise refusal(problem, remedy, key="scenarios", value=given)
+            given = [scenario.realizations for scenario in self.scenarios]
+            raise refusal(problem, f"give at most {MOST_SCENARIOS}", key="scenarios", value=given)
         object.__setattr__(self, "scenarios", tuple(made.values()))
 
     def _check_memory(self) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
-from hkt_mdo.files.record_table import MAX_ROWS, Columns, RecordOptions, read_csv
+from hkt_mdo.files.record_table import Columns, RecordOptions, read_csv
 from hkt_mdo.files.record_xarray import columns_from, read_binary
 
 __all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
@@ -35,6 +35,9 @@ SPIKE = 6.0
 
 LONGEST = 1e10
 """Longest record, s, some 300 years: a later time is a mistake."""
+
+MAX_ROWS = 10_000_000
+"""Largest number of even samples."""
 
 SHORTEST = 1e-6
 """Step, s, below which no flow is sampled."""
@@ -69,10 +72,9 @@ def read_record(path: str | Path, **options: Any) -> Record:
 
     `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.json`: tidal
     data as MHKiT saves them, or a response of USGS. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`:
-    as MHKiT's data are saved. The options are those of
-    `RecordOptions`. Raises InputError, with file, line, column, value and remedy, if anything in
-    the file is not as they say, it has more than 256 MiB or 10 million rows, or packages for NetCDF
-    or Parquet are missing.
+    as MHKiT's data are saved. The options are those of `RecordOptions`. Raises InputError, with
+    file, line, column, value and remedy, if anything in the file is not as they say, it has more
+    than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
     chosen = RecordOptions(**options)
     return _Record(read_columns(Path(path), chosen), chosen).made()

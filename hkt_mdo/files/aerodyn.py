@@ -168,7 +168,7 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
     Raises
     ------
     InputError
-        If the file is broken, or older, with its tables beside each other; with the line.
+        If the file is broken, or older, with its tables side by side; with the line.
     """  # noqa: DOC501 - `line_error` returns an InputError
     lines = numbered_lines(text)
     begin = next(at for at, (_, line) in enumerate(lines) if OLD_COUNT.search(line))
@@ -197,9 +197,6 @@ def _read_old_table(
 ) -> PolarTable:
     """Read a table of AeroDyn 13 from the lines between two EOT; one alone may have Re = 0."""
     line, cells = block[0]
-    if len(cells) > 1 and fortran_number(cells[1]) is not None:
-        problem = "has several Reynolds numbers: its tables stand side by side, as of AeroDyn 12"
-        raise line_error(path, line, problem, _OLD_REMEDY, where, value=" ".join(cells))
     reynolds = fortran_number(cells[0])
     if alone and reynolds == 0.0:
         reynolds = None

@@ -18,9 +18,6 @@ from hkt_mdo.files.table import LONGEST_NAME, Column, Csv, parse_number, read_te
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
 
-MAX_ROWS = 10_000_000
-"""Largest number of samples."""
-
 _MISSING = {"", "nan", "na", "n/a", "null", "none"}  # cells of missing samples, in small letters
 _LONGEST_DATE = 64  # characters
 _MOST_NAMES = 8  # that a message lists
@@ -347,26 +344,6 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
 
 
-def check_length(count: int, file: str) -> None:
-    """Refuse a record that is too long.
-
-    Parameters
-    ----------
-    count : int
-        Number of samples.
-    file : str
-        The file, for messages.
-
-    Raises
-    ------
-    InputError
-        If there are more than `MAX_ROWS` samples.
-    """
-    if count > MAX_ROWS:
-        remedy = "give a part of it, or every so many"
-        raise InputError(f"has more than {MAX_ROWS:,} samples", remedy, file=file)
-
-
 def read_csv(path: Path, options: RecordOptions) -> Columns:
     """Read time and speed from two columns of a CSV file.
 
@@ -420,7 +397,7 @@ def parse_rows(
     Raises
     ------
     InputError
-        If there are no or too many rows, or a text is neither number nor date.
+        If there are no rows, or a text is neither number nor date.
     """  # noqa: DOC501 - `refuse` returns an InputError
 
     def refuse(line: int, column: int, wrong: tuple[str, str], value: str) -> InputError:
@@ -446,7 +423,6 @@ def parse_rows(
         lines.append(line)
         times.append(seconds)
         speeds.append(number)
-        check_length(len(lines), str(file))
     if not lines:
         raise InputError("has no samples", "add its rows", file=file)
     time, speed = np.array(times), np.array(speeds)

@@ -19,15 +19,11 @@ from hkt_mdo.files.record_table import (
     SPEEDS,
     Columns,
     RecordOptions,
-    check_length,
     choose,
     column_key,
     named_unit,
 )
 from hkt_mdo.files.table import read_bytes
-
-MAX_VALUES = 50_000_000
-"""Largest number of values that are read of a profiler's record: samples times bins times two."""
 
 _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 """Labels of two horizontal components of a velocity, in small letters."""
@@ -105,11 +101,10 @@ def _need(name: str, file: object) -> Any:
 
 def _read_parquet(path: Path, options: RecordOptions) -> Columns:
     """Read a Parquet file by pandas."""
-    parquet = _need("pyarrow.parquet", path)
-    _need("pandas", path)
-    file = parquet.ParquetFile(io.BytesIO(read_bytes(path, MAX_BYTES, "record")))
-    check_length(file.metadata.num_rows, str(path))
-    return columns_from(file.read().to_pandas(), options, str(path))
+    _need("pyarrow.parquet", path)
+    pandas = _need("pandas", path)
+    content = io.BytesIO(read_bytes(path, MAX_BYTES, "record"))
+    return columns_from(pandas.read_parquet(content), options, str(path))
 
 
 def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
@@ -146,13 +141,12 @@ def _with_dates(data: Any, decode: Callable) -> Any:
 
 
 def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) -> None:
-    """Refuse a time that is neither number nor date, a speed that is no number, and length."""
+    """Refuse a time that is neither number nor date, and a speed that is no number."""
     for column, name, kinds in zip(columns, names, ("iufM", "iuf"), strict=True):
         if column.dtype.kind not in kinds:
             problem = "holds no numbers" + (" and no dates" if "M" in kinds else "")
             remedy = "write it as numbers, or choose another"
             raise InputError(problem, remedy, file=file, key=column_key(name))
-    check_length(columns[0].size, file)
 
 
 def _in_si(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "")) -> Columns:
@@ -263,8 +257,6 @@ def _profile(
             raise options.refuse("bins", "has no bin", f"widen it; {available}", file)
         parts = [part.isel({name: inside}) for part in parts]
         messages.append(f"average of {inside.size} bins from {_span(centres[inside])}")
-    if sum(part.size for part in parts) > MAX_VALUES:
-        raise refuse(f"has more than {MAX_VALUES:,} values to read", "take fewer bins")
     arrays = [part.transpose(dimension, *bins).values.astype(float) for part in parts]
     if len(arrays) == 2:
         arrays.append(np.hypot(*arrays))

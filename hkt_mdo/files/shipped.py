@@ -89,8 +89,6 @@ def data_path(name: str, kind: str) -> Path:
     InputError
         If no such file is shipped; the message lists those that are.
     """
-    if kind not in _FILES:
-        raise InputError("no such kind of data", f"kinds: {', '.join(_FILES)}", value=kind)
     if name not in _FILES[kind]:
         raise InputError(f"no shipped {kind} has this name", _remedy(name, kind), value=name)
     return _FOLDER / _FILES[kind][name]

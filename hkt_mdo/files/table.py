@@ -535,8 +535,12 @@ class Csv:
 
         Parameters
         ----------
-        names, what, optional
-            As of `check`.
+        names : sequence of str
+            Columns that must be there.
+        what : str
+            What the table is, for messages.
+        optional : sequence of str
+            Columns that are returned if they are there.
 
         Returns
         -------

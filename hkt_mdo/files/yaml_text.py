@@ -14,11 +14,10 @@ import yaml
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import Column, fortran_number
 
-CASE_DEPTH, DEPTH = 20, 40
-"""Deepest nesting of a case file and of other files."""
+DEPTH = 20
+"""Deepest nesting of a file; that of a reference turbine is 9."""
 
-MAX_NODES = 1_000_000
-"""Most values in a file; reference turbines have fifty thousand."""
+_TOO_DEEP = f"is nested deeper than {DEPTH} levels", "write fewer levels"
 
 LONGEST_KEY = 60
 """Most characters of a key that a message repeats."""
@@ -343,8 +342,7 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
     key : str
         Key of the whole text, for messages.
     case : bool
-        Whether the stricter rules for cases hold: no anchors and aliases, keys that are words,
-        `CASE_DEPTH` levels at most.
+        Whether the stricter rules for cases hold: no anchors and aliases, keys that are words.
 
     Returns
     -------
@@ -355,7 +353,7 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
     ------
     InputError
         If the text is no YAML, or YAML that is refused: tags, merge keys, a key that is given
-        twice, a second document, too many values. The message says where.
+        twice, a second document, deep nesting. The message says where.
     """
     # PyYAML's own parser, for cases, locates errors more precisely.
     loader = yaml.SafeLoader if case else _Loader
@@ -370,34 +368,22 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or error
         problem, remedy = f"cannot be read as YAML: {reason}", "correct it there"
         if "nesting depth" in problem:  # libyaml of PyYAML 6.0.4 looks ahead and has a limit too
-            problem, remedy = _too_deep(case)
+            problem, remedy = _TOO_DEEP
         raise InputError(problem, remedy, file=file, key=place) from None
     if root is not None:
         _check_keys(Place(root, key, file), case, set())
     return root
 
 
-def _too_deep(case: bool) -> tuple[str, str]:
-    """Return what is wrong with a text that is nested too deeply, and the remedy."""
-    return f"is nested deeper than {CASE_DEPTH if case else DEPTH} levels", "write fewer levels"
-
-
 def _check_events(events: Iterable[Any], file: object, case: bool) -> None:
-    """Refuse tags, anchors, several documents, deep nesting and too many values."""
-    depth = count = documents = 0
-    deepest = CASE_DEPTH if case else DEPTH
+    """Refuse tags, deep nesting and, in a case, anchors."""
+    depth = 0
     for event in events:
-        documents += isinstance(event, yaml.DocumentStartEvent)
-        count += isinstance(event, yaml.NodeEvent)
         depth += isinstance(event, yaml.CollectionStartEvent)
         depth -= isinstance(event, yaml.CollectionEndEvent)
         tag = getattr(event, "tag", None)
-        if documents > 1:
-            problem, remedy = "begins a second YAML document", "keep one in a file"
-        elif depth > deepest:
-            problem, remedy = _too_deep(case)
-        elif count > MAX_NODES:
-            problem, remedy = f"holds more than {MAX_NODES} values", "give a smaller file"
+        if depth > DEPTH:
+            problem, remedy = _TOO_DEEP
         elif case and getattr(event, "anchor", None) is not None:
             problem, remedy = "anchors (&) and aliases (*) are refused", "write the value out"
         elif tag not in (None, "!"):

@@ -65,5 +65,3 @@ def test_unknown_shipped_names_are_reported_with_those_there_are(tmp_path):
         data_path("naca63815_Re2e55", "polar")
     with pytest.raises(InputError, match="neither a shipped blade nor a file"):
         read_table(tmp_path / "none.csv", ("x",), "blade")
-    with pytest.raises(InputError, match="no such kind"):
-        data_path("bahaj2007", "balde")

@@ -196,7 +196,7 @@ _BROKEN_AERODYN: dict[str, tuple[bytes, str]] = {
     "AeroDyn 12": (
         b"AeroDyn airfoil file\n 2   Number of airfoil tables in this file\n"
         b" 1.0 2.0 Table ID parameter\n -8 0.1 0.02 0.1 0.02\n",
-        "line 3, table 1 = '1.0 2.0 Table ID parameter': has several Reynolds numbers",
+        "line 4 = '-8 0.1 0.02 0.1 0.02': has 5 numbers where the table has 4 columns",
     ),
     "AeroDyn 14 cut off": (
         b"AeroDyn airfoil file\n 2   Number of airfoil tables in this file\n 1.0 Re\n"
