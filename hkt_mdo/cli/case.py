@@ -62,10 +62,9 @@ def check(
     told = report.tables | {"Notes": report.notes, "Warnings": report.warnings}
     parts.print_tables(told, as_json, as_csv)
     if out and not no_figures:
-        from hkt_mdo.results import check_plots, style
+        from hkt_mdo.run.check_figures import save_check_figures
 
-        figures = check_plots.check_figures(report.name, report.figures)
-        written = style.save(figures, out)
+        written = save_check_figures(report, out)
         names = ", ".join(path.name for path in written)
         echo(f"Figures: {written[0].parent}: {names}", err=for_program)
     number = len(report.warnings)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -16,10 +15,9 @@ from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES, PolarTable
-from hkt_mdo.files.table import make_folder, parse_number
+from hkt_mdo.files.table import make_folder, parse_number, write_files
 from hkt_mdo.results import style
-from hkt_mdo.results.check_plots import draw_polars
-from hkt_mdo.results.folder import write_files
+from hkt_mdo.results.polars import polar_panels
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline
@@ -205,20 +203,16 @@ def draw_report(
     first, last = polars[0].table.alpha[[0, -1]]
     curves: list[dict[str, Any]] = []
     for prefix, table, sure in tables:
-        columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
-        columns["ratio"] = table.lift / table.drag
         pressure = np.atleast_2d(np.asarray(table.smallest_pressure, dtype=float))
-        columns["suction"] = np.full(table.alpha.size, np.nan)
+        suction = np.full(table.alpha.size, np.nan)
         if pressure.size:  # of either surface, or of both
-            columns["suction"] = -np.min(pressure, axis=0) + np.zeros(table.alpha.size)
+            suction = -np.min(pressure, axis=0) + np.zeros(table.alpha.size)
+        columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
+        columns |= {"suction": suction, "sure": sure}
         inside = (table.alpha >= first) & (table.alpha <= last)
-        curve = {name: values[inside] for name, values in {**columns, "sure": sure}.items()}
         label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
-        curves.append({"label": label, **curve})
-    plots = [partial(draw_polars, curves, "alpha_deg", y) for y in ("lift", "drag", "ratio")]
-    if any(np.any(np.isfinite(curve["suction"])) for curve in curves):
-        plots.append(partial(draw_polars, curves, "alpha_deg", "suction"))
+        curves.append({name: values[inside] for name, values in columns.items()} | {"label": label})
     title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"
-    figure = style.figure_of(6.4, 10.5, plots, title=title)
-    figure.axes[1].set_yscale("log")
-    return figure
+    panels = polar_panels(curves)
+    panels[1].log = True
+    return style.figure_of_panels(panels, 6.4, 2.3, title)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from matplotlib.axes import Axes
 from pydantic import ValidationError
 
 from hkt_mdo.case.messages import translate
@@ -22,6 +20,7 @@ from hkt_mdo.files.table import make_folder
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_csv, write_text
+from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel
 
 HOURS = YEAR / 3600.0
 DAYS_201 = 35.0  # of a record for a harmonic analysis
@@ -76,12 +75,12 @@ def report_resource(
     if tide is not None:
         write_text(written[2], _yaml(tide.section))
         yield from _of_tide(tide)
-    figures = {"resource": [partial(draw_hours, speed, share), partial(draw_duration, samples)]}
+    figures = {"resource": resource_panels(speed, share, samples)}
     if tide is not None:
-        figures["tide"] = [partial(draw_tide, samples, tide)]
+        figures["tide"] = [tide_panel(samples, tide)]
     drawn = {
-        name: style.figure_of(7.0, 3.0 * len(x) + style.BESIDES, x, 0, f"{file.name}: {name}")
-        for name, x in figures.items()
+        name: style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: {name}")
+        for name, panels in figures.items()
     }
     files = [path.name for path in (*written, *style.save(drawn, out))]
     yield f"Written: {out}: {', '.join(files)}"
@@ -149,33 +148,31 @@ def _of_tide(tide: Tide) -> Iterator[str]:
         yield f"{tide.names[place]}: {amplitude:.4f} m/s, {phase:.1f} deg, period {hours:.4f} h"
 
 
-def draw_hours(speed: np.ndarray, share: np.ndarray, ax: Axes) -> Axes:
-    """Draw the hours of each speed in a year, whichever way the flow runs."""
+def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) -> list[Panel]:
+    """Return the hours of each speed in a year, and the share of time in which it is exceeded."""
+    hours = Panel("hours a year (h)", "speed of the flow (m/s)")
     for index, (word, own) in enumerate(
         (("forward", speed >= 0.0), ("the other way", speed < 0.0))
     ):
         if np.any(own):
-            step = float(np.min(np.diff(np.sort(speed[own])), initial=0.1))
-            look = style.bar(index) | {"alpha": 0.8}
-            ax.bar(np.abs(speed[own]), HOURS * share[own], 0.9 * step, label=word, **look)
-    return style.finish(ax, "speed of the flow (m/s)", "hours a year (h)")
-
-
-def draw_duration(samples: FlowSamples, ax: Axes) -> Axes:
-    """Draw the speed over the share of the time in which it is exceeded."""
+            order = np.argsort(np.abs(speed[own]))
+            x, y = np.abs(speed[own])[order], HOURS * share[own][order]
+            hours.curves.append(Curve(x, y, word, COLORS[index], index, "bar"))
     size = np.sort(np.abs(samples.speed))[::-1]
     rank = 100.0 * np.arange(1, size.size + 1) / (size.size + 1)
     every = max(1, size.size // MOST_SHOWN)
-    ax.plot(rank[::every], size[::every], **style.line(0))
-    return style.finish(ax, "exceeded in a share of the time (%)", "speed of the flow (m/s)")
+    curve = Curve(rank[::every], size[::every], "", COLORS[0])
+    exceeded = "exceeded in a share of the time (%)"
+    return [hours, Panel("speed of the flow (m/s)", exceeded, [curve])]
 
 
-def draw_tide(samples: FlowSamples, tide: Tide, ax: Axes) -> Axes:
-    """Draw the last days of a record and what the tide predicts of them."""
+def tide_panel(samples: FlowSamples, tide: Tide) -> Panel:
+    """Return the last days of a record and what the tide predicts of them."""
     last = samples.time >= samples.time[-1] - DAYS_SHOWN * 86400.0
     time = samples.time[last]
-    look = style.marker(0, 2.0) | {"linestyle": "none", "color": "0.4"}
-    ax.plot(time / 86400.0, samples.speed[last], label="record", **look)
     fine = np.linspace(time[0], time[-1], 3000)
-    ax.plot(fine / 86400.0, tide.speed_at(fine), label="tide", **style.line(0))
-    return style.finish(ax, "time since the first sample (days)", "speed (m/s)")
+    curves = [
+        Curve(time / 86400.0, samples.speed[last], "record", GREY, 0, "points"),
+        Curve(fine / 86400.0, tide.speed_at(fine), "tide", COLORS[0]),
+    ]
+    return Panel("speed (m/s)", "time since the first sample (days)", curves)

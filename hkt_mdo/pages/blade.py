@@ -1,4 +1,4 @@
-"""The rotors of results as solids that can be turned, as a picture, and their sections."""
+"""The rotors of results as solids that can be turned, and as a picture."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Stl
-from hkt_mdo.pages.panels import FAINT, Chart, Labelled, Look, escaped, line
+from hkt_mdo.pages.panels import Chart, escaped
 from hkt_mdo.results import style
+from hkt_mdo.results.charts import Labelled
+from hkt_mdo.results.panel import COLORS, GREY
 from hkt_mdo.results.sections import outline_names
-from hkt_mdo.results.shown import AXIS, SHOWN
 
 SOLIDS = tuple(Stl(spanwise=n, points=m, hub="cylinder") for n, m in ((44, 48), (20, 24)))
 """Sections and points of the solids of few results and of many, beside their stations."""
@@ -29,15 +30,11 @@ EYE, LIGHT = np.array([0.0, -0.6, 1.9]), np.array([-0.4, 0.3, 0.87])
 
 
 class Body(NamedTuple):
-    """A rotor: its name, the corners[n_triangles, 3, 3] of its surface (m), its colour.
-
-    sections[n_shown, n_points, 2] are those at `SHOWN`, along and across the chord (m).
-    """
+    """A rotor: its name, the corners[n_triangles, 3, 3] of its surface (m), its colour."""
 
     name: str
     corners: np.ndarray
     color: str
-    sections: np.ndarray
 
 
 def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
@@ -63,7 +60,7 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
         try:
             source = Source(each.solution)
             outline_names(each.solution)  # refuses where the polars have no outline of their own
-            color = Look.of(index, each).color
+            color = COLORS[index % len(COLORS)]
             start, kind = _start(source.design, each.solution), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
             found.append(_body(source.design, kind, name, color))
@@ -73,7 +70,7 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
             if not any(np.array_equal(shape, other) for other in known):
                 known.append(shape)
                 name = "blade at the start" + (f" of {each.label}" if starts else "")
-                starts.append(_body(start, kind, name, FAINT))
+                starts.append(_body(start, kind, name, GREY))
         except InputError as error:
             reasons.append(f"{each.label or each.solution.name}: {error}")
     return [*found, *starts], reasons
@@ -93,9 +90,7 @@ def _start(design: Any, solution: Any) -> Any:
 def _body(design: Any, kind: Stl, name: str, color: str) -> Body:
     # the rotor's axes turned about y
     corners = np.concatenate(kind.rotor(design))[..., [2, 1, 0]] * (1, 1, -1)
-    hub, tip = design.blade.hub_radius, design.blade.tip_radius
-    radii = hub + np.array(SHOWN) * (tip - hub)
-    return Body(name, corners, color, SOLIDS[0].stations(design, radii).plane)
+    return Body(name, corners, color)
 
 
 def _beside(found: Sequence[Body]) -> list[np.ndarray]:
@@ -192,41 +187,3 @@ def picture(found: Sequence[Body]) -> bytes:
     ax.set_axis_off()
     figure.patch.set_alpha(0.0)
     return style.png(figure)
-
-
-def sections(found: Sequence[Body]) -> Chart:
-    """Return some sections of the blades, to scale, one below the other, with the blade's axis.
-
-    Parameters
-    ----------
-    found : list of Body
-        The rotors.
-
-    Returns
-    -------
-    dict
-        The chart.
-    """
-    data: list[dict[str, Any]] = []
-    notes: list[dict[str, Any]] = []
-    thick = max(np.ptp(each.sections[..., 1]) for each in found)
-    for row, place in enumerate(SHOWN):
-        down = -1.9 * row * thick
-        for body in found:
-            x, y = np.append(body.sections[row], body.sections[row][:1], axis=0).T
-            start = body.color == FAINT
-            dash = {"dash": "dot"} if start else {}
-            trace = line(x, y + down, escaped(body.name), body.color, showlegend=row == 0, **dash)
-            if not start and len(found) <= 2:
-                trace |= {"fill": "toself", "fillcolor": f"{body.color}18"}
-            data.append(trace | {"hoverinfo": "name"})
-        axis = line([0.0], [down], AXIS, FAINT, mode="markers")
-        mark = {"symbol": "cross-thin-open", "size": 9, "color": FAINT}
-        data.append(axis | {"marker": mark, "showlegend": row == 0, "hoverinfo": "name"})
-        at = {"x": 0, "xref": "paper", "xanchor": "left", "y": down + 0.75 * thick}
-        words = {"text": f"{100.0 * place:g} % of the span", "font": {"size": 12}}
-        notes.append(at | words | {"showarrow": False, "yanchor": "bottom"})
-    across = {"scaleanchor": "x", "showticklabels": False, "showgrid": False, "zeroline": False}
-    layout = {"height": 430, "annotations": notes, "hovermode": "closest", "yaxis": across}
-    layout["xaxis"] = {"title": {"text": "along the chord (m)"}, "zeroline": False}
-    return {"data": data, "layout": layout}

@@ -18,8 +18,8 @@ from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import make_folder, read_text, write_files
 from hkt_mdo.pages import rendered
+from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import beaten, ranked
-from hkt_mdo.results.shown import labels
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LimitEntry, Summary, unasked
@@ -90,15 +90,15 @@ def require_packages() -> None:
 def _page(solutions: Sequence[Solution], shared: str) -> str:
     """Return the page as HTML."""
     offline = import_module("plotly.offline")
-    from hkt_mdo.pages import blade, charts, panels
+    from hkt_mdo.pages import blade, panels
 
     order, behind = ranked(solutions)
-    labelled = [panels.Labelled(*each) for each in zip(order, labels(order), strict=True)]
-    found, reasons = blade.bodies(labelled)
-    drawn, views = charts.designs(labelled), charts.views(labelled)
+    results = labelled(order)
+    found, reasons = blade.bodies(results)
+    drawn, views = panels.designs(results), panels.views(results)
     if found:
-        drawn |= {"solid": blade.solid(found), "sections": blade.sections(found)}
-    names = [label or "result" for label in labels(order)]
+        drawn["solid"] = blade.solid(found)
+    names = [label or "result" for _, label in results]
     return rendered(
         "report.html",
         title=_title(order),
@@ -115,7 +115,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=[printable(reason) for reason in reasons],
         picture=base64.b64encode(blade.picture(found)).decode() if found else "",
-        points=charts.points_each(labelled),
+        points=panels.points_each(results),
         views=list(views),
         charts=drawn,
         view_charts=sorted({name for each in views.values() for name in each}),

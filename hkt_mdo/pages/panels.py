@@ -1,58 +1,57 @@
-"""Panels of a chart, one below the other, as the plain data that plotly.js draws.
+"""The charts of a report as the plain data that plotly.js draws.
 
 A chart is a dictionary with `data`, the traces, and `layout`. Colours are those of the figures
-(`hkt_mdo.results.style`), and the page replaces them by `DARK` on a dark screen. Of a single
-result, a quantity has its own colour; several results differ by colour and dashes.
+(`hkt_mdo.results.panel`), and the page replaces them by `DARK` on a dark screen.
 """
 
 from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hkt_mdo.results import style
-from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.words import printable
+from hkt_mdo.results import charts
+from hkt_mdo.results.charts import Results
+from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel
+from hkt_mdo.results.words import limit_words, printable
 
 Chart = dict[str, Any]
 GROUND = "#ffffff"
 DARK = dict(
     zip(
-        (*style.COLORS, style.QUANTITY_COLORS["cavitation"], GROUND),
+        (*COLORS, QUANTITY_COLORS["cavitation"], GROUND),
         ("#78aee6", "#f08d57", "#6fd3a5", "#c594dc", "#e2b549", "#b9b9b9", "#6fcdf5", "#14181d"),
         strict=True,
     )
 )
 """The colour on a dark screen of each colour on a light one."""
 DASHES = "solid", "dash", "dashdot", "longdashdot", "dot", "longdash"
-FAINT = "#4a4a4a"
+HATCHES = "", "/", ".", "x", "-", "+"
+GAP = 42
+"""Pixels between two panels, for title and labels."""
+MOST_POINTS, LEAST_POINTS = 100_000, 60
+"""Points of all series of a page together, and of a series at least."""
+MOST_OF_ONE = 6000
 
 
-class Labelled(NamedTuple):
-    """A result of a report and the name that the page gives it; "" where it is the only one."""
+def points_each(results: Results) -> int:
+    """Return how many points of a series a page has room for.
 
-    solution: Solution
-    label: str
+    Parameters
+    ----------
+    results : sequence of Labelled
+        All results of the page.
 
-
-@dataclass
-class Panel:
-    """Axes of a chart: its title, traces, and levels that are drawn across it, with their names."""
-
-    title: str
-    traces: list[dict[str, Any]] = field(default_factory=list)
-    levels: dict[str, float] = field(default_factory=dict)
-    marks: dict[str, float] = field(default_factory=dict)
-    """Places on the horizontal axis, by name."""
-    from_zero: bool = False
-    log: bool = False
-    left: bool = False
-    """Whether the first level has its name on the left."""
+    Returns
+    -------
+    int
+        Number of points.
+    """
+    series = 10 * sum(len(each.solution.scenarios) for each in results)
+    return int(np.clip(MOST_POINTS // max(1, series), LEAST_POINTS, MOST_OF_ONE))
 
 
 def thinned(time: np.ndarray, values: np.ndarray, most: int) -> np.ndarray:
@@ -116,110 +115,87 @@ def escaped(text: str) -> str:
     return html.escape(printable(text))
 
 
-def line(x: Any, y: Any, name: str, color: str, **more: Any) -> dict[str, Any]:
-    """Return a line as a trace.
-
-    Parameters
-    ----------
-    x, y : array_like
-        The points.
-    name : str
-        Name in the legend, escaped.
-    color : str
-        Colour on a light screen.
-    **more
-        `dash`, `width` and `mode`, and other keys of a trace.
-
-    Returns
-    -------
-    dict
-        The trace.
-    """
-    look = {"color": color, "dash": more.pop("dash", "solid"), "width": more.pop("width", 1.8)}
-    shown = {"type": "scatter", "mode": more.pop("mode", "lines"), "name": name}
-    return {"x": plain(x, 7), "y": plain(y), **shown, "line": look, "legendgroup": name, **more}
-
-
-def band(
-    x: Any, low: Any, high: Any, name: str, color: str, width: float = 0.0
-) -> list[dict[str, Any]]:
-    """Return a filled range as traces.
-
-    Parameters
-    ----------
-    x, low, high : array_like
-        Places and ends of the range.
-    name : str
-        Name in the legend, escaped.
-    color : str
-        Colour on a light screen.
-    width : float
-        Of the edges, which are not drawn without one.
-
-    Returns
-    -------
-    list of dict
-        The traces of both edges, filled between.
-    """
-    quiet: dict[str, Any] = {"width": width} if width else {"width": 0.0, "hoverinfo": "skip"}
-    lower = line(x, low, name, color, showlegend=False, **quiet)
-    return [lower, line(x, high, name, color, fill="tonexty", fillcolor=f"{color}33", **quiet)]
+def _traces(curve: Curve, most: int) -> list[Chart]:
+    """Return a curve as traces, of at most so many points."""
+    kept = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
+    index, name = curve.index or 0, escaped(curve.name)
+    dash = "dot" if curve.index is None else DASHES[index % len(DASHES)]
+    trace: Chart = {"type": "scatter", "name": name, "legendgroup": name, "showlegend": bool(name)}
+    trace |= {"x": plain(curve.x[kept], 7), "y": plain(curve.y[kept]), "mode": "lines"}
+    marker: Chart = {"color": curve.color}
+    if curve.kind == "bar":
+        return [trace | {"type": "bar", "marker": marker}]
+    trace["line"] = {"color": curve.color, "dash": dash, "width": 1.6}
+    if curve.kind == "band":
+        edge = trace | {"line": {"color": curve.color, "width": 1.0}}
+        lower = edge | {"y": plain(curve.low), "showlegend": False}
+        return [lower, edge | {"fill": "tonexty", "fillcolor": f"{curve.color}33"}]
+    if curve.kind == "marked":
+        return [trace | {"mode": "lines+markers", "marker": marker | {"size": 5}}]
+    if curve.kind == "points":
+        return [
+            trace | {"mode": "markers", "marker": marker | {"size": 9, "symbol": "circle-open"}}
+        ]
+    return [trace]
 
 
-GAP = 42
-"""Pixels between two panels, for title and labels."""
-
-
-def stacked(panels: Sequence[Panel], x_title: str, height: int = 150) -> Chart | None:
+def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE) -> Chart | None:
     """Return panels one below the other, over one horizontal axis.
 
     Parameters
     ----------
     panels : sequence of Panel
-        Those without traces are left out.
-    x_title : str
-        Title of the horizontal axis.
+        Those without curves are left out.
     height : int
         Of each panel, in pixels.
+    most : int
+        Largest number of points of a curve.
 
     Returns
     -------
     dict or None
-        The chart, whose height is without its margins; None where no panel has traces.
+        The chart, whose height is without its margins; None where no panel has curves.
     """
-    panels = [panel for panel in panels if panel.traces]
+    panels = [panel for panel in panels if panel.curves]
     if not panels:
         return None
     plotted = len(panels) * (height + GAP)
-    layout: dict[str, Any] = {"height": plotted, "annotations": [], "shapes": []}
+    layout: Chart = {"height": plotted, "annotations": [], "shapes": []}
     last = "y" if len(panels) == 1 else f"y{len(panels)}"
-    layout["xaxis"] = {"title": {"text": x_title}, "anchor": last}
-    data: list[dict[str, Any]] = []
+    layout["xaxis"] = {"title": {"text": panels[-1].across}, "anchor": last}
+    if panels[-1].across_from_zero:
+        layout["xaxis"]["rangemode"] = "tozero"
+    data: list[Chart] = []
     named: set[str] = set()
     for number, panel in enumerate(panels, 1):
         top = 1.0 - ((number - 1) * (height + GAP) + 0.6 * GAP) / plotted
         key = "" if number == 1 else str(number)
         axis = {"domain": [max(0.0, top - height / plotted), top], "anchor": "x"}
-        layout[f"yaxis{key}"] = axis | _vertical(panel)
-        title = {"text": f"<b>{panel.title}</b>", "x": 0, "xanchor": "left", "xref": "paper"}
-        layout["annotations"].append(title | _at(f"y{key} domain", 1.0) | {"yanchor": "bottom"})
-        for trace in panel.traces:
-            first = trace["name"] not in named and trace.get("showlegend", True)
+        text = f"<b>{panel.title}</b>".replace("\n", " ")
+        title = {"text": text, "x": 0, "xanchor": "left", "xref": "paper"}
+        layout["annotations"].append(title | _at(f"y{key} domain", 1.0))
+        traces = [trace for curve in panel.curves for trace in _traces(curve, most)]
+        layout[f"yaxis{key}"] = axis | _vertical(panel, traces)
+        for trace in traces:
+            first = trace["name"] not in named and trace["showlegend"]
             named |= {trace["name"]} if first else set()
             data.append(trace | {"xaxis": "x", "yaxis": f"y{key}", "showlegend": first})
-        _draw_levels(layout, panel, key)
+        _draw_lines(layout, panel, key)
     return {"data": data, "layout": layout}
 
 
-def _at(reference: str, place: float) -> dict[str, Any]:
-    return {"yref": reference, "y": place, "showarrow": False, "font": {"size": 12}}
+def _at(reference: str, place: float, size: int = 12) -> Chart:
+    font = {"size": size} if size == 12 else {"size": size, "color": GREY}
+    return {"yref": reference, "y": place, "showarrow": False, "font": font, "yanchor": "bottom"}
 
 
-def _vertical(panel: Panel) -> dict[str, Any]:
+def _vertical(panel: Panel, traces: Sequence[Chart]) -> Chart:
     """Return the vertical axis of a panel, which shows its levels too."""
     if panel.log:
         return {"type": "log", "exponentformat": "power", "dtick": 2}
-    values = [x for trace in panel.traces for x in trace["y"] if x is not None]
+    if panel.in_scale:
+        return {"scaleanchor": "x", "nticks": 3, "zeroline": False}
+    values = [x for trace in traces for x in trace["y"] if x is not None]
     values += [*panel.levels.values(), *([0.0] if panel.from_zero else [])]
     low, high = (min(values), max(values)) if values else (0.0, 1.0)
     middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)
@@ -228,53 +204,140 @@ def _vertical(panel: Panel) -> dict[str, Any]:
     return {"range": plain([least, middle + half + room]), "nticks": 5}
 
 
-def _draw_levels(layout: dict[str, Any], panel: Panel, key: str) -> None:
-    """Draw the levels and the marks of a panel with their names."""
-    look: Chart = {"line": {"color": FAINT, "width": 1.2, "dash": "dashdot"}, "type": "line"}
+def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
+    """Draw the levels, marks, spans and notes of a panel with their names."""
+    look: Chart = {"line": {"color": GREY, "width": 1.2, "dash": "dashdot"}, "type": "line"}
     look["layer"] = "below"  # a curve at its limit is seen
-    for number, (name, level) in enumerate(panel.levels.items()):
+    shapes, notes = layout["shapes"], layout["annotations"]
+    for name, level, left in panel.placed_levels:
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
-        layout["shapes"].append(look | ends)
-        # above the smallest chord there is room on the left, where the root is
-        left = {"smallest": 1, "largest": 0}.get(name.partition(" ")[0], (number + panel.left) % 2)
-        side, place = (("right", 1.0), ("left", 0.0))[left]
-        words = {"text": escaped(name), "xref": "paper", "x": place, "xanchor": side}
-        small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
+        shapes.append(look | ends)
+        place = {"x": 0.0, "xanchor": "left"} if left else {"x": 1.0, "xanchor": "right"}
         over = {"bgcolor": f"{GROUND}bb", "borderpad": 0}  # the curve of another result
-        layout["annotations"].append(words | _at(f"y{key}", level) | small | over)
-    for name, place in panel.marks.items():
-        ends = {"xref": "x", "x0": place, "x1": place, "yref": f"y{key} domain", "y0": 0, "y1": 1}
-        layout["shapes"].append(look | ends)
-        words = {"text": escaped(name), "xref": "x", "x": place, "xanchor": "right"}
-        small = {"yanchor": "bottom", "font": {"size": 11, "color": FAINT}}
-        layout["annotations"].append(words | _at(f"y{key} domain", 0.0) | small)
+        words = {"text": escaped(name), "xref": "paper"} | place | over
+        notes.append(words | _at(f"y{key}", level, 11))
+    for name, at in panel.marks.items():
+        ends = {"xref": "x", "x0": at, "x1": at, "yref": f"y{key} domain", "y0": 0, "y1": 1}
+        shapes.append(look | ends)
+        words = {"text": escaped(name), "xref": "x", "x": at, "xanchor": "right"}
+        notes.append(words | _at(f"y{key} domain", 0.0, 11))
+    for low, high, _, color, index in panel.spans:
+        foot = 0.0 if index is None else 0.05 * index
+        tall = {"y0": foot, "y1": 1.0 if index is None else foot + 0.04}
+        ends = {"xref": "x", "x0": low, "x1": high, "yref": f"y{key} domain"} | tall
+        fill = {"fillcolor": color + ("22" if index is None else "cc"), "line": {"color": color}}
+        shapes.append({"type": "rect", "layer": "below"} | ends | fill)
+    for x, y, text in panel.notes:
+        notes.append({"text": text, "xref": "x", "x": x} | _at(f"y{key}", y))
 
 
-class Look(NamedTuple):
-    """Colour and dashes of a result among several, or of a quantity of a single one."""
+def limit_bars(results: Results) -> Chart | None:
+    """Return a bar for each limit of each result: the largest value over the limit, in per cent.
 
-    color: str
-    dash: str
+    Parameters
+    ----------
+    results : sequence of Labelled
+        The results; of several scenarios, the largest of all.
 
-    @classmethod
-    def of(cls, index: int, labelled: Labelled, quantity: str = "") -> Look:
-        """Return the look of a result.
+    Returns
+    -------
+    dict or None
+        The chart; None where no result has a limit.
+    """
+    data: list[Chart] = []
+    names: dict[str, None] = {}
+    for index, (solution, label) in enumerate(results):
+        most = {x: 100.0 * share for x, share in charts.largest_shares(solution).items()}
+        if not most:
+            continue
+        own = COLORS[index % len(COLORS)]
+        words = [limit_words(limit) for limit in most]
+        names |= dict.fromkeys(words)
+        bar: Chart = {
+            "type": "bar",
+            "orientation": "h",
+            "name": escaped(label),
+            "cliponaxis": False,
+        }
+        bar |= {"x": plain([*most.values()]), "y": words, "insidetextanchor": "end"}
+        gap = "\u2002" if label else ""  # beside the bar
+        bar["text"] = [f"{gap}{x:.1f} %" for x in most.values()]
+        bar["textposition"] = "outside" if label else "auto"
+        pattern = {"shape": HATCHES[index % len(HATCHES)], "fillmode": "overlay"}
+        color = own if label else [QUANTITY_COLORS.get(limit, own) for limit in most]
+        data.append(bar | {"marker": {"color": color, "pattern": pattern}})
+    if not data:
+        return None
+    high = max(100.0, max(x for bar in data for x in bar["x"]))
+    line = {"type": "line", "xref": "x", "x0": 100, "x1": 100, "yref": "paper", "y0": 0, "y1": 1}
+    layout = {
+        "height": (12 + 24 * len(data)) * len(names),
+        "bargap": 0.3,
+        "xaxis": {"title": {"text": "largest value, % of the limit"}, "range": [0, 1.18 * high]},
+        "yaxis": {"autorange": "reversed", "ticksuffix": "  ", "showgrid": False},
+        "showlegend": len(data) > 1,
+        "shapes": [line | {"line": {"color": GREY, "width": 1.6, "dash": "dashdot"}}],
+    }
+    return {"data": data, "layout": layout}
 
-        Parameters
-        ----------
-        index : int
-            Its place among the results.
-        labelled : Labelled
-            The result.
-        quantity : str
-            What is drawn; of a single result it has its own colour.
 
-        Returns
-        -------
-        Look
-            Colour and dashes.
-        """
-        color = style.COLORS[index % len(style.COLORS)]
-        if not labelled.label:
-            color = style.QUANTITY_COLORS.get(quantity, color)
-        return cls(color, DASHES[index % len(DASHES)])
+def views(results: Results) -> dict[str, dict[str, Chart]]:
+    """Return the charts that each scenario has, by the name of the scenario and of the chart.
+
+    Parameters
+    ----------
+    results : sequence of Labelled
+        All results of the page.
+
+    Returns
+    -------
+    dict of dict
+        Where there are several scenarios, the first entry is the envelope of all of them.
+    """
+    most, found = points_each(results), {}
+    names = list(dict.fromkeys(name for each in results for name in each.solution.scenarios))
+    if len(names) > 1:
+        flow = [charts.envelope(results, each, "inflow_speed") for each in charts.FLOW]
+        time = [charts.envelope(results, each, "time") for each in charts.TIME]
+        found["all scenarios"] = _drawn(
+            flow=stacked(flow, 170),
+            time=stacked([*time, charts.smallest_margin(results)], 130),
+            limits=limit_bars(results),
+            span=stacked(charts.loads(results), 160),
+        )
+    for name in names:
+        alone = charts.of_scenario(results, name)
+        time = [*charts.operation(alone, charts.over_time), charts.margins_over_time(alone)]
+        found[name] = _drawn(
+            flow=stacked(charts.power_curve(alone), 170),
+            year=stacked(charts.year(alone), 130),
+            time=stacked(time, 130, most),
+            limits=limit_bars(alone),
+            span=stacked(charts.loads(alone), 160),
+        )
+    return found
+
+
+def designs(results: Results) -> dict[str, Chart]:
+    """Return the charts that belong to a result as a whole, by their names.
+
+    Parameters
+    ----------
+    results : sequence of Labelled
+        All results of the page.
+
+    Returns
+    -------
+    dict of dict
+        Those for which there are data.
+    """
+    return _drawn(
+        shape=stacked(charts.shape(results), 160),
+        sections=stacked([charts.sections(results)], 120),
+        coefficients=stacked(charts.coefficients(results), 170),
+        convergence=stacked(charts.convergence(results), 200, 1000),
+    )
+
+
+def _drawn(**made: Chart | None) -> dict[str, Chart]:
+    return {name: chart for name, chart in made.items() if chart is not None}

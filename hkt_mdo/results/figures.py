@@ -1,6 +1,6 @@
-"""The figures of results: which plots stand one below the other, and their files.
+"""The figures of results, and their files.
 
-A figure has the plots for which a result has data (`hkt_mdo.results.plots`).
+A figure has the panels of a chart (`hkt_mdo.results.charts`) for which a result has data.
 """
 
 from __future__ import annotations
@@ -9,126 +9,66 @@ import base64
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.results import plots, style
-from hkt_mdo.results.shown import Solutions, known_sections, named, named_scenarios, of_scenario
-from hkt_mdo.results.solution import Solution
+from hkt_mdo.results import charts, style
+from hkt_mdo.results.charts import Results, Solutions
+from hkt_mdo.results.panel import Panel
+from hkt_mdo.results.plots import plot_limits
 from hkt_mdo.results.words import joined, printable
 
-
-class Panel(NamedTuple):
-    """A plot, and what tells of a solution whether it has data for it."""
-
-    plot: Callable[..., Axes]
-    known: Callable[[Solution], Any]
-
-
-def _panels(
-    tables: Sequence[str],
-    *plotted: Callable[..., Axes],
-    steady: bool = True,
-    limited: bool = False,
-    **of_column: Callable[..., Axes],
-) -> list[Panel]:
-    """Return panels that are drawn of one of some tables, and last those of a column of it.
-
-    Without `steady`, they need a scenario with a time; `limited`: and a limit of the column.
-    """
-
-    def known(column: str, solution: Solution) -> bool:
-        shown = [one for one in solution.by_scenario if steady or not one.steady]
-        if limited:
-            names = {QUANTITIES[x.name].column for x in solution.limits if x.name in QUANTITIES}
-            shown = shown if column in names else []
-        found = (getattr(one, name) for one in shown for name in tables)
-        return any(column in table if column else table for table in found)
-
-    needed = [("", plot) for plot in plotted] + [*of_column.items()]
-    return [Panel(plot, partial(known, column)) for column, plot in needed]
-
-
-_TIMES = "simulation", "trajectory"
 _OF_ONE = "operation", "limits", "year"
 """Figures of one scenario each."""
-_OPERATION = (
-    *(plots.plot_inflow_speed, plots.plot_power, plots.plot_rotor_speed),
-    *(plots.plot_tip_speed_ratio, plots.plot_control_torque),
-)
-_LOADS = {
-    "root_moment_Nm": plots.plot_root_moment,
-    "stress_Pa": plots.plot_stress_over_time,
-    "cavitation": plots.plot_suction_over_time,
+_OF_DESIGN = "blade", "coefficients", "convergence"
+"""Figures of a result as a whole."""
+PANELS: dict[str, Callable[[Results], list[Panel]]] = {
+    "blade": charts.blade,
+    "coefficients": charts.coefficients,
+    "operation": charts.operation,
+    "power_curve": charts.power_curve,
+    "year": charts.year,
+    "loads": charts.loads,
+    "convergence": charts.convergence,
 }
-_OVER_FLOW = plots.plot_power_curve, plots.plot_speed_curve, plots.plot_torque_curve
-_YEAR = plots.plot_year_power, plots.plot_year_hours, plots.plot_year_energy
-FIGURES: dict[str, tuple[list[Panel], float, float]] = {
-    "blade": (
-        [
-            Panel(plots.plot_sections, lambda solution: known_sections(solution).size),
-            *_panels(["blade"], plots.plot_planform, plots.plot_chord, plots.plot_twist),
-            *_panels(["blade"], thickness_over_chord=plots.plot_thickness),
-        ],
-        *(6.6, 1.8),
-    ),
-    "coefficients": (
-        _panels(
-            ["coefficients"],
-            power_coefficient=plots.plot_power_coefficient,
-            thrust_coefficient=plots.plot_thrust_coefficient,
-        ),
-        *(5.6, 2.2),
-    ),
-    "operation": (
-        [
-            *_panels(_TIMES, *_OPERATION, steady=False, thrust_N=plots.plot_thrust),
-            *_panels(_TIMES, steady=False, limited=True, **_LOADS),
-        ],
-        *(7.4, 1.55),
-    ),
-    "power_curve": (_panels(_TIMES, *_OVER_FLOW, thrust_N=plots.plot_thrust_curve), 7.0, 2.05),
-    "year": (_panels(["year"], *_YEAR), 6.4, 2.05),
-    "limits": (
-        [Panel(plots.plot_limits, lambda x: any(one.limit_shares() for one in x.by_scenario))],
-        *(7.0, 1.0),
-    ),
-    "loads": (
-        _panels(
-            ["loads"],
-            stress_Pa=plots.plot_stress,
-            flapwise_moment_Nm=plots.plot_flapwise_moment,
-            cavitation=plots.plot_suction,
-        ),
-        *(5.6, 2.0),
-    ),
-    "convergence": (_panels(["convergence"], plots.plot_convergence), 6.2, 2.7),
+SIZES = {
+    "blade": (6.6, 1.8),
+    "coefficients": (5.6, 2.2),
+    "operation": (7.4, 1.55),
+    "power_curve": (7.0, 2.05),
+    "year": (6.4, 2.05),
+    "limits": (7.0, 1.0),
+    "loads": (5.6, 2.0),
+    "convergence": (6.2, 2.7),
 }
-"""Panels from the top, width, and height of a panel (inches)."""
+"""Width of a figure and height of a panel (inches)."""
+FIGURES = tuple(SIZES)
 
 
 def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
-    """Return one of the `FIGURES`, with the panels that a solution has data for; None if none.
+    """Return one of the `FIGURES`, with the panels that results have data for; None if none.
 
-    The title of a single solution has the name of its case and the `scenario`.
+    The title of a single result has the name of its case and the `scenario`.
     """
-    panels, width, height = FIGURES[name]
-    chosen = [one for one, _ in named(solutions)]
-    shown = [each.plot for each in panels if any(map(each.known, chosen))]
-    if not shown:
+    return _figure(charts.labelled(solutions), name, scenario)
+
+
+def _figure(results: Results, name: str, scenario: str = "") -> Figure | None:
+    width, height = SIZES[name]
+    first = printable(results[0].solution.name) if len(results) == 1 else ""
+    title = ": ".join(filter(None, (joined(first, scenario), name.replace("_", " "))))
+    alone = results if name in _OF_DESIGN else charts.by_scenario(results)
+    if name != "limits":
+        panels = PANELS[name](alone)
+        known = any(panel.curves for panel in panels)
+        return style.figure_of_panels(panels, width, height, title) if known else None
+    bars = [len(each.limit_shares()) for each, _ in alone]
+    if not any(bars):
         return None
-    if name == "limits":  # each bar has room for its number
-        bars = [len(one.limit_shares()) for one, _ in named_scenarios(solutions)]
-        height += 0.2 * max(bars) * len(bars)
-    names = joined(printable(chosen[0].name) if len(chosen) == 1 else "", scenario)
-    title = ": ".join(filter(None, (names, name.replace("_", " "))))
-    share = sum(plot is not plots.plot_sections for plot in shown)  # which have no radius
-    drawn = [partial(plot, solutions) for plot in shown]
-    return style.figure_of(width, style.BESIDES + height * len(shown), drawn, share, title)
+    height += style.BESIDES + 0.2 * max(bars) * len(bars)  # each bar has room for its number
+    plot = partial(plot_limits, [each for each, _ in results])
+    return style.figure_of(width, height, [plot], title=title)
 
 
 class Figures(dict[str, Figure]):
@@ -162,17 +102,17 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
         If there is no figure of a name.
     """
     drawn: dict[str, Figure | None] = {}
-    chosen = [solution for solution, _ in named(solutions)]
-    scenarios = dict.fromkeys(name for each in chosen for name in each.scenarios)
+    results = charts.labelled(solutions)
+    several = any(len(each.scenarios) > 1 for each, _ in results)
     for name in names or FIGURES:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
-        if name in _OF_ONE and any(len(each.scenarios) > 1 for each in chosen):
-            for one in scenarios:
-                alone = [of_scenario(each, one) for each in chosen]
-                drawn[f"{name}_{one}"] = figure_of(alone, name, one)
+        if name in _OF_ONE and several:
+            for one in dict.fromkeys(name for each, _ in results for name in each.scenarios):
+                alone = charts.of_scenario(results, one)
+                drawn[f"{name}_{one}"] = _figure(alone, name, one)
         else:
-            drawn[name] = figure_of(solutions, name)
+            drawn[name] = _figure(results, name)
     return Figures({name: each for name, each in drawn.items() if each})
 
 

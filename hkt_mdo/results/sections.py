@@ -39,7 +39,7 @@ def sections(solution: Solution, places: Sequence[float]) -> np.ndarray:
     """
     outline_names(solution)  # refuses where there is none
     table, case = solution.blade, solution.case
-    if not table:
+    if "chord_m" not in table:
         raise InputError("holds no blade", "run the case again", file=solution.folder)
     from hkt_mdo.problem.turbine import build_turbine
 

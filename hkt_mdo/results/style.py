@@ -1,4 +1,4 @@
-"""The common style of all figures, with axes, legends and files.
+"""Panels drawn by Matplotlib, in the common style of all figures, and figures as files.
 
 Nothing is drawn by pyplot, and no rcParams are set.
 """
@@ -8,37 +8,33 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import TightLayoutEngine
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import make_folder, write_files
+from hkt_mdo.results.panel import COLORS, Curve, Panel
 
-COLORS = ("#0b3c6f", "#c4501b", "#4fb286", "#8a4fa3", "#b8860b", "#4a4a4a")
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
 HATCHES = ("", "//", "..", "xx", "--", "oo")
 """Of bars, beside their colours."""
 MARKERS = ("o", "s", "^", "D", "v", "X")
-QUANTITY_COLORS = {
-    "inflow_speed": COLORS[5],
-    **dict.fromkeys(("rotor_speed", "tip_speed_ratio", "tip_speed"), COLORS[0]),
-    **dict.fromkeys(("power", "generator_power", "electrical_power"), COLORS[1]),
-    **dict.fromkeys(("thrust", "root_moment"), COLORS[2]),
-    **dict.fromkeys(("control_torque", "hydrodynamic_torque", "torque_rate"), COLORS[3]),
-    "stress": COLORS[4],
-    "cavitation": "#2b9fd1",
-}
-"""Colour of a quantity, and of its limit, in every figure of one result."""
 REFERENCE: dict[str, Any] = {"color": "0.45", "linewidth": 1.1}
 FONT_SIZE = 9
 DPI = 150
 """Dots per inch of a PNG."""
+MOST_MARKERS = 40
+"""On a curve: more would hide it."""
 BESIDES = 1.3
 """Inches of a figure's height that its axes do not share: labels, legend and title."""
 
@@ -110,6 +106,17 @@ def figure_of(
     return figure
 
 
+def figure_of_panels(panels: Sequence[Panel], width: float, height: float, title: str) -> Figure:
+    """Return a figure of the panels that have curves, `height` inches each.
+
+    The last ones with the same label share their horizontal axis.
+    """
+    panels = [panel for panel in panels if panel.curves]
+    share = sum(1 for _ in takewhile(lambda x: x.across == panels[-1].across, reversed(panels)))
+    plots = [partial(draw, panel) for panel in panels]
+    return figure_of(width, BESIDES + height * len(plots), plots, share, title)
+
+
 def line(index: int) -> dict[str, Any]:
     """Return colour and line style of a solution: they differ in grey, too."""
     look = {"color": COLORS[index % len(COLORS)], "linestyle": LINES[index % len(LINES)]}
@@ -127,31 +134,89 @@ def bar(index: int) -> dict[str, Any]:
     return look | {"edgecolor": "white"}
 
 
-def colored(look: dict[str, Any], quantity: str) -> dict[str, Any]:
-    """Return a look in the colour of a quantity, if it has one."""
-    return look | {"color": QUANTITY_COLORS.get(quantity, look["color"])}
+def draw(panel: Panel, ax: Axes | None = None) -> Axes:
+    """Draw a panel on axes, by default of a new figure, and return them."""
+    ax = ax or new_axes()
+    if panel.log:
+        ax.set_yscale("log")
+        ax.yaxis.set_major_formatter("{x:.0e}")
+    if panel.log_across:
+        ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
+    for curve in panel.curves:
+        _draw_curve(curve, ax, sum(each.kind == "bar" for each in panel.curves))
+    for span in panel.spans:
+        foot = 0.0 if span.index is None else 0.015 + 0.04 * span.index
+        top = 1.0 if span.index is None else foot + 0.03
+        alpha = 0.2 if span.index is None else 1.0
+        look: dict[str, Any] = {"color": span.color, "alpha": alpha, "linewidth": 0.8}
+        ax.axvspan(span.low, span.high, foot, top, label=legend_name(span.name), zorder=0.5, **look)
+    for x, y, text in panel.notes:
+        above: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "ha": "center"}
+        ax.annotate(text, (x, y), fontsize=FONT_SIZE - 1.5, **above)
+    values = [
+        values for curve in panel.curves for values in (curve.y, curve.low) if values is not None
+    ]
+    if panel.in_scale:
+        ax.set_aspect("equal", adjustable="datalim")
+    elif panel.from_zero and all(np.nanmin(x) > -0.01 * np.nanmax(x) for x in values if x.size):
+        ax.set_ylim(bottom=0.0)
+    elif not panel.log:
+        _widen(ax)
+    if panel.across_from_zero:
+        ax.set_xlim(left=0.0)
+    for name, value, left in panel.placed_levels:
+        _draw_level(ax, value, name, left)
+    for name, place in panel.marks.items():
+        ax.axvline(place, label=name, linestyle=":", **REFERENCE)
+    return finish(ax, panel.across, panel.title)
 
 
-_SIDES = ("right", 0.995), ("left", 0.005), ("center", 0.5)
+def legend_name(name: str) -> str:
+    """Return a name as Matplotlib's legend takes it: it leaves out those with an underscore."""
+    return " " + name if name.startswith("_") else name or "_"
 
 
-def level(ax: Axes, value: float, label: str, number: int | None = None) -> None:
-    """Draw a horizontal line with its label above it, each at another place; no legend has it.
+def _draw_curve(curve: Curve, ax: Axes, n_bars: int) -> None:
+    """Draw a curve; of several groups of bars, one beside the other."""
+    index, label = curve.index or 0, legend_name(curve.name)
+    if curve.kind == "band":
+        ax.fill_between(
+            curve.x, curve.low, curve.y, color=curve.color, alpha=0.2, linewidth=0, label=label
+        )
+    elif curve.kind == "bar":
+        step = float(np.min(np.diff(curve.x), initial=0.1)) / n_bars
+        at, look = (
+            curve.x + step * (index - 0.5 * (n_bars - 1)),
+            bar(index) | {"color": curve.color},
+        )
+        ax.bar(at, curve.y, width=0.9 * step, label=label, **look)
+    else:
+        look = line(index) if curve.index is not None else REFERENCE | {"linestyle": ":"}
+        look |= {"color": curve.color, "label": label}
+        if curve.kind != "line":
+            look |= marker(index, 4.0 if curve.kind == "marked" else 5.0)
+            look |= {"markevery": max(1, curve.x.size // MOST_MARKERS)}
+        if curve.kind == "points":
+            look |= {"linestyle": "none", "markerfacecolor": "none"}
+        ax.plot(curve.x, curve.y, **look)
 
-    `number`: of the place; None: that after those taken.
-    """
-    taken = sum(line.get_gid() == _TOLD for line in ax.lines)
-    side, place = _SIDES[(taken if number is None else number) % len(_SIDES)]
-    ax.axhline(value, linestyle="-.", label=label, gid=_TOLD, **REFERENCE)
+
+def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:
+    """Draw a horizontal line with its label above it; no legend has it."""
+    ax.axhline(value, linestyle="-.", label=label, gid=_LEVEL, **REFERENCE)
     low, high = ax.get_ylim()
     ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
+    side, place = ("left", 0.005) if left else ("right", 0.995)
     words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "ha": side}
     words["bbox"] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
     where: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
     ax.annotate(label, (place, value), xytext=(0, 2.5), va="bottom", **where, **words)
 
 
-_TOLD = "told beside it"
+_LEVEL = "level"
 
 
 def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
@@ -172,7 +237,7 @@ def legend(axes: Sequence[Axes]) -> int:
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            if getattr(handle, "get_gid", lambda: None)() != _TOLD:
+            if getattr(handle, "get_gid", lambda: None)() != _LEVEL:
                 entries.setdefault(label, handle)
     if not entries:
         return 0
@@ -185,7 +250,7 @@ def legend(axes: Sequence[Axes]) -> int:
     return -(-len(entries) // columns)
 
 
-def widen(ax: Axes) -> None:
+def _widen(ax: Axes) -> None:
     """Give the vertical axis at least 1 % of the value, so that a constant is a straight line."""
     low, high = ax.get_ylim()
     middle = 0.5 * (low + high)

@@ -33,7 +33,7 @@ from hkt_mdo.results.words import (
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
-from hkt_mdo.run.findings import Findings, Flow, figure_data, problem_size, run_seconds
+from hkt_mdo.run.findings import Findings, Flow, problem_size, run_seconds
 from hkt_mdo.run.flight import start_against_friction
 from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
@@ -64,8 +64,6 @@ class CheckReport:
         Probable mistakes of a case that can be run.
     findings : Findings
         The quantities behind the rows.
-    figures : dict of dict
-        What `hkt_mdo.results.check_plots.check_figures` draws.
     """
 
     name: str
@@ -73,7 +71,6 @@ class CheckReport:
     notes: list[Row]
     warnings: list[Row]
     findings: Findings
-    figures: dict[str, dict]
 
 
 def check_case(case: Case) -> CheckReport:
@@ -117,7 +114,6 @@ def check_case(case: Case) -> CheckReport:
         notes + [row for row in every if row.severity == "note"],
         warnings + [row for row in every if row.severity == "warning"],
         found,
-        figure_data(found),
     )
 
 

@@ -17,12 +17,11 @@ from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.quantities import OVER_TIME
-from hkt_mdo.results.words import measured, number, powers
+from hkt_mdo.results.words import measured, number
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
@@ -385,110 +384,3 @@ def _trial(part: Physics, best) -> tuple[dict[str, int], dict[str, int], float]:
     problem.cleanup()
     sizes = ({name: x.size for name, x in each.items()} for each in (unknowns, constraints))
     return *sizes, seconds
-
-
-def figure_data(found: Findings) -> dict[str, dict]:
-    """Return what `hkt_mdo.results.check_plots.check_figures` draws, by the name of the figure."""
-    best = found.best
-    ratios = np.linspace(0.2, 1.9, 171) * best.tip_speed_ratio
-    power = bem.rotor_coefficients(found.plant.blade, found.plant.polar, ratios).power
-    several = len(found.flows) > 1
-    flows = {f"inflow_{each.name}" if several else "inflow": each for each in found.flows}
-    return {
-        "blade": _blade_data(found),
-        "polar": {
-            "curves": list(_polar_curves(found)),
-            "met_deg": np.rad2deg([found.stations.met.min(), found.stations.met.max()]),
-        },
-        **{name: _flow_data(flow, found.rated_speed) for name, flow in flows.items()},
-        "coefficients": {
-            "tip_speed_ratio": ratios,
-            "power_coefficient": power,
-            "best": (best.tip_speed_ratio, best.power_coefficient),
-            "working": found.working if found.running else None,
-        },
-    }
-
-
-def _flow_data(flow: Flow, rated_speed: float) -> dict:
-    """Return a flow's speed over time and its spectrum."""
-    thin = -(-flow.time.size // 20_000)
-    data = {
-        "time_s": flow.time[::thin],
-        "speed_m_s": flow.speed[::thin],
-        "mean_m_s": flow.mean,
-        "rated_m_s": rated_speed,
-        "cutoff_hz": flow.cutoff or None,
-    }
-    if flow.deviation > 1e-9 * flow.mean:
-        data["spectrum"] = power_spectrum(flow.speed, float(flow.time[1]))
-    return data
-
-
-def _blade_data(found: Findings) -> dict:
-    """Return the starting blade, and control points beside the file's blade where there are any."""
-    shape, blade, given = found.physics.shape, found.plant.blade, found.given
-    ends, thickness = (blade.hub_radius, blade.tip_radius), found.physics.turbine.thickness
-    data = {
-        "r_m": blade.r,
-        "ends_m": ends,
-        "chord_m": blade.chord,
-        "twist_deg": np.rad2deg(blade.twist),
-        "thickness_percent": 100.0 * np.broadcast_to(thickness, blade.r.shape),
-    }
-    chord, twist, _ = shape.control(blade)
-    for name, control, file in (
-        ("chord_m", chord, given.chord),
-        ("twist_deg", np.rad2deg(twist), np.rad2deg(given.twist)),
-    ):
-        if shape.designs_chord and control.size < blade.r.size:
-            # they stand where their own spline is the radius itself
-            dense = np.linspace(*ends, 8 * control.size)
-            basis = spline_basis(control.size, dense, *ends)
-            places = np.linalg.lstsq(basis, dense, rcond=None)[0]
-            data |= {f"{name}_points": (places, control), f"{name}_file": file}
-    return data
-
-
-def _polar_curves(found: Findings):
-    """Yield the different polars, root to tip."""
-    groups: dict[tuple[Polar, ...], list[int]] = {}
-    for station, polars in enumerate(found.stations.polars):
-        groups.setdefault(polars, []).append(station)
-    alpha = np.linspace(-40.0, 50.0, 361)
-    angle = np.deg2rad(alpha)
-    for tables, where in groups.items():
-        label = "all stations" if len(groups) == 1 else found.places(where)
-        labels = [label]
-        if isinstance(polar := found.plant.polar, LocalReynolds):
-            labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
-        for table, label in zip(tables, labels, strict=True):
-            lift, drag = table.evaluate(angle)
-            suction = np.full(alpha.size, np.nan)
-            if table.suction is not None:  # none is known beyond the table
-                inside = (angle >= table.alpha_min) & (angle <= table.alpha_max)
-                suction[inside] = np.max(table.suction_at(angle[inside])[0], axis=0)
-            yield {
-                "label": label,
-                "alpha_deg": alpha,
-                "lift": lift,
-                "drag": drag,
-                "suction": suction,
-                "table_deg": np.rad2deg([table.alpha_min, table.alpha_max]),
-            }
-
-
-def power_spectrum(speed: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies (Hz) and the one-sided power spectral density (m²/s² per Hz) of a flow.
-
-    A periodogram of even samples (m/s), `step` (s) apart, under Hann's window after the mean is
-    taken out, averaged over twelfths of an octave.
-    """
-    window = np.hanning(speed.size)
-    rest = speed - np.average(speed, weights=window)
-    from scipy.signal import periodogram  # takes a third of the time that this package takes
-
-    frequency, density = periodogram(rest, 1.0 / step, window, detrend=False)
-    band = np.floor(12.0 * np.log2(frequency[1:] / frequency[1]) + 1e-9).astype(int)
-    _, band, count = np.unique(band, return_inverse=True, return_counts=True)
-    return tuple(np.bincount(band, each[1:]) / count for each in (frequency, density))

@@ -16,9 +16,10 @@ import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
-from hkt_mdo.pages import blade, charts, page, panels
-from hkt_mdo.results import style
+from hkt_mdo.pages import blade, page, panels
+from hkt_mdo.results.charts import Labelled
 from hkt_mdo.results.figures import figures
+from hkt_mdo.results.panel import COLORS
 from hkt_mdo.results.solution import Solution
 from tests.conftest import make_result
 from tests.exports.made import made
@@ -194,8 +195,8 @@ def test_charts_hold_the_numbers_of_the_tables(read, folders):
     data = json.loads(read["one"].data)
     (view,) = data["views"].values()
     table = Solution.load(folders[0]).simulation
-    lines = {x["name"]: x for x in view["time"]["data"]}
-    speed, margin = lines["rotor speed"], lines["margin: generator torque"]
+    lines = {x["yaxis"]: x for x in view["time"]["data"]}
+    speed, margin = lines["y3"], lines["y7"]
     np.testing.assert_allclose(speed["x"], table["time_s"], rtol=1e-6)
     rpm = table["rotor_speed_rad_s"] * 60.0 / (2.0 * np.pi)
     np.testing.assert_allclose(speed["y"], rpm, rtol=1e-4)
@@ -229,7 +230,7 @@ def test_solid_is_the_rotor(folders):
     A blade is along x, and the third part of a turn moves the rotor onto itself.
     """
     solution = Solution.load(folders[0])
-    found, reasons = blade.bodies([panels.Labelled(solution, "")])
+    found, reasons = blade.bodies([Labelled(solution, "")])
     assert not reasons
     assert [each.name for each in found] == ["optimized blade", "blade at the start"]
     mesh = blade.solid(found[:1])["data"][0]
@@ -256,12 +257,12 @@ def test_solid_is_the_rotor(folders):
 
 def test_results_keep_their_colours_where_others_lack_a_scenario(two, folders):
     one = Solution.load(folders[0])
-    both = [panels.Labelled(one, "one"), panels.Labelled(two, "two")]
-    shown = charts.views(both)
-    second = style.COLORS[1]
+    both = [Labelled(one, "one"), Labelled(two, "two")]
+    shown = panels.views(both)
+    second = COLORS[1]
     for name, label in (("phase", "one"), ("slow", "two"), ("all scenarios", "two")):
         lines = {x["name"]: x["line"]["color"] for x in shown[name]["time"]["data"]}
-        assert lines[label] == (second if label == "two" else style.COLORS[0])
+        assert lines[label] == (second if label == "two" else COLORS[0])
     drawn = figures([one, two], ["operation", "limits"])
     for name in ("operation_slow", "limits_slow"):
         told = {x.get_text() for x in drawn[name].axes[0].get_legend().get_texts()}
@@ -279,10 +280,10 @@ def two(tmp_path_factory):
 
 def test_envelope_covers_every_scenario(two):
     solution = two
-    results = [panels.Labelled(solution, "")]
-    views = charts.views(results)
+    results = [Labelled(solution, "")]
+    views = panels.views(results)
     assert list(views) == ["all scenarios", "slow", "fast"]
-    band = [x for x in views["all scenarios"]["time"]["data"] if x["yaxis"] == "y5"]  # thrust, kN
+    band = [x for x in views["all scenarios"]["time"]["data"] if x["yaxis"] == "y6"]  # thrust, kN
     low, high = (np.array(x["y"]) for x in band)
     thrust = [1e-3 * one.simulation["thrust_N"] for one in solution.by_scenario]
     assert np.min(low) == pytest.approx(np.min(thrust), rel=1e-4)

@@ -18,9 +18,9 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import figures as drawn
 from hkt_mdo.results import plots, steady
+from hkt_mdo.results.charts import labels
 from hkt_mdo.results.figures import figure_of, save_figures
 from hkt_mdo.results.sections import sections
-from hkt_mdo.results.shown import labels
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
 PLOTS = [  # of a year: tests/run/test_year.py; of a thickness, which not all results have: below
@@ -86,7 +86,7 @@ def test_plot_of_nothing_is_empty(plot, result_folder: Path) -> None:
     (result_folder / "summary.json").write_text('{"success": false}')
     ax = plot(Solution.load(result_folder))
     ax.figure.canvas.draw()
-    told = "limit", "smallest", "largest", "_zero"
+    told = "limit", "smallest", "largest", "axis"
     assert all(any(word in line.get_label() for word in told) for line in ax.lines)
 
 
@@ -112,8 +112,9 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     assert limit.get_label() not in legend_texts(drawn)  # it stands at its line
     reach = solution.summary["tip_speed_ratio"]
     for plot in (plots.plot_power_coefficient, plots.plot_thrust_coefficient):
-        bar = next(line for line in plot(solution).lines if len(line.get_xdata()) == 2)
-        assert list(bar.get_xdata()) == [reach["min"], reach["max"]]
+        (span,) = plot(solution).patches
+        assert span.get_x() == reach["min"]
+        assert span.get_x() + span.get_width() == pytest.approx(reach["max"])
 
 
 def test_torques_of_large_machines_are_in_kilonewton_metres(solution: Solution) -> None:
@@ -282,7 +283,7 @@ def test_a_notebook_is_shown_the_four_that_matter(solution: Solution) -> None:
 def test_the_planform_is_in_scale_about_its_axis(solution: Solution) -> None:
     ax = plots.plot_planform(solution)
     assert ax.get_aspect() == 1.0
-    around = line_of(ax, "_blade").get_ydata()
+    around = ax.lines[0].get_ydata()
     chord = solution.blade["chord_m"]
     assert np.ptp(around) == pytest.approx(chord.max(), rel=1e-12)
     assert around[0] == pytest.approx(0.25 * chord[0], rel=1e-12)
@@ -293,8 +294,8 @@ def test_sections_are_in_scale_about_the_axis(solution: Solution) -> None:
     """Chord at 50 % of the span; NACA 63-815 has 15 % of it, by its own name; axis at a quarter."""
     ax = plots.plot_sections(solution)
     assert ax.get_aspect() == 1.0
-    x, y = line_of(ax, "_50 % span").get_data()
-    axis = [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "+"]
+    x, y = ax.lines[2].get_data()  # a section and its axis, then the next one
+    axis = [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "o"]
     x = x - axis[1]
     blade, middle = solution.blade, 0.5 * (0.125 + 1.0) * 1.4
     chord = np.interp(middle, blade["r_m"], blade["chord_m"])

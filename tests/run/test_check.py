@@ -18,12 +18,20 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup
+from hkt_mdo.results import style
+from hkt_mdo.results.polars import polar_panels
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
-from hkt_mdo.run.findings import power_spectrum, problem_size
+from hkt_mdo.run.check_figures import (
+    check_charts,
+    power_spectrum,
+    save_check_figures,
+    spectrum_panel,
+)
+from hkt_mdo.run.findings import problem_size
 from hkt_mdo.start.find import find_start
 from tests.files.broken.blades import WINDIO
 
@@ -472,7 +480,7 @@ def test_sections_of_a_blade_that_blends() -> None:
     report = check("rotor={blade: rm1}", "design.chord_bounds=[0.1, 2]", "inflow.mean=2")
     assert "sections: naca63424, cylinder\nthickness: 24 to 100 %" in rows(report, "Turbine")
     assert "taken at 3e6" in rows(report, "Turbine")
-    assert len(report.figures["polar"]["curves"]) > 2
+    assert len(check_charts(report.findings)["polar"][0].curves) > 4
     assert report.findings.rated_speed == np.inf
 
 
@@ -523,47 +531,38 @@ def test_a_missing_optimizer_is_reported(
     assert err.startswith(f"error: {case}: driver.optimizer = 'IPOPT': IPOPT is not installed; ")
 
 
-def test_figures_show_what_the_report_says() -> None:
+def test_figures_show_what_the_report_says(tmp_path) -> None:
     from matplotlib import rcParams
 
-    from hkt_mdo.results import check_plots as plots
-
     report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
-    figures = plots.check_figures(report.name, report.figures)
-    assert list(figures) == ["blade", "polar", "inflow", "coefficients"]
-    words = [ax.get_ylabel().partition(" (")[0] for ax in figures["polar"].axes]
+    charts, found = check_charts(report.findings), report.findings
+    assert list(charts) == ["blade", "polar", "inflow", "coefficients"]
+    words = [panel.title.partition(" (")[0] for panel in charts["polar"]]
     assert words[2:] == ["lift over drag", "largest suction, -cp"]
-    for figure in figures.values():
-        figure.canvas.draw()
-        for ax in figure.axes:
-            assert ax.lines
-            assert ax.get_ylabel().endswith(")")
-    found, twist = report.findings, figures["blade"].axes[1]
-    file, start, points, *_ = twist.lines
-    np.testing.assert_allclose(start.get_ydata(), np.rad2deg(found.physics.blade.twist))
-    np.testing.assert_allclose(file.get_ydata(), np.rad2deg(found.given.twist))
-    assert points.get_xdata().size == 5
-    assert points.get_xdata()[[0, -1]] == pytest.approx([0.175, 1.4])
-    ax = figures["coefficients"].axes[0]
-    assert ax.lines[0].get_ydata().max() == pytest.approx(found.best.power_coefficient, rel=1e-3)
+    written = save_check_figures(report, tmp_path)
+    assert [path.name for path in written] == [f"{name}.png" for name in charts]
+    file, start, points = charts["blade"][1].curves
+    np.testing.assert_allclose(start.y, np.rad2deg(found.physics.blade.twist))
+    np.testing.assert_allclose(file.y, np.rad2deg(found.given.twist))
+    assert points.x.size == 5
+    assert points.x[[0, -1]] == pytest.approx([0.175, 1.4])
+    (power,) = charts["coefficients"]
+    assert np.nanmax(power.curves[0].y) == pytest.approx(found.best.power_coefficient, rel=1e-3)
     assert dict(rcParams) == before
 
 
 def test_of_many_polars_all_lines_are_alike_and_a_spectrum_ends_where_the_flow_does() -> None:
-    from hkt_mdo.results import check_plots, style
-
     alpha = np.linspace(-5.0, 15.0, 21)
     curves = [
         {"alpha_deg": alpha, "lift": 0.1 * alpha + 0.01 * number, "sure": alpha < 10.0}
-        | {"label": f"polar {number}"}
+        | {"label": f"polar {number}", "drag": 1.0 + alpha**2, "suction": np.nan * alpha}
         for number in range(40)
     ]
-    ax = check_plots.draw_polars(curves, "alpha_deg", "lift", style.new_axes())
+    ax = style.draw(polar_panels(curves)[0])
     solid = [line for line in ax.lines if line.get_linestyle() == "-"]
     assert len(solid) == 40
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["polar 0", "polar 39"]
     density = 10.0 ** -np.linspace(0.0, 12.0, 25)
-    data = {"spectrum": (np.linspace(0.1, 2.5, 25), density), "cutoff_hz": None}
-    low, high = check_plots.draw_spectrum(data, style.new_axes()).get_ylim()
-    assert low == pytest.approx(1e-4)
-    assert high > 1.0
+    (curve,) = spectrum_panel(np.linspace(0.1, 2.5, 25), density, 0.0).curves
+    assert np.nanmin(curve.y) > 1e-4
+    assert np.nanmax(curve.y) == 1.0

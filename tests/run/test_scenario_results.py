@@ -16,6 +16,7 @@ from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
 from hkt_mdo.run import run as runner
 from hkt_mdo.run.check import check_case
+from hkt_mdo.run.check_figures import check_charts
 from hkt_mdo.run.groups import by_scenario
 
 CASE = {
@@ -157,7 +158,7 @@ def test_a_check_tells_every_flow():
     report = check_case(load_case(TWO))
     for name, mean in (("slow", 1.2), ("fast", 1.5)):
         assert f"mean {mean} m/s" in texts(report.tables[f"Flow of {name}"])["kind"]
-        assert f"inflow_{name}" in report.figures
+        assert f"inflow_{name}" in check_charts(report.findings)
     found = report.findings
     means = [flow.mean for flow in found.flows]
     assert found.mean == pytest.approx(0.6 * means[0] + 0.4 * means[1], rel=1e-12)

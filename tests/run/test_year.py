@@ -15,12 +15,12 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.pages.charts import views
-from hkt_mdo.pages.panels import Labelled
+from hkt_mdo.pages.panels import views
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.results.charts import Labelled
 from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem

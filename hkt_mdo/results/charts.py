@@ -1,0 +1,546 @@
+"""The charts of results: what each shows, as panels that Matplotlib or plotly.js draws.
+
+A chart is a list of panels (`hkt_mdo.results.panel`). Results, and the scenarios of one, differ by
+colour, line style and marker, so that they can be told apart in grey. Of a single one, a quantity
+has the same colour in every chart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from hkt_mdo.errors import InputError
+from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel, Span
+from hkt_mdo.results.sections import STACKING
+from hkt_mdo.results.sections import sections as sections_of
+from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.steady import BINS, binned, rated_point, steady_curve
+from hkt_mdo.results.words import joined, limit_words, measured, printable
+
+WORDS = {
+    "inflow_speed": ("inflow speed", "m/s", 1.0),
+    "rotor_speed": ("rotor speed", "rpm", 30.0 / np.pi),
+    "tip_speed_ratio": ("tip speed ratio", "-", 1.0),
+    "control_torque": ("generator torque", "N m", 1.0),
+    "hydrodynamic_torque": ("flow's torque", "N m", 1.0),
+    "generator_power": ("generator power", "kW", 1e-3),
+    "thrust": ("thrust", "kN", 1e-3),
+    "root_moment": ("root moment", "kN m", 1e-3),
+    "stress": ("stress", "MPa", 1e-6),
+    "cavitation": ("suction, 1: cavitation", "-", 1.0),
+}
+"""Name, unit and scale of what is drawn over time and over the flow speed."""
+LARGE_TORQUE = 1e3  # N m
+TIME = (
+    *("inflow_speed", "generator_power", "rotor_speed", "tip_speed_ratio"),
+    *("control_torque", "thrust"),
+)
+FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
+LIMITED = "root_moment", "stress", "cavitation"
+"""What is drawn over time, over the flow speed, and over time where it is limited."""
+LIMITED_BY = {"generator_power": ("generator_power", "electrical_power")}
+OVER_SPAN = {
+    "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
+    "flapwise_moment_Nm": ("stress", "root_moment", "flapwise moment (kN m)", 1e-3),
+    "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
+}
+"""Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
+YEAR = {
+    "electrical_power_W": ("mean electrical\npower (kW)", 1e-3, "power"),
+    "hours": ("hours a year (h)", 1.0, "inflow_speed"),
+    "energy_kWh": ("electrical energy\na year (kWh)", 1.0, "power"),
+}
+"""Label, scale and quantity of the columns of a year."""
+RADIUS = {
+    "chord_m": "chord (m)",
+    "twist_deg": "twist (deg)",
+    "thickness_over_chord": "thickness\nover chord (-)",
+}
+SHOWN = 0.25, 0.5, 0.75
+"""Places of the sections that are drawn, from hub to tip."""
+AXIS = f"blade's axis, at {STACKING:g} of the chord"
+LEAST_SHOWN = 1e-10
+"""Smallest value of the convergence that is drawn."""
+ENVELOPE = 300
+"""Classes of the time in an envelope of scenarios."""
+
+Solutions = Solution | Sequence[Solution]
+
+
+class Labelled(NamedTuple):
+    """A result and its name among several; "" where it is the only one."""
+
+    solution: Solution
+    label: str
+
+
+Results = Sequence[Labelled]
+
+
+# ---- results and their names
+
+
+def labels(solutions: Sequence[Solution]) -> list[str]:
+    """Return what results are called beside one another; "" for a single one.
+
+    Parameters
+    ----------
+    solutions : sequence of Solution
+        The results.
+
+    Returns
+    -------
+    list of str
+        Names of the cases, of the folders where those are equal, and numbers where these are, too.
+    """
+    if len(solutions) == 1:
+        return [""]
+    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
+        names = [printable(name(each)) for each in solutions]
+        if len(set(names)) == len(names):
+            return names
+    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
+
+
+def labelled(solutions: Solutions) -> list[Labelled]:
+    """Return results with their names."""
+    several = [solutions] if isinstance(solutions, Solution) else list(solutions)
+    return list(map(Labelled, several, labels(several)))
+
+
+def by_scenario(results: Results) -> list[Labelled]:
+    """Return each scenario of results as a result of its own."""
+    return [
+        Labelled(one, joined(label, scenario) if len(solution.scenarios) > 1 else label)
+        for solution, label in results
+        for one, scenario in zip(solution.by_scenario, solution.scenarios, strict=True)
+    ]
+
+
+def of_scenario(results: Results, name: str) -> list[Labelled]:
+    """Return one scenario of results; without tables where a result has no such scenario."""
+    return [
+        Labelled(
+            solution.scenario(name)
+            if name in solution.scenarios
+            else replace(solution, tables={name: ScenarioTables({}, {}, {})}),
+            label,
+        )
+        for solution, label in results
+    ]
+
+
+def _color(index: int, label: str, quantity: str = "") -> str:
+    """Return the colour of a result among several, or of a quantity of the only one."""
+    color = COLORS[index % len(COLORS)]
+    return color if label else QUANTITY_COLORS.get(quantity, color)
+
+
+def _table(solution: Solution) -> dict[str, np.ndarray]:
+    """Return the integration of one scenario, else its trajectory; empty where there is none."""
+    return solution.simulation or solution.trajectory
+
+
+def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, float]:
+    """Return the empty panel of a quantity of `WORDS`, and the scale of values in SI.
+
+    Torques of large machines are in kN m.
+    """
+    words, unit, scale = WORDS[quantity]
+    most = max((each.summary.control_torque_max_Nm or 0.0 for each, _ in results), default=0.0)
+    if unit == "N m" and most >= LARGE_TORQUE:
+        unit, scale = "kN m", 1e-3
+    return Panel(f"{words} ({unit})", across), scale
+
+
+def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]:
+    """Return the limits of a quantity in results of one scenario each, one for equal ones.
+
+    Their words name the results where not all have the limit.
+    """
+    found: dict[tuple[str, float], list[str]] = {}
+    results = [each for each in results if _table(each.solution)]
+    for solution, label in results:
+        levels: dict[str, float] = {}
+        for each in LIMITED_BY.get(quantity, (quantity,)):
+            levels |= solution.limit_levels(each)
+        for limit in (each for each in solution.limits if each.name in levels):
+            bound = measured(float(limit.upper), limit.unit or "", 4)
+            words = f"{limit_words(limit.name)} limit {bound}"
+            found.setdefault((words, levels[limit.name]), []).append(label)
+    named = {}
+    for (words, level), names in found.items():
+        apart = [] if len(names) == len(results) else list(filter(None, dict.fromkeys(names)))
+        named[words + (f" in {' and '.join(apart)}" if apart else "")] = scale * level
+    return named
+
+
+# ---- over time and over the flow speed, of results of one scenario each
+
+
+def over_time(results: Results, quantity: str) -> Panel:
+    """Return a quantity over time with its limits, interrupted at a standstill."""
+    column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(results, quantity, "time (s)")
+    for index, (solution, label) in enumerate(results):
+        table, name = solution.simulation, label or "simulation"
+        if column not in table:
+            table, name = solution.trajectory, label or "collocation nodes"
+        if column in table and not solution.steady:
+            time, color = table["time_s"], _color(index, label, quantity)
+            x, y = (solution.across_gaps(time, each) for each in (time, scale * table[column]))
+            panel.curves.append(Curve(x, y, name, color, index))
+    if panel.curves:
+        panel.levels = levels_of(results, quantity, scale)
+    return panel
+
+
+def at_nodes(results: Results, quantity: str) -> Panel:
+    """Return a quantity over time, of a single result at the collocation nodes, too."""
+    panel, column = over_time(results, quantity), QUANTITIES[quantity].column
+    if len(results) == 1 and panel.curves and column in results[0].solution.simulation:
+        nodes = results[0].solution.trajectory
+        if column in nodes:
+            y = _panel_of(results, quantity, "")[1] * nodes[column]
+            panel.curves.append(Curve(nodes["time_s"], y, "collocation nodes", GREY, 0, "points"))
+    return panel
+
+
+def operation(results: Results, make=at_nodes) -> list[Panel]:
+    """Return operation over time, with the loads that are limited."""
+    given = {limit.name for solution, _ in results for limit in solution.limits}
+    return [make(results, each) for each in (*TIME, *(x for x in LIMITED if x in given))]
+
+
+def over_flow(results: Results, quantity: str) -> Panel:
+    """Return a quantity over the flow speed: mean, 90 % of the instants, steady operation."""
+    column = QUANTITIES[quantity].column
+    panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
+    panel.from_zero = panel.across_from_zero = panel.left = True  # curves are low on the left
+    for index, (solution, label) in enumerate(results):
+        table, color = _table(solution), _color(index, label, quantity)
+        if column not in table:
+            continue
+        flow = table["inflow_speed_m_s"]
+        speed, mean, low, high = binned(flow, scale * table[column], solution.steady)
+        if not solution.steady:
+            name = "" if label else "90 % of the instants"
+            panel.curves.append(Curve(speed, high, name, color, index, "band", low))
+        name = label or "mean at this flow speed"
+        panel.curves.append(Curve(speed, mean, name, color, index, "marked"))
+        steady = steady_curve(solution)
+        if column in steady:
+            name, ink = ("", color) if label else ("in steady flow", GREY)
+            x, y = steady["inflow_speed_m_s"], scale * steady[column]
+            panel.curves.append(Curve(x, y, name, ink, None))
+        if quantity == "generator_power":
+            panel.curves += _power_curves(solution, label, color, index)
+        stop = solution.case.control.cut_out
+        panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
+    if panel.curves:
+        panel.levels = levels_of(results, quantity, scale)
+    return panel
+
+
+def _power_curves(solution: Solution, label: str, color: str, index: int) -> Iterator[Curve]:
+    """Yield the electrical power of a generator with losses, and the rated point."""
+    table = _table(solution)
+    electrical = table["electrical_power_W"]
+    if not np.allclose(electrical, table["generator_power_W"]):
+        found = binned(table["inflow_speed_m_s"], 1e-3 * electrical, solution.steady)
+        name = joined(label, "electrical power, mean")
+        yield Curve(found.speed, found.mean, name, color, index + 1)
+    if (rated := rated_point(solution)) is not None:
+        name = joined(label, f"rated at {rated[0]:.2f} m/s")
+        x, y = np.array([rated[0]]), np.array([1e-3 * rated[1]])
+        yield Curve(x, y, name, color, index + 3, "points")
+
+
+def power_curve(results: Results) -> list[Panel]:
+    """Return power, speed, torque and thrust over the flow speed."""
+    return [over_flow(results, each) for each in FLOW]
+
+
+def by_bin(results: Results, column: str) -> Panel:
+    """Return a column of a year by the bins of the flow speed."""
+    title, scale, quantity = YEAR[column]
+    panel = Panel(title, "inflow speed (m/s)", from_zero=True)
+    for index, (solution, label) in enumerate(results):
+        if table := solution.year:
+            color, y = _color(index, label, quantity), scale * table[column]
+            panel.curves.append(Curve(table["inflow_speed_m_s"], y, label, color, index, "bar"))
+    return panel
+
+
+def year(results: Results) -> list[Panel]:
+    """Return power, hours and energy of a year."""
+    return [by_bin(results, each) for each in YEAR]
+
+
+def margins(solution: Solution) -> dict[str, np.ndarray]:
+    """Return what is left up to each limit over time (%), (n_times,), by its name."""
+    return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
+
+
+def largest_shares(solution: Solution) -> dict[str, float]:
+    """Return the largest value of each limit over its bound, of all scenarios."""
+    most: dict[str, float] = {}
+    for one in solution.by_scenario:
+        for name, share in one.limit_shares().items():
+            most[name] = max(most.get(name, -np.inf), float(np.nanmax(share)))
+    return most
+
+
+def margins_over_time(results: Results) -> Panel:
+    """Return the margin of each limit of a single result, the smallest of each of several."""
+    several = len(results) > 1
+    words = "smallest margin of all limits" if several else "margin of each limit"
+    panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
+    for index, (solution, label) in enumerate(results):
+        left = {} if solution.steady else margins(solution)
+        if several and left:
+            left = {label: np.min([*left.values()], axis=0)}
+        for number, (limit, values) in enumerate(left.items()):
+            time = _table(solution)["time_s"]
+            x, y = (solution.across_gaps(time, each) for each in (time, values))
+            name = label if several else f"margin: {limit_words(limit)}"
+            color = _color(index, label, limit)
+            panel.curves.append(Curve(x, y, name, color, index if several else number))
+    return panel
+
+
+# ---- from the smallest to the largest value of all scenarios
+
+
+def envelope(results: Results, quantity: str, over: str) -> Panel:
+    """Return the range of a quantity over all scenarios, over `time` or `inflow_speed`."""
+    x, column = QUANTITIES[over].column, QUANTITIES[quantity].column
+    across = "time (s)" if over == "time" else "inflow speed (m/s)"
+    panel, scale = _panel_of(results, quantity, across)
+    panel.left = panel.from_zero = panel.across_from_zero = over != "time"
+    for index, (solution, label) in enumerate(results):
+        tables = [_table(one) for one in _over(solution, over)]
+        parts = [(table[x], scale * table[column]) for table in tables if column in table]
+        if parts:
+            place, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
+            name = label or "smallest to largest of all scenarios"
+            color = _color(index, label, quantity)
+            panel.curves.append(Curve(place, high, name, color, index, "band", low))
+    if panel.curves:
+        panel.levels = levels_of(_alone(results), quantity, scale)
+    return panel
+
+
+def smallest_margin(results: Results) -> Panel:
+    """Return the smallest margin of all limits and scenarios over time."""
+    title = "smallest margin of all limits and scenarios (%)"
+    panel = Panel(title, "time (s)", levels={"limit": 0.0})
+    for index, (solution, label) in enumerate(results):
+        left = [(_table(one)["time_s"], margins(one)) for one in _over(solution, "time")]
+        parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
+        if parts:
+            x, low, _ = _ranges(parts, ENVELOPE)
+            name, color = label or "smallest margin", _color(index, label)
+            panel.curves.append(Curve(x, low, name, color, index))
+    return panel
+
+
+def _alone(results: Results) -> list[Labelled]:
+    """Return the scenarios of results, with the names of the results."""
+    return [Labelled(one, label) for solution, label in results for one in solution.by_scenario]
+
+
+def _over(solution: Solution, over: str) -> list[Solution]:
+    """Return the scenarios with tables; those without time have none over time."""
+    known = [one for one in solution.by_scenario if _table(one)]
+    return [one for one in known if over != "time" or not one.steady]
+
+
+def _ranges(
+    parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the smallest and the largest of several series in classes of their abscissa."""
+    x, y = (np.concatenate(each) for each in zip(*parts, strict=True))
+    count = max(1, min(most, min(each.size for each, _ in parts) // 2))
+    edges = np.linspace(np.min(x), np.max(x), count + 1)
+    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, place, y)
+    np.maximum.at(high, place, y)
+    met = np.isfinite(low)
+    return 0.5 * (edges[1:] + edges[:-1])[met], low[met], high[met]
+
+
+# ---- the blade, its coefficients, its loads, and the convergence
+
+
+def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> Iterator[Curve]:
+    """Yield a column of each result over another, and before it that of the blade at the start.
+
+    The start is there once if it is the same.
+    """
+    starts: list[np.ndarray] = []
+    for index, (solution, label) in enumerate(results):
+        table = getattr(solution, source)
+        if y not in table:
+            continue
+        start = table.get(f"start_{y}")
+        same = np.array_equal(start, table[y])  # the blade is not designed
+        known = start is None or any(np.array_equal(start, other) for other in starts)
+        if not same and not known:
+            starts.append(start)
+            yield Curve(table[x], start, "blade at the start", GREY, None, kind)
+        name = label or ("blade" if same else "optimized blade")
+        yield Curve(table[x], table[y], name, _color(index, label), index, kind)
+
+
+def over_radius(results: Results, column: str) -> Panel:
+    """Return a column of the blade over the radius, with the bounds of the design."""
+    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True)
+    panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
+    if panel.curves:
+        values = np.concatenate([each.y for each in panel.curves])
+        panel.levels = _near_bounds(results, column, values)
+    return panel
+
+
+def _near_bounds(results: Results, column: str, values: np.ndarray) -> dict[str, float]:
+    """Return the bounds of a column that all designs share and that are near the values."""
+    quantity, unit = column.split("_", 1)
+    designs = [each.case.design for each, _ in results if each.case.design.blade == "optimized"]
+    given = {getattr(each, f"{quantity}_bounds") for each in designs}
+    bounds = (given.pop() or ()) if len(given) == 1 else ()
+    low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
+    return {
+        f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip(): bound
+        for word, bound in zip(("smallest", "largest"), bounds, strict=False)
+        if low <= bound <= high
+    }
+
+
+def shape(results: Results) -> list[Panel]:
+    """Return chord, twist and a designed thickness over the radius."""
+    return [over_radius(results, each) for each in RADIUS]
+
+
+def planform(results: Results) -> Panel:
+    """Return the outline of the untwisted blade in scale, with its axis."""
+    panel = Panel("planform,\nin scale (m)", "radius (m)", in_scale=True, across_from_zero=True)
+    for index, (solution, label) in enumerate(results):
+        if blade := solution.blade:
+            radius, chord = blade["r_m"], blade["chord_m"]
+            around = np.r_[radius, radius[::-1], radius[:1]]
+            edges = np.r_[STACKING * chord, (STACKING - 1.0) * chord[::-1], STACKING * chord[:1]]
+            panel.curves.append(Curve(around, edges, label, _color(index, label), index))
+    if panel.curves:
+        ends = np.array([0.0, panel.curves[0].x.max()])
+        panel.curves.append(Curve(ends, np.zeros(2), AXIS, GREY, None))
+    return panel
+
+
+def sections(results: Results) -> Panel:
+    """Return sections of the blades in scale, without twist, one beside the other, with the axis.
+
+    Results whose files or outlines are not known are left out.
+    """
+    panel = Panel("sections,\nin scale (m)", "", in_scale=True)
+    known = []
+    for index, (solution, label) in enumerate(results):
+        try:
+            known.append((index, label, sections_of(solution, SHOWN)))
+        except InputError:
+            continue
+    end = 0.0
+    for number, place in enumerate(SHOWN if known else ()):
+        drawn = np.array([found[number] for *_, found in known])
+        low, high = drawn.min(axis=(0, 1)), drawn.max(axis=(0, 1))
+        axis = end - low[0]
+        for index, label, found in known:
+            x, y = np.append(found[number], found[number][:1], axis=0).T
+            name = "" if number else label
+            panel.curves.append(Curve(axis + x, y, name, _color(index, label), index))
+        name = "" if number else AXIS
+        panel.curves.append(Curve(np.array([axis]), np.zeros(1), name, GREY, None, "points"))
+        middle = end + 0.5 * (high[0] - low[0])
+        panel.notes.append((float(middle), float(high[1]), f"{100.0 * place:g} % span"))
+        end += 1.15 * (high[0] - low[0])
+    return panel
+
+
+def blade(results: Results) -> list[Panel]:
+    """Return the blade: sections and planform in scale, chord, twist, thickness."""
+    return [sections(results), planform(results), *shape(results)]
+
+
+def coefficient(results: Results, word: str) -> Panel:
+    """Return a coefficient over tip speed ratio, its peak if known, and the range operated in."""
+    column = f"{word}_coefficient"
+    panel = Panel(f"{word} coefficient (-)", "tip speed ratio (-)", from_zero=True)
+    for curve in _beside_start(results, "coefficients", "tip_speed_ratio", column, "line"):
+        curve.y = np.where(curve.y >= 0.0, curve.y, np.nan)  # below, it drives the water
+        panel.curves.append(curve)
+    for index, (solution, label) in enumerate(results if panel.curves else ()):
+        summary, color = solution.summary, _color(index, label)
+        peak = getattr(summary, f"{column}_max", None)
+        if peak is not None and column in solution.coefficients:
+            x = np.array([getattr(summary, f"tip_speed_ratio_at_{column}_max")])
+            name = "" if index else "largest value"
+            panel.curves.append(Curve(x, np.array([peak]), name, color, index, "points"))
+        if summary.tip_speed_ratio and (ends := summary.tip_speed_ratio.ends):
+            several = index if label else None
+            panel.spans.append(Span(*ends, "" if index else "range operated in", color, several))
+    return panel
+
+
+def coefficients(results: Results) -> list[Panel]:
+    """Return the coefficients of power and thrust."""
+    return [coefficient(results, word) for word in ("power", "thrust")]
+
+
+def over_span(results: Results, column: str) -> Panel:
+    """Return a load along the blade at the time of the largest one, and its limits.
+
+    Of several scenarios, the largest of all.
+    """
+    load, quantity, title, scale = OVER_SPAN[column]
+    panel = Panel(title, "radius over that of the tip, r/R (-)", from_zero=True)
+    for index, (solution, label) in enumerate(results):
+        tables = [one.loads for one in solution.by_scenario if column in one.loads]
+        if tables:
+            entry = (solution.summary.loads or {}).get(load)
+            words = f"at the largest {'suction' if load == 'cavitation' else load}"
+            words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
+            x, y = tables[0]["r_over_R"], scale * np.max([each[column] for each in tables], axis=0)
+            color = _color(index, label, quantity)
+            panel.curves.append(Curve(x, y, label or words, color, index))
+    if panel.curves and column == QUANTITIES[quantity].column:  # not a moment along the blade
+        panel.levels = levels_of(_alone(results), quantity, scale)
+    return panel
+
+
+def loads(results: Results) -> list[Panel]:
+    """Return the loads along the blade."""
+    return [over_span(results, each) for each in OVER_SPAN]
+
+
+def convergence(results: Results) -> list[Panel]:
+    """Return infeasibility, and the distance of the energy from its last value, by evaluation."""
+    panel = Panel(f"relative, at least {LEAST_SHOWN:.0e} (-)", "evaluation (-)", log=True)
+    for index, (solution, label) in enumerate(results):
+        if table := solution.convergence:
+            energy = table["energy_J"]
+            known = energy[np.isfinite(energy)]
+            last = known[-1] if known.size and known[-1] else 1.0
+            distance = np.maximum(np.abs(energy / last - 1.0), LEAST_SHOWN)
+            broken = np.maximum(table["infeasibility"], LEAST_SHOWN)
+            first, second = _color(index, label), COLORS[index % len(COLORS) if label else 1]
+            count, infeasibility = table["evaluation"], joined(label, "infeasibility, scaled")
+            name = joined(label, "energy: distance from its last value")
+            panel.curves.append(Curve(count, distance, name, first, index, "marked"))
+            after = index + len(results)  # another line style
+            panel.curves.append(Curve(count, broken, infeasibility, second, after, "marked"))
+    return [panel]

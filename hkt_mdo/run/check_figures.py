@@ -1,0 +1,172 @@
+"""The figures of `hkt check`: blade, polars, flows and power curve, as panels."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.results import style
+from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel, Span
+from hkt_mdo.results.polars import polar_panels
+from hkt_mdo.results.words import powers
+from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.shape import spline_basis
+from hkt_mdo.run.check import CheckReport
+from hkt_mdo.run.findings import Findings, Flow
+
+MOST_INSTANTS = 20_000
+"""Of a flow, that are drawn."""
+SIZES = {"blade": (5.6, 2.25), "polar": (6.4, 2.25), "coefficients": (5.6, 3.0)}
+"""Width of a figure and height of a panel (inches)."""
+QUIETEST = 1e-4
+"""Smallest spectral density that is drawn, over the largest."""
+
+
+def check_charts(found: Findings) -> dict[str, list[Panel]]:
+    """Return the charts of a check by their names; of several scenarios, one of each flow."""
+    polar = polar_panels([*_polar_curves(found)])
+    met = np.rad2deg([found.stations.met.min(), found.stations.met.max()])
+    for panel in polar:
+        panel.spans.append(Span(*met, "met in this flow", GREY))
+    several = len(found.flows) > 1
+    flows = {f"inflow_{each.name}" if several else "inflow": each for each in found.flows}
+    return {
+        "blade": _blade_panels(found),
+        "polar": polar,
+        **{name: [*_flow_panels(flow, found.rated_speed)] for name, flow in flows.items()},
+        "coefficients": [_power_panel(found)],
+    }
+
+
+def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
+    """Write the figures of a check as PNG into a folder, and return their paths."""
+    figures = {}
+    for name, panels in check_charts(report.findings).items():
+        width, height = SIZES.get(name, (6.8, 2.6))
+        title = f"{report.name}: {name.replace('_', ' ')}"
+        figures[name] = style.figure_of_panels(panels, width, height, title)
+    return style.save(figures, folder)
+
+
+def _blade_panels(found: Findings) -> list[Panel]:
+    """Return the starting blade, and control points beside the file's blade where there are any."""
+    shape, blade, given = found.physics.shape, found.plant.blade, found.given
+    across, ends = "radius (m), from hub to tip", (blade.hub_radius, blade.tip_radius)
+    chord, twist, _ = shape.control(blade)
+    thickness = 100.0 * np.broadcast_to(found.physics.turbine.thickness, blade.r.shape)
+    panels = []
+    for title, values, file, control in (
+        ("chord (m)", blade.chord, given.chord, chord),
+        ("twist (deg)", np.rad2deg(blade.twist), np.rad2deg(given.twist), np.rad2deg(twist)),
+        ("thickness (% of the chord)", thickness, None, None),
+    ):
+        panel = Panel(
+            title, across, from_zero=True, marks=dict(zip(("hub", "tip"), ends, strict=True))
+        )
+        name = "blade at the start, its stations"
+        start = Curve(blade.r, values, name, COLORS[0], 0, "marked")
+        if control is not None and shape.designs_chord and control.size < blade.r.size:
+            # they stand where their own spline is the radius itself
+            dense = np.linspace(*ends, 8 * control.size)
+            basis = spline_basis(control.size, dense, *ends)
+            places = np.linalg.lstsq(basis, dense, rcond=None)[0]
+            points = Curve(places, control, "control points", COLORS[1], 1, "marked")
+            panel.curves = [Curve(blade.r, file, "blade of the file", GREY, None), start, points]
+        else:
+            panel.curves = [start]
+        panels.append(panel)
+    return panels
+
+
+def _polar_curves(found: Findings) -> Iterator[dict[str, Any]]:
+    """Yield the different polars, root to tip."""
+    groups: dict[tuple[Polar, ...], list[int]] = {}
+    for station, polars in enumerate(found.stations.polars):
+        groups.setdefault(polars, []).append(station)
+    alpha = np.linspace(-40.0, 50.0, 361)
+    angle = np.deg2rad(alpha)
+    for tables, where in groups.items():
+        label = "all stations" if len(groups) == 1 else found.places(where)
+        labels = [label]
+        if isinstance(polar := found.plant.polar, LocalReynolds):
+            labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
+        for table, label in zip(tables, labels, strict=True):
+            lift, drag = table.evaluate(angle)
+            inside = (angle >= table.alpha_min) & (angle <= table.alpha_max)
+            suction = np.full(alpha.size, np.nan)
+            if table.suction is not None:  # none is known beyond the table
+                suction[inside] = np.max(table.suction_at(angle[inside])[0], axis=0)
+            curve = {"alpha_deg": alpha, "lift": lift, "drag": drag, "suction": suction}
+            yield curve | {"sure": inside, "label": label}
+
+
+def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
+    """Yield the flow speed over time, and the spectrum of one that changes."""
+    thin = -(-flow.time.size // MOST_INSTANTS)
+    panel = Panel("inflow speed (m/s)", "time (s)", levels={"mean": flow.mean})
+    panel.curves.append(Curve(flow.time[::thin], flow.speed[::thin], "", COLORS[0]))
+    low, high = np.min(flow.speed), np.max(flow.speed)
+    if low - (high - low) < rated_speed < high + (high - low):
+        panel.levels["torque limit is met"] = rated_speed
+    yield panel
+    if flow.deviation > 1e-9 * flow.mean:
+        yield spectrum_panel(*power_spectrum(flow.speed, float(flow.time[1])), flow.cutoff)
+
+
+def spectrum_panel(frequency: np.ndarray, density: np.ndarray, cutoff: float) -> Panel:
+    """Return the power spectral density of a flow, where it is not negligible, and its cutoff.
+
+    Parameters
+    ----------
+    frequency, density : numpy.ndarray, shape (n_frequencies,)
+        Hz and m²/s.
+    cutoff : float
+        Highest frequency of the flow, Hz; 0: none.
+
+    Returns
+    -------
+    Panel
+    """
+    loud = density > QUIETEST * np.max(density)
+    last = max(frequency[loud][-1], cutoff)
+    panel = Panel("spectral density (m²/s)", "frequency (Hz)", log=True, log_across=True)
+    shown = np.where(loud, density, np.nan)[frequency <= last]
+    panel.curves.append(Curve(frequency[frequency <= last], shown, "", COLORS[0]))
+    panel.marks = {"cutoff": cutoff} if cutoff else {}
+    return panel
+
+
+def power_spectrum(speed: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies (Hz) and the one-sided power spectral density (m²/s² per Hz) of a flow.
+
+    A periodogram of even samples (m/s), `step` (s) apart, under Hann's window after the mean is
+    taken out, averaged over twelfths of an octave.
+    """
+    window = np.hanning(speed.size)
+    rest = speed - np.average(speed, weights=window)
+    from scipy.signal import periodogram  # takes a third of the time that this package takes
+
+    frequency, density = periodogram(rest, 1.0 / step, window, detrend=False)
+    band = np.floor(12.0 * np.log2(frequency[1:] / frequency[1]) + 1e-9).astype(int)
+    _, band, count = np.unique(band, return_inverse=True, return_counts=True)
+    return tuple(np.bincount(band, each[1:]) / count for each in (frequency, density))
+
+
+def _power_panel(found: Findings) -> Panel:
+    """Return the starting blade's power coefficient, its peak and the range it works in."""
+    best = found.best
+    ratios = np.linspace(0.2, 1.9, 171) * best.tip_speed_ratio
+    power = bem.rotor_coefficients(found.plant.blade, found.plant.polar, ratios).power
+    panel = Panel("power coefficient (-)", "tip speed ratio (-)", from_zero=True)
+    power = np.where(power >= 0.0, power, np.nan)
+    peak = np.array([best.tip_speed_ratio]), np.array([best.power_coefficient])
+    panel.curves = [
+        Curve(ratios, power, "blade at the start", COLORS[0]),
+        Curve(*peak, "largest value", COLORS[0], 0, "points"),
+    ]
+    if found.running:
+        panel.spans.append(Span(*found.working, "met under the control law", GREY))
+    return panel
