@@ -17,8 +17,6 @@ from hkt_mdo.cli import parts
 from hkt_mdo.cli.sweep import run_several
 
 _SECONDS_BETWEEN_LINES = 5.0
-_ENDED = {90: "90 %", 200: "99 %"}
-"""Evaluations, and the share of first passes that end before: of 900 runs of cases and studies."""
 
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
@@ -113,20 +111,13 @@ def _reporters(
     from hkt_mdo.results.words import measured
 
     began = last = time.monotonic()
-    ends: list[float] = []  # when the first pass began, and when each ended
+    number = 1
 
     def evaluation(count: int, value: float, infeasibility: float) -> None:
         nonlocal last
         now = time.monotonic()
-        if not ends:
-            ends.append(now)
-        line = f"pass {len(ends)}, evaluation {count}, {measured(value, unit)}"
+        line = f"pass {number}, evaluation {count}, {measured(value, unit)}"
         line += f", infeasibility {infeasibility:.1e}"
-        if len(ends) > 1 and (left := 2.0 * ends[-1] - ends[-2] - now) > 1.0:
-            line += f", {left:.0f} s left (as the pass before)"
-        elif len(ends) == 1 and (goal := next((each for each in _ENDED if each > count), 0)):
-            left = (now - ends[0]) * (goal / count - 1.0)
-            line += f", {left:.0f} s left ({_ENDED[goal]} of first passes)" if left > 1.0 else ""
         if live.console.is_terminal:
             live.update(live.task_ids[0], description=line)
         elif now - last >= _SECONDS_BETWEEN_LINES:
@@ -134,7 +125,8 @@ def _reporters(
             _tell(live, f"{name}: {now - began:.0f} s, {line}")
 
     def passed(entry: Any) -> None:
-        ends.append(time.monotonic())
+        nonlocal number
+        number = entry.number + 1
         ended = "converged" if entry.converged else "did not converge"
         line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
         line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"

@@ -33,7 +33,7 @@ from hkt_mdo.results.words import (
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
-from hkt_mdo.run.findings import Findings, Flow, problem_size, run_seconds
+from hkt_mdo.run.findings import Findings, Flow, problem_size
 from hkt_mdo.run.flight import start_against_friction
 from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
 from hkt_mdo.start.result import design_of_result
@@ -408,10 +408,6 @@ def _optimization(found: Findings, package: str) -> Rows:
     yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")
     yield Row("objective", _first_line(found.case.objective) or found.case.objective.kind)
     yield Row("optimizer", f"{driver.optimizer} of {package}, to {driver.tolerance:g}")
-    seconds = size.evaluation_seconds
-    yield Row("an evaluation", seconds, "s", "on this machine, derivatives included", 2)
-    whole = run_seconds(found.physics, size)
-    yield Row("a run", whole, "s", "an estimate for this machine, mostly within a factor of two", 2)
 
 
 def _bounds(found: Findings) -> Rows:

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
-from timeit import repeat
 from typing import NamedTuple
 
 import numpy as np
@@ -26,22 +24,11 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.start.find import find_start
-from hkt_mdo.start.steady_flow import has_branches
 
 # range over the best tip speed ratio in which a rotor may operate during the design
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
-TRIAL_SEGMENTS = 20, 200  # of the two problems that are built to count and to time
-SHORT = 0.05  # s, evaluations shorter than this are timed several times
-
-
-EVALUATIONS, WITH_LIMITS, SEARCH, OTHER = 110, 300, 12.0, 5.0
-"""What runs usually take; with free cores most end within a factor of two of the estimate.
-
-Numbers of evaluations of the problem on its first mesh, where finer meshes count for more, by runs
-of the paper's cases and of `cases/limits`; seconds of the search for a start under limits, and of
-everything else, figures included.
-"""
+TRIAL_SEGMENTS = 10, 20  # of the two problems that are built to count
 
 
 class Stations(NamedTuple):
@@ -318,69 +305,47 @@ def _one_flow(physics: Physics, inflow=None, **mesh) -> Physics:
 class ProblemSize(NamedTuple):
     """Size of an optimization: unknowns and constraints by their names in the OpenMDAO problem.
 
-    `nodes` is where the rotor's equation is evaluated; `evaluation_seconds` is the time of the
-    model and its total derivatives on this machine.
+    `nodes` is where the rotor's equation is evaluated.
     """
 
     unknowns: dict[str, int]
     constraints: dict[str, int]
     nodes: int
-    evaluation_seconds: float
 
 
 def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
-    """Return the size of an optimization, and the time of one evaluation.
+    """Return the size of an optimization.
 
-    Two problems of one scenario are built, of 20 and 200 segments (or all, if fewer), and
-    extrapolated: unknowns, constraints and the time of an evaluation grow linearly with the
-    segments. Dymos' set-up grows faster and would take longest.
+    Two problems of few segments are built, and extrapolated, since Dymos' set-up takes long for
+    many segments: unknowns and constraints are linear in their number.
     """
     segments = sum(each.segments for each in physics.scenarios)
     nodes = physics.scenarios[0].nodes_per_segment * segments
-    if len(physics.scenarios) > 1 or physics.scenarios[0].steady:
-        unknowns, constraints, seconds = _trial(physics, best)
-        return ProblemSize(unknowns, constraints, nodes, seconds)
-    few, many = (min(count, segments) for count in TRIAL_SEGMENTS)
-    spans = (physics.case.phase.duration * count / segments for count in (few, many))
-    parts = (
-        _one_flow(physics, segments=count, duration=span)
-        for count, span in zip((few, many), spans, strict=True)
+    if len(physics.scenarios) > 1 or physics.scenarios[0].steady or segments <= TRIAL_SEGMENTS[1]:
+        return ProblemSize(*_sizes(physics, best), nodes)
+    few, many = TRIAL_SEGMENTS
+    step = physics.case.phase.duration / segments
+    small, large = (
+        _sizes(_one_flow(physics, segments=count, duration=step * count), best)
+        for count in (few, many)
     )
-    (*small, quick), (*large, slow) = (_trial(part, best) for part in parts)
-    share = (segments - many) / max(many - few, 1)
+    share = (segments - many) / (many - few)
     unknowns, constraints = (
         {name: round(n + share * (n - before[name])) for name, n in after.items()}
         for before, after in zip(small, large, strict=True)
     )
-    return ProblemSize(unknowns, constraints, nodes, slow + share * max(slow - quick, 0.0))
+    return ProblemSize(unknowns, constraints, nodes)
 
 
-def run_seconds(physics: Physics, size: ProblemSize) -> float:
-    """Return an estimate of the time of a run on this machine, s.
-
-    The number of evaluations is that of usual runs; their time is measured.
-    """
-    searches = has_branches(physics)
-    evaluations = WITH_LIMITS if searches else EVALUATIONS
-    return OTHER + SEARCH * searches + size.evaluation_seconds * evaluations
-
-
-def _trial(part: Physics, best) -> tuple[dict[str, int], dict[str, int], float]:
-    """Return unknowns and constraints by name of a problem at its start, and its time, s."""
+def _sizes(part: Physics, best: SteadyOptimum) -> tuple[dict[str, int], dict[str, int]]:
+    """Return unknowns and constraints by name of a problem at its start."""
     nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(part, Setup(find_start(part, best, improve=False), nodes))
     problem.final_setup()
-    problem.run_model()
     driver = problem.driver
     unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
-    responses = [*driver.get_objective_values(), *constraints]
-    totals = problem.model.linear_solver.totals(driver, responses)
-    totals.compute()
-    evaluate = partial(repeat, lambda: (problem.run_model(), totals.compute()), number=1)
-    # a difference of short times is taken from them
-    seconds = min(evaluate(repeat=3))
-    if seconds < SHORT:
-        seconds = min(evaluate(repeat=30))
     problem.cleanup()
-    sizes = ({name: x.size for name, x in each.items()} for each in (unknowns, constraints))
-    return *sizes, seconds
+    return (
+        {name: values.size for name, values in unknowns.items()},
+        {name: values.size for name, values in constraints.items()},
+    )
