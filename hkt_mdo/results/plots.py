@@ -1,7 +1,8 @@
-"""Plots of results on axes.
+"""Plots of results on axes, for figures of your own.
 
 Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
-by default), and returns the axes. A plot sets no rcParams.
+by default), and returns the axes. A plot sets no rcParams. `style.draw` draws the other panels of
+`hkt_mdo.results.charts` in the same way.
 """
 
 from __future__ import annotations
@@ -32,46 +33,13 @@ def _of_scenarios(
     return style.draw(make(charts.by_scenario(charts.labelled(solutions)), what), ax)
 
 
-def plot_planform(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot the outline of the untwisted blade in scale, with its axis."""
-    return style.draw(charts.planform(charts.labelled(solutions)), ax)
-
-
-def plot_sections(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot sections of the blade in scale, without twist, one beside the other, with its axis."""
-    return style.draw(charts.sections(charts.labelled(solutions)), ax)
-
-
-def plot_convergence(solutions: Solutions, ax: Axes | None = None) -> Axes:
-    """Plot infeasibility, and the distance of the energy from its last value, over evaluations."""
-    return style.draw(charts.convergence(charts.labelled(solutions))[0], ax)
-
-
 plot_chord = partial(_of_design, charts.over_radius, "chord_m")
 plot_twist = partial(_of_design, charts.over_radius, "twist_deg")
-plot_thickness = partial(_of_design, charts.over_radius, "thickness_over_chord")
 plot_power_coefficient = partial(_of_design, charts.coefficient, "power")
-plot_thrust_coefficient = partial(_of_design, charts.coefficient, "thrust")
 plot_inflow_speed = partial(_of_scenarios, charts.at_nodes, "inflow_speed")
 plot_rotor_speed = partial(_of_scenarios, charts.at_nodes, "rotor_speed")
-plot_tip_speed_ratio = partial(_of_scenarios, charts.at_nodes, "tip_speed_ratio")
-plot_hydrodynamic_torque = partial(_of_scenarios, charts.at_nodes, "hydrodynamic_torque")
 plot_control_torque = partial(_of_scenarios, charts.at_nodes, "control_torque")
 plot_power = partial(_of_scenarios, charts.at_nodes, "generator_power")
-plot_thrust = partial(_of_scenarios, charts.at_nodes, "thrust")
-plot_root_moment = partial(_of_scenarios, charts.at_nodes, "root_moment")
-plot_stress_over_time = partial(_of_scenarios, charts.at_nodes, "stress")
-plot_suction_over_time = partial(_of_scenarios, charts.at_nodes, "cavitation")
-plot_power_curve = partial(_of_scenarios, charts.over_flow, "generator_power")
-plot_speed_curve = partial(_of_scenarios, charts.over_flow, "rotor_speed")
-plot_torque_curve = partial(_of_scenarios, charts.over_flow, "control_torque")
-plot_thrust_curve = partial(_of_scenarios, charts.over_flow, "thrust")
-plot_stress = partial(_of_scenarios, charts.over_span, "stress_Pa")
-plot_flapwise_moment = partial(_of_scenarios, charts.over_span, "flapwise_moment_Nm")
-plot_suction = partial(_of_scenarios, charts.over_span, "cavitation")
-plot_year_power = partial(_of_scenarios, charts.by_bin, "electrical_power_W")
-plot_year_hours = partial(_of_scenarios, charts.by_bin, "hours")
-plot_year_energy = partial(_of_scenarios, charts.by_bin, "energy_kWh")
 
 
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:

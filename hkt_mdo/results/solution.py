@@ -142,9 +142,9 @@ class Solution:
         path = folder / "summary.json"
         summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
 
-        def read(name: str, suffix: str = "", file: str = "") -> dict[str, np.ndarray]:
+        def read(name: str, suffix: str = "") -> dict[str, np.ndarray]:
             columns, maybe = tuple(TABLES[name]), _MAYBE.get(name, set())
-            return _read_csv(folder / f"{file or name}{suffix}.csv", columns, maybe)
+            return _read_csv(folder / f"{name}{suffix}.csv", columns, maybe)
 
         names = tuple(summary.scenarios or (_ONLY,))
         suffixes = [f"_{name}" if len(names) > 1 else "" for name in names]
@@ -152,8 +152,7 @@ class Solution:
             name: ScenarioTables(*(read(table, suffix) for table in _OF_SCENARIOS))
             for name, suffix in zip(names, suffixes, strict=True)
         }
-        coefficients = read("coefficients") or read("coefficients", file="power_curve")  # older
-        return cls(folder, case, summary, tables, coefficients, read("convergence"))
+        return cls(folder, case, summary, tables, read("coefficients"), read("convergence"))
 
     @property
     def scenarios(self) -> tuple[str, ...]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    AliasChoices,
     BaseModel,
     ConfigDict,
     Field,
@@ -281,13 +280,13 @@ class ObjectiveEntry(_Entry):
 
     kind: str
     unit: str = "J"
-    value: _Number = Field(None, validation_alias=AliasChoices("value", "value_J"))
-    simulated: _Number = Field(None, validation_alias=AliasChoices("simulated", "simulated_J"))
-    bound: _Number = Field(None, validation_alias=AliasChoices("bound", "bound_J"))
+    value: _Number = None
+    simulated: _Number = None
+    bound: _Number = None
     price: _Number = None
     """What value and simulated are less for the price of the shaft's inertia, J."""
     measure: str | None = None
-    """How the scenarios are combined; None: the result is older, or has one scenario."""
+    """How the scenarios are combined; None: there is one scenario."""
 
     def rows(self, scenarios: dict[str, ScenarioEntry]) -> Iterator[Row]:
         """Yield the objective, unless it is the captured energy, and which scenarios decide it."""

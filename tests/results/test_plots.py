@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,18 +17,58 @@ from matplotlib.figure import Figure
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
+from hkt_mdo.results import charts, steady, style
 from hkt_mdo.results import figures as drawn
-from hkt_mdo.results import plots, steady
 from hkt_mdo.results.charts import labels
 from hkt_mdo.results.figures import figure_of, save_figures
+from hkt_mdo.results.plots import plot_limits
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
-PLOTS = [  # of a year: tests/run/test_year.py; of a thickness, which not all results have: below
-    plot
-    for name, plot in vars(plots).items()
-    if name.startswith("plot_") and not name.startswith(("plot_year", "plot_thickness"))
-]
+
+def drawn_by(make, *what, of=charts.by_scenario):
+    """Return what draws a panel of results on axes."""
+    return lambda found, ax=None: style.draw(make(of(charts.labelled(found)), *what), ax)
+
+
+def of_whole(make, *what):
+    return drawn_by(make, *what, of=list)
+
+
+OVER_TIME = {
+    "rotor_speed": "rotor_speed",
+    "control_torque": "control_torque",
+    "power": "generator_power",
+    "thrust": "thrust",
+    "tip_speed_ratio": "tip_speed_ratio",
+    "hydrodynamic_torque": "hydrodynamic_torque",
+    "stress_over_time": "stress",
+}
+OVER_FLOW = {
+    "power_curve": "generator_power",
+    "speed_curve": "rotor_speed",
+    "torque_curve": "control_torque",
+    "thrust_curve": "thrust",
+}
+OVER_SPAN = {
+    "stress": "stress_Pa",
+    "flapwise_moment": "flapwise_moment_Nm",
+    "suction": "cavitation",
+}
+plots = types.SimpleNamespace(
+    plot_chord=of_whole(charts.over_radius, "chord_m"),
+    plot_twist=of_whole(charts.over_radius, "twist_deg"),
+    plot_planform=of_whole(charts.planform),
+    plot_sections=of_whole(charts.sections),
+    plot_power_coefficient=of_whole(charts.coefficient, "power"),
+    plot_thrust_coefficient=of_whole(charts.coefficient, "thrust"),
+    plot_convergence=of_whole(lambda results: charts.convergence(results)[0]),
+    plot_limits=plot_limits,
+    **{f"plot_{name}": drawn_by(charts.at_nodes, each) for name, each in OVER_TIME.items()},
+    **{f"plot_{name}": drawn_by(charts.over_flow, each) for name, each in OVER_FLOW.items()},
+    **{f"plot_{name}": drawn_by(charts.over_span, each) for name, each in OVER_SPAN.items()},
+)
+PLOTS = [*vars(plots).values()]
 FIGURES = ("blade", "coefficients", "operation", "power_curve", "limits", "loads", "convergence")
 
 
@@ -381,12 +422,6 @@ def test_bars_of_limits_are_of_one_height(result_folder: Path) -> None:
         heights.append(figure.axes[0].patches[0].get_window_extent().height / figure.dpi)
     assert heights[0] == pytest.approx(heights[1], rel=0.5)
     assert max(heights) < 0.4  # inches
-
-
-def test_an_older_table_of_coefficients_is_read(result_folder: Path) -> None:
-    new = Solution.load(result_folder).coefficients
-    (result_folder / "coefficients.csv").rename(result_folder / "power_curve.csv")
-    np.testing.assert_equal(Solution.load(result_folder).coefficients, new)
 
 
 def test_panels_without_data_are_left_out(result_folder: Path) -> None:

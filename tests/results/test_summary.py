@@ -198,7 +198,7 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
         ({"tip_speed_ratio": {"min": 7.0}}, "tip speed ratio", "-, mean -"),
         ({"message": ""}, "message", "-"),
         (
-            {"objective": {"kind": "generated", "simulated_J": 5e3}},
+            {"objective": {"kind": "generated", "simulated": 5e3}},
             "objective, generated",
             "5.0000 kJ",
         ),

@@ -9,8 +9,9 @@ from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.results import charts
 from hkt_mdo.results.figures import save_figures
-from hkt_mdo.results.plots import plot_rotor_speed, plot_speed_curve
+from hkt_mdo.results.plots import plot_rotor_speed
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
@@ -114,9 +115,10 @@ def test_figures_are_of_every_scenario(solution, tmp_path):
         "power_curve.png",
     } <= names
     assert "operation.png" not in names
-    for plot in (plot_rotor_speed, plot_speed_curve):
-        labels = [line.get_label() for line in plot(solution).lines]
-        assert {"slow", "fast"} <= set(labels)
+    lines = plot_rotor_speed(solution).lines
+    curves = charts.over_flow(charts.by_scenario(charts.labelled(solution)), "rotor_speed").curves
+    for names_of in ({line.get_label() for line in lines}, {curve.name for curve in curves}):
+        assert {"slow", "fast"} <= names_of
     assert {path.name for path in save_figures([solution, solution], tmp_path)} == names
 
 
