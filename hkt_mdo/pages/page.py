@@ -22,9 +22,8 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import beaten, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import LimitEntry, Summary, unasked
+from hkt_mdo.results.summary import CheckEntry, Summary, unasked
 from hkt_mdo.results.words import (
-    Row,
     joined,
     limit_words,
     measured,
@@ -109,6 +108,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         ),
         merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
         checks=_checks(order),
+        measured=measured,
         limits=_limits(order),
         differences=_differences([each.case for each in order]),
         beaten=[printable(str(line)) for line in beaten(each for each in order if each.finished)],
@@ -229,63 +229,34 @@ _LARGEST = {
 }
 
 
-def _checks(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
-    """Return the judges as rows, those that refused a result first, with a cell a result."""
+def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry | None]]]:
+    """Return the judges by name, those that refused a result first, with a check a result."""
     entries = [{x.name: x for x in each.summary.checks or ()} for each in solutions]
-    rows = []
-    for name in dict.fromkeys(name for each in entries for name in each):
-        known = [each.get(name) for each in entries]
-        cells = [
-            {"passed": x.passed, "value": measured(x.value, digits=3), "detail": x.detail or ""}
-            | {"limit": measured(x.limit, digits=3)}
-            if x
-            else None
-            for x in known
-        ]
-        refused = any(x is not None and not x.passed for x in known)
-        rows.append({"name": limit_words(name), "cells": cells, "refused": refused})
-    return sorted(rows, key=lambda row: not row["refused"])
+    names = dict.fromkeys(name for each in entries for name in each)
+    rows = [(limit_words(name), [each.get(name) for each in entries]) for name in names]
+    return sorted(rows, key=lambda row: all(x is None or x.passed for x in row[1]))
 
 
-def _limits(solutions: Sequence[Solution]) -> list[dict[str, Any]]:
-    """Return the limits as rows with a cell a result, and below them the loads without one."""
-    columns: list[dict[str, dict[str, Any]]] = []
+def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[dict[str, Any] | None]]]:
+    """Return the limits with a cell a result, and below them the loads without a limit."""
+    columns = []
     for solution in solutions:
         limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
-        given = {name: entry.row(name, loads.get(name)) for name, entry in limits.items()}
-        free = {name: entry.row(name) for name, entry in loads.items() if name not in limits}
         column = {}
-        for name, row in (given | free).items():
-            column[name] = _limit_cells(limits.get(name), row, loads.get(name))
-            large = "" if name in limits else unasked(name, loads[name].value, solution.case)
-            column[name]["large"] = large
+        for name, entry in (loads | limits).items():
+            limit = limits.get(name)
+            column[name] = {
+                "most": measured(entry.value, entry.unit, 4),
+                "limit": "none" if limit is None else measured(limit.limit, limit.unit, 4),
+                "margin": "" if limit is None else limit.margin,
+                "binds": limit is not None and bool(limit.binding),
+                "when": loads.get(name, entry).place,
+                "large": "" if limit else unasked(name, entry.value, solution.case),
+            }
         columns.append(column)
-    names = dict.fromkeys(name for column in columns for name in column)
-    order = sorted(
-        names, key=lambda name: all(name not in (x.summary.limits or {}) for x in solutions)
-    )
-    return [
-        {"label": limit_words(x), "cells": [column.get(x) for column in columns]} for x in order
-    ]
-
-
-def _limit_cells(entry: LimitEntry | None, row: Row, load: Any) -> dict[str, Any]:
-    """Return the cells of a limit, or of a load without one."""
-    cells = {"most": measured(row.value, row.unit, 4)}
-    if entry is None:
-        empty = dict.fromkeys(("margin", "binding", "worth"), "")
-        return cells | empty | {"limit": "none", "when": load.place, "binds": False}
-    limit, worth = measured(entry.limit, entry.unit, 4), entry.worth
-    time = entry.share_of_time
-    share = "" if time is None else f"{100.0 * time:.3g} % of the time"
-    return cells | {
-        "limit": limit,
-        "margin": entry.margin.partition(",")[0].removeprefix("margin "),
-        "binding": (share or "yes") if entry.binding else "no",
-        "when": (load or entry).place,
-        "worth": "" if not entry.binding or worth is None else measured(worth, "J", 3),
-        "binds": bool(entry.binding),
-    }
+    limited = [name for each in solutions for name in each.summary.limits or {}]
+    names = dict.fromkeys([*limited, *(name for column in columns for name in column)])
+    return [(limit_words(name), [column.get(name) for column in columns]) for name in names]
 
 
 def _scenarios(summary: Summary) -> list[dict[str, str]]:

@@ -112,9 +112,10 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row
 
 
 def _objective(solution: Solution) -> float | None:
-    """Return the objective of a result as simulated."""
-    entry = solution.summary.objective
-    return None if entry is None else entry.simulated
+    """Return the objective of a result as simulated; older results have the energy alone."""
+    entry, case = solution.summary.objective, solution.case
+    old = solution.summary.simulated_energy_J if case.objective.kind == "captured" else None
+    return old if entry is None else entry.simulated
 
 
 def allows(result: Solution, other: Solution) -> bool:
