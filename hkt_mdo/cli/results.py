@@ -176,29 +176,22 @@ _WIDEST = 44  # characters of a column; longer texts take more lines
 def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
     """Print columns of texts beside one another, in several tables where a terminal is narrow."""
     labels = list(dict.fromkeys(label for column in columns for label in column))
-    widths = [
-        max(len(name), *(min(len(text), _WIDEST) for text in column.values()))
-        for name, column in zip(names, columns, strict=True)
-    ]
+    texts = [text for column in columns for text in column.values()]
+    widest = max(max(map(len, names)), min(_WIDEST, max(map(len, texts))))
     first, console = max(map(len, labels)), Console(highlight=False)
     if not console.is_terminal:  # a file or a pipe has no width
-        console = Console(highlight=False, width=first + sum(widths) + 2 * len(widths) + 4)
-    begin = 0
-    while begin < len(names):
-        end = begin + 1
-        while end < len(names) and first + sum(x + 2 for x in widths[begin:end]) < (
-            console.width - widths[end] - 4
-        ):
-            end += 1
+        console = Console(highlight=False, width=first + (widest + 2) * len(names) + 4)
+    room = console.width - first - 4
+    widest = min(widest, max(20, room - 2))
+    pairs, count = list(zip(names, columns, strict=True)), max(1, room // (widest + 2))
+    for some in (pairs[begin : begin + count] for begin in range(0, len(pairs), count)):
         table = Table(box=None)
         table.add_column("", width=first, no_wrap=True)
-        for name, width in zip(names[begin:end], widths[begin:end], strict=True):
-            most = max(20, console.width - first - 6)  # of a narrow terminal
-            table.add_column(Text(name), width=min(width, most), overflow="fold")
+        for name, _ in some:
+            table.add_column(Text(name), width=widest, overflow="fold")
         for label in labels:
-            table.add_row(Text(label), *(Text(each.get(label, "")) for each in columns[begin:end]))
+            table.add_row(Text(label), *(Text(column.get(label, "")) for _, column in some))
         console.print(table)
-        begin = end
 
 
 def export(
