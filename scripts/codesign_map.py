@@ -18,13 +18,13 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 from scipy.spatial import Delaunay
+from study_common import markdown_table, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results import style
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.start.find import steady_optimum
-from hkt_mdo.studies.common import markdown_table, with_blade
 
 ROOT = Path(__file__).parent.parent
 DATA, PAGE = ROOT / "docs" / "data" / "codesign_map.csv", ROOT / "docs" / "codesign_map.md"

@@ -19,6 +19,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
+from study_common import markdown_table, percent, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
@@ -26,7 +27,6 @@ from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
-from hkt_mdo.studies.common import markdown_table, percent, with_blade
 from hkt_mdo.studies.uncertainty import Design, Sensor, fly_noisy
 
 LAWS = {

@@ -17,12 +17,12 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
+from study_common import markdown_table, percent, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
 from hkt_mdo.results.words import measured
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import markdown_table, percent, with_blade
 
 ROOT = Path(__file__).parent.parent
 LIMITS = ("power", "rotor_speed", "thrust", "stress", "cavitation", "all")

@@ -17,6 +17,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
+from study_common import CODESIGN, markdown_table, percent
 
 from hkt_mdo import build_problem, load_case
 from hkt_mdo.dynamics import wake as filters
@@ -29,7 +30,6 @@ from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.flight import Flown
 from hkt_mdo.run.memory import stability
-from hkt_mdo.studies.common import CODESIGN, markdown_table, percent
 from hkt_mdo.studies.other_flows import runs_of
 
 PAPER = (*CODESIGN, "sine_baseline_oloc")

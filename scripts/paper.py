@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from paper_report import FLOWS, SENSORS, ensemble_key, write_report
+from study_common import CODESIGN, LAWS, case_file, with_blade
 
 from hkt_mdo.errors import InputError, program_version
 from hkt_mdo.problem.physics import physics
@@ -28,7 +29,6 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
 from hkt_mdo.start.find import steady_optimum
-from hkt_mdo.studies.common import CODESIGN, LAWS, case_file, with_blade
 from hkt_mdo.studies.uncertainty import Design, flow_named, fly_noisy
 
 

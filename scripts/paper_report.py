@@ -3,21 +3,20 @@
 import platform
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 
 import numpy as np
 import yaml
+from study_common import LAWS, SCENARIOS, percent
 
 from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
 from hkt_mdo.pages import rendered, text_page
-from hkt_mdo.results import plots, style
+from hkt_mdo.results import charts, style
 from hkt_mdo.results.figures import figure_of
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import ScenarioTables
-from hkt_mdo.studies.common import LAWS, SCENARIOS, percent
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
 FLOWS = ("A", "B", "C")
@@ -220,8 +219,9 @@ def _figures(solutions, ensembles):
         return [_named(solutions[f"{scenario}_{law}"], LABELS[law]) for law in LAWS]
 
     def stack(lines, *names):
-        panels = [partial(getattr(plots, f"plot_{name}"), lines) for name in names]
-        return style.figure_of(6.4, 2.1 * len(panels) + 0.4, panels)
+        results = charts.by_scenario(charts.labelled(lines))
+        panels = [charts.over_time(results, name) for name in names]
+        return style.figure_of_panels(panels, 6.4, 1.9, "")
 
     step = stack(three("step"), "control_torque", "rotor_speed")
     figures = {"Step flow: generator torque and rotor speed": step}

@@ -22,6 +22,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np
 import page_data
 from scipy.interpolate import CubicSpline
+from study_common import markdown_table, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import Inflow
@@ -31,7 +32,6 @@ from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import limit_words
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies.common import markdown_table, with_blade
 from hkt_mdo.studies.other_flows import Run
 from hkt_mdo.studies.uncertainty import Design
 

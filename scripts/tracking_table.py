@@ -13,10 +13,10 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import page_data
+from study_common import markdown_table, percent
 
 from hkt_mdo.case import load_case
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import markdown_table, percent
 
 BEGIN, END = "<!-- by scripts/tracking_table.py -->\n", "<!-- end of the table -->"
 CASE = page_data.ROOT / "cases" / "sine_limited_oloc.yaml"

@@ -6,10 +6,10 @@ from concurrent.futures import Future
 import paper
 import pytest
 from paper_report import FLOWS, SENSORS, ensemble_key, write_report
+from study_common import LAWS, SCENARIOS
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import to_json
-from hkt_mdo.studies.common import LAWS, SCENARIOS
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import shipped_cases
-from hkt_mdo.studies.common import LAWS, markdown_table
+from scripts.study_common import LAWS, markdown_table
 
 SETTINGS = ("--segments", "20", "--set", "phase.duration=20", "--quiet")
 AGREEMENT = 1e-5  # relative difference in energy to the undisturbed run

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from hkt_mdo.studies.common import LAWS, case_file, markdown_table
 from hkt_mdo.studies.uncertainty import Design
+from scripts.study_common import LAWS, case_file, markdown_table
 
 SEGMENTS, DURATION = 30, 30.0  # s: segments of a second
 WRONG = 2e-4  # relative difference of energies above which a success is false

@@ -14,7 +14,7 @@ from hkt_mdo.files.shipped import data_path, shipped_names
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.studies.common import markdown_table
+from scripts.study_common import markdown_table
 
 DATA = {"polar": PolarFamily.from_file, "outline": Outline.from_file, "blade": read_blade}
 READERS = {"case": lambda path: physics(load_case(path))} | DATA

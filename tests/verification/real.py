@@ -5,7 +5,7 @@ from pathlib import Path
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.studies.common import LAWS
+from scripts.study_common import LAWS
 
 BLADES = Path(__file__).parents[1] / "data" / "blades"
 RADIUS = 8.0  # m, of blades from files: those of wind turbines would need flows of the sea

@@ -12,7 +12,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import start_of_case
 from hkt_mdo.start.find import steady_optimum
 from hkt_mdo.start.steady_flow import SteadyFlow
-from hkt_mdo.studies.common import case_file, markdown_table, percent
+from scripts.study_common import case_file, markdown_table, percent
 
 LIMITS = "power", "rotor_speed", "thrust", "stress", "cavitation", "all"
 NODES = 100  # tip speed ratios at which BEM is evaluated for every blade

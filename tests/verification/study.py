@@ -23,7 +23,8 @@ from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.common import (
+from hkt_mdo.studies.uncertainty import Design
+from scripts.study_common import (
     CODESIGN,
     LAWS,
     case_file,
@@ -31,7 +32,6 @@ from hkt_mdo.studies.common import (
     percent,
     with_blade,
 )
-from hkt_mdo.studies.uncertainty import Design
 from tests.verification.faults import faults
 from tests.verification.features import features
 from tests.verification.fuzz import fuzz

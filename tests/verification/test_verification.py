@@ -14,7 +14,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import START_EXCESS, physics
 from hkt_mdo.run.run import run_case
 from hkt_mdo.start.build import start_of_case
-from hkt_mdo.studies.common import case_file
+from scripts.study_common import case_file
 from tests.verification import faults, fuzz, reference, study, turbines
 from tests.verification.__main__ import main
 

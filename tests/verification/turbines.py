@@ -16,8 +16,8 @@ import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.studies.common import markdown_table
 from hkt_mdo.studies.uncertainty import Design
+from scripts.study_common import markdown_table
 
 LAWS = "rated", "curve", "quadratic", "open_loop"
 LONGEST = 300  # s of processor time of a run, after which it is ended
