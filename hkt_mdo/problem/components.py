@@ -16,7 +16,7 @@ _SPEEDS = "rotor_speed", "inflow_speed"
 
 
 class LoadComp(om.ExplicitComponent):
-    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `LoadTable`.
+    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `TablesComp`.
 
     Where the wake has memory, `model` is a `Band`, whose tables are over the tip speed ratio of the
     wake, too. Inputs rotor_speed, inflow_speed and, with a band, wake_ratio[num_nodes, 1], density,

@@ -8,7 +8,6 @@ table over the wake's ratio and over the quotient of the rotor's ratio and the w
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -39,19 +38,6 @@ def place_shares(places):
         Their sum is one.
     """
     return np.array([np.interp(PLACE, places, each) for each in np.eye(places.size)])
-
-
-class Entries(NamedTuple):
-    """Values of a table, (n_values,), and their derivatives, as `hkt_mdo.rotor.loads.Envelope`.
-
-    by_chord, by_twist, by_thickness (n_values, n_stations); by_rotor_radius (n_values,).
-    """
-
-    values: np.ndarray
-    by_chord: np.ndarray = np.empty(0)
-    by_twist: np.ndarray = np.empty(0)
-    by_thickness: np.ndarray = np.empty(0)
-    by_rotor_radius: np.ndarray = np.empty(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +222,7 @@ class Band:
 
         Returns
         -------
-        dict of Entries
+        dict of Table
             torque_coefficient_table, wake_induction_table, place_induction_table (n_nodes) in
             equilibrium; torque_coefficient_band and, of each load over the dynamic pressure,
             <load>_band (n_nodes * n_factors).
@@ -250,9 +236,13 @@ class Band:
         ratio = np.outer(self.nodes, FACTORS).ravel()
         ratios = np.repeat(along, FACTORS.size), ratio / np.cos(blade.cone)
         flow = bem.sections_behind(blade, rotor.polar, repeated, *ratios)
+        torque, beside = (
+            bem.rotor_coefficients(blade, rotor.polar, at, derivatives, state).torque_table
+            for at, state in ((self.nodes, wake), (ratio, flow))
+        )
         found = {
-            "torque_coefficient_table": _sum(blade, bem.torque_weights(blade), wake, 0),
-            "torque_coefficient_band": _sum(blade, bem.torque_weights(blade), flow, 0),
+            "torque_coefficient_table": torque,
+            "torque_coefficient_band": beside,
             "wake_induction_table": _induction(blade, self.weights, wake),
             "place_induction_table": _induction(blade, self.places, wake),
         }
@@ -262,22 +252,14 @@ class Band:
         return found
 
 
-def _sum(blade, weights, flow, which):
-    """Return the weighted sum over the stations of a dimensionless load of sections."""
-    values = (flow.tangential_load, flow.normal_load)[which] @ weights
-    if not flow.derivatives.size:
-        return Entries(values)
-    _, *slopes = flow.derivatives[which] * weights
-    return Entries(values, *slopes, radius_slope(blade, values, slopes[0], 0))
-
-
 def _induction(blade, weights, flow):
     """Return the weighted axial induction of sections, as a share of the flow's normal speed."""
     speed, angle = flow.relative_speed, flow.inflow_angle
     has_root = (flow.branch >= 0) * weights
     values = np.sum(has_root * (1.0 - speed * np.sin(angle)), axis=1)
     if not flow.derivatives.size:
-        return Entries(values)
+        return bem.Table(values)
     angles, speeds = flow.derivatives[2:, 1:]
     slopes = -has_root * (speeds * np.sin(angle) + speed * np.cos(angle) * angles)
-    return Entries(values, *slopes, radius_slope(blade, 0.0 * values, slopes[0], 0))
+    by_radius = radius_slope(blade, 0.0 * values, slopes[0], 0)
+    return bem.Table(values, np.empty(0), *slopes, by_radius)

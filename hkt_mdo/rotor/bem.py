@@ -77,6 +77,22 @@ class Sections(NamedTuple):
     derivatives: np.ndarray
 
 
+class Table(NamedTuple):
+    """A quantity at n tip speed ratios, and its derivatives by the blade; empty unless requested.
+
+    values, by_tip_speed_ratio and by_rotor_radius (per m; hub, stations and tip move at constant
+    chord and twist) have the shape (n,), by_chord (per m), by_twist (per rad) and by_thickness
+    (over the chord) (n, n_stations).
+    """
+
+    values: np.ndarray
+    by_tip_speed_ratio: np.ndarray = np.empty(0)
+    by_chord: np.ndarray = np.empty(0)
+    by_twist: np.ndarray = np.empty(0)
+    by_thickness: np.ndarray = np.empty(0)
+    by_rotor_radius: np.ndarray = np.empty(0)
+
+
 class Coefficients(NamedTuple):
     """Rotor coefficients at n operating points, and the torque coefficient's derivatives.
 
@@ -98,6 +114,18 @@ class Coefficients(NamedTuple):
     torque_by_rotor_radius: np.ndarray = np.empty(0)
     torque_by_log_reynolds: np.ndarray = np.empty(0)
     torque_by_thickness: np.ndarray = np.empty(0)
+
+    @property
+    def torque_table(self):
+        """The torque coefficient with its derivatives.
+
+        Returns
+        -------
+        Table
+            Of n tip speed ratios.
+        """
+        names = (f"torque_{name}" for name in Table._fields[1:])
+        return Table(self.torque, *(getattr(self, name) for name in names))
 
 
 @compiled(error_model="numpy")
@@ -771,7 +799,7 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
         state, branch, gradient = _solve(along, *_arguments(blade, polar, along), 1, n_inputs)
     else:
         state, branch = [values.T for values in flow[:8]], flow.branch.T
-        gradient = flow.derivatives.swapaxes(-1, -2)
+        gradient = flow.derivatives.swapaxes(-1, -2) if derivatives else None
     if np.min(branch) < 0:
         warnings.warn(
             f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "

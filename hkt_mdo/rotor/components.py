@@ -164,120 +164,77 @@ class BladeComp(om.ExplicitComponent):
         return blade.with_shape(inputs["chord"], inputs["twist"], *thickness)
 
 
-class _Table(BladeComp):
-    """Tables of a blade over tip speed ratios, which are `nodes`, or an input if they vary.
+class TablesComp(BladeComp):
+    """Tables of a blade over tip speed ratios, by BEM: its torque coefficient and its loads.
 
-    `_solve(inputs, derivatives)` of a subclass returns values and slopes by the name of the table.
+    Inputs are those of `BladeComp`, and tip_speed_ratio[n_nodes] if the nodes vary. Outputs are
+    torque_coefficient_table[n_nodes], if torque is asked for, and for each load a
+    <load>_table[n_nodes], its smooth largest value along the blade (`Load.envelope`) over the
+    dynamic pressure 0.5 rho v². With a `Band` they are the tables of `Band.solve`. With loads or a
+    band, the option rotor is a `RotorModel`.
     """
 
     def initialize(self):
         super().initialize()
-        self.options.declare("nodes", types=np.ndarray, desc="tip speed ratios of the table")
-        about = "whether the tip speed ratios are an input, nodes their initial values"
-        self.options.declare("vary", default=False, types=bool, desc=about)
+        declare = self.options.declare
+        declare("nodes", types=np.ndarray, desc="tip speed ratios of the tables")
+        declare("vary", default=False, types=bool, desc="whether they are an input")
+        declare("torque", default=True, types=bool, desc="whether the torque has a table")
+        declare("loads", default=(), types=tuple, desc="names of loads")
+        about = "of a wake with memory: its tables replace those of torque and loads"
+        declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
 
-    def _add_tables(self, tables):
-        """Add outputs over the tip speed ratios, with their units and descriptions by name."""
-        nodes = self.options["nodes"]
+    def setup(self):
+        super().setup()
+        rows = np.arange(self.options["nodes"].size)
         if self.options["vary"]:
+            nodes = self.options["nodes"]
             self.add_input("tip_speed_ratio", val=nodes, desc="Omega R / V of the disc")
-        for name, about in tables.items():
-            self.add_output(name, shape=nodes.shape, **about)
+        for name, (shape, about) in self._described().items():
+            self.add_output(name, shape=shape, **about)
             self.declare_partials(name, self.inputs_of_blade)
             if self.options["vary"]:
-                rows = np.arange(nodes.size)
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
 
-    def _ratios(self, inputs):
-        return inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
+    def _described(self):
+        """Return shape and metadata of each table."""
+        if self.options["band"] is not None:
+            return self.options["band"].outputs(self.options["loads"])
+        tables, shape = {}, self.options["nodes"].shape
+        if self.options["torque"]:
+            about = {"desc": "Q / (0.5 rho V^2 pi R^3) at the nodes"}
+            tables["torque_coefficient_table"] = shape, about
+        for name in self.options["loads"]:
+            about = {"units": QUANTITIES[name].per_pressure, "desc": f"{name} / (0.5 rho v^2)"}
+            tables[f"{name}_table"] = shape, about
+        return tables
 
-    def _set_partials(self, partials, table, found, prefix=""):
-        """Set the partials of a table from the attributes of its values."""
-        by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
-        for name in (*self.inputs_of_blade, *by_ratio):
-            partials[table, name] = getattr(found, f"{prefix}by_{name}")
+    def _solve(self, inputs, derivatives=False):
+        """Return the tables by name."""
+        rotor, blade, loads = self.options["rotor"], self.blade_of(inputs), self.options["loads"]
+        if self.options["band"] is not None:
+            return self.options["band"].solve(rotor, blade, loads, derivatives)
+        ratio = inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
+        flow = rotor.sections(blade, ratio, derivatives) if loads else None
+        tables = {}
+        if self.options["torque"]:
+            found = rotor.coefficients(blade, ratio, derivatives, flow)
+            tables["torque_coefficient_table"] = found.torque_table
+        if loads:
+            found = rotor.loads.coefficients(blade, ratio, derivatives, loads, flow)
+            for name, load in found.items():
+                tables[f"{name}_table"] = load.envelope(rotor.loads.exponent)
+        return tables
 
     def compute(self, inputs, outputs):
         for name, table in self._solve(inputs).items():
             outputs[name] = table.values
 
     def compute_partials(self, inputs, partials):
-        for name, table in self._solve(inputs, derivatives=True).items():
-            self._set_partials(partials, name, table)
-
-
-class TorqueTable(_Table):
-    """Torque coefficient of a blade at some tip speed ratios, by BEM.
-
-    Inputs are those of `BladeComp` and, if they vary, tip_speed_ratio[n_nodes]; output
-    torque_coefficient_table[n_nodes], Cq in Q = 0.5 rho V² pi R³ Cq.
-    """
-
-    def setup(self):
-        super().setup()
-        about = {"desc": "Q / (0.5 rho V^2 pi R^3) at the nodes"}
-        self._add_tables({"torque_coefficient_table": about})
-
-    def compute(self, inputs, outputs):
-        outputs["torque_coefficient_table"] = self._solve(inputs, derivatives=False).torque
-
-    def compute_partials(self, inputs, partials):
-        found = self._solve(inputs, derivatives=True)
-        self._set_partials(partials, "torque_coefficient_table", found, "torque_")
-
-    def _solve(self, inputs, derivatives):
-        blade, ratios = self.blade_of(inputs), self._ratios(inputs)
-        return self.options["rotor"].coefficients(blade, ratios, derivatives)
-
-
-class LoadTable(_Table):
-    """Loads of a blade over the dynamic pressure 0.5 rho v², at tip speed ratios; see `LoadModel`.
-
-    Inputs are those of `TorqueTable`. For each of the names thrust, root_moment, stress and
-    cavitation that are chosen, an output <name>_table[n_nodes]: the smooth largest load along the
-    blade (`Envelope`). The option rotor is a `RotorModel`.
-    """
-
-    def initialize(self):
-        super().initialize()
-        self.options.declare("names", types=tuple, desc="names of the loads")
-
-    def setup(self):
-        super().setup()
-        tables = {}
-        for name in self.options["names"]:
-            about = {"units": QUANTITIES[name].per_pressure, "desc": f"{name} / (0.5 rho v^2)"}
-            tables[f"{name}_table"] = about
-        self._add_tables(tables)
-
-    def _solve(self, inputs, derivatives=False):
-        model, about = self.options["rotor"].loads, (self._ratios(inputs), derivatives)
-        loads = model.coefficients(self.blade_of(inputs), *about, self.options["names"])
-        return {f"{name}_table": load.envelope(model.exponent) for name, load in loads.items()}
-
-
-class BandTables(_Table):
-    """Tables of a blade whose wake has memory; see `Band.solve`.
-
-    Inputs are those of `BladeComp`; outputs torque_coefficient_table, wake_induction_table,
-    place_induction_table[n_nodes], torque_coefficient_band and, for each load of names,
-    <name>_band[n_nodes * n_factors]. The option rotor is a `RotorModel`.
-    """
-
-    def initialize(self):
-        super().initialize()
-        self.options.declare("names", types=tuple, desc="names of the loads")
-        self.options.declare("band", types=Band, recordable=False)
-
-    def setup(self):
-        super().setup()
-        for name, (shape, about) in self.options["band"].outputs(self.options["names"]).items():
-            self.add_output(name, shape=shape, **about)
-            self.declare_partials(name, self.inputs_of_blade)
-
-    def _solve(self, inputs, derivatives=False):
-        about = self.options["rotor"], self.blade_of(inputs), self.options["names"]
-        return self.options["band"].solve(*about, derivatives)
+        by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
+        for table, found in self._solve(inputs, derivatives=True).items():
+            for name in (*self.inputs_of_blade, *by_ratio):
+                partials[table, name] = getattr(found, f"by_{name}")
 
 
 class InertiaComp(BladeComp):
@@ -391,12 +348,9 @@ class BladeGroup(om.Group):
         declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
 
     def setup(self):
-        rotor, blade, nodes, vary, shape, coefficients, loads = (
-            self.options[name]
-            for name in ("rotor", "blade", "nodes", "vary", "shape", "coefficients", "loads")
-        )
-        table = {"rotor": rotor, "blade": blade, "nodes": nodes, "vary": vary}
-        per_node = {"shape": nodes.shape}
+        rotor, blade, shape = (self.options[name] for name in ("rotor", "blade", "shape"))
+        nodes, vary, band = (self.options[name] for name in ("nodes", "vary", "band"))
+        coefficients, loads = self.options["coefficients"], self.options["loads"]
         self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
         if shape is not None:
             self.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
@@ -405,12 +359,20 @@ class BladeGroup(om.Group):
                     self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
-        if (band := self.options["band"]) is not None:
-            tables = BandTables(band=band, names=loads, **table)
-            self.add_subsystem("band_tables", tables, promotes=["*"])
-            return
-        if {"torque", "power"} & set(coefficients):
-            self.add_subsystem("torque_table", TorqueTable(**table), promotes=["*"])
+        torque = bool({"torque", "power"} & set(coefficients))
+        names = tuple(dict.fromkeys((*loads, *({"thrust"} & set(coefficients)))))
+        if torque or names or band is not None:
+            tables = TablesComp(
+                rotor=rotor,
+                blade=blade,
+                nodes=nodes,
+                vary=vary,
+                torque=torque,
+                loads=names,
+                band=band,
+            )
+            self.add_subsystem("tables", tables, promotes=["*"])
+        per_node = {"shape": nodes.shape}
         if "power" in coefficients:
             power = om.ExecComp(
                 "power_coefficient_table = tip_speed_ratio * torque_coefficient_table",
@@ -419,9 +381,6 @@ class BladeGroup(om.Group):
                 **per_node,
             )
             self.add_subsystem("power_coefficient", power, promotes=["*"])
-        names = tuple(dict.fromkeys((*loads, *({"thrust"} & set(coefficients)))))
-        if names:
-            self.add_subsystem("load_table", LoadTable(**table, names=names), promotes=["*"])
         if "thrust" in coefficients:
             thrust = om.ExecComp(
                 "thrust_coefficient_table = thrust_table / (pi * rotor_radius**2)",

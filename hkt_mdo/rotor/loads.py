@@ -24,29 +24,13 @@ from hkt_mdo.rotor.strength import (
 GRAVITY = 9.80665  # m/s²
 
 
-class Envelope(NamedTuple):
-    """A load's smooth largest value along the blade at n tip speed ratios, never below the largest.
-
-    values, by_tip_speed_ratio and by_rotor_radius (per m; hub, stations and tip move at constant
-    chord and twist) have the shape (n,), by_chord (per m), by_twist (per rad) and by_thickness
-    (over the chord) (n, n_stations).
-    """
-
-    values: np.ndarray
-    by_tip_speed_ratio: np.ndarray
-    by_chord: np.ndarray
-    by_twist: np.ndarray
-    by_thickness: np.ndarray
-    by_rotor_radius: np.ndarray
-
-
 class Load(NamedTuple):
     """A load over q at n tip speed ratios and m places along the blade, at the radii r[m].
 
     exact[n, m] is the load, values[n, m] a smooth one at or above it (over the outline, for stress;
     else the same). Loads of the whole blade have one place. slopes takes share[n, m] and returns
     the derivatives of the sums of share times values over the places, at constant share: by tip
-    speed ratio, chord, twist, thickness and rotor radius, as an `Envelope` has them; None unless
+    speed ratio, chord, twist, thickness and rotor radius, as a `bem.Table` has them; None unless
     derivatives are requested.
     """
 
@@ -67,7 +51,9 @@ class Load(NamedTuple):
         return np.max(np.real(self.exact), axis=1)
 
     def envelope(self, exponent=EXPONENT):
-        """Return the `Envelope`: a norm over the places, of the loads above zero.
+        """Return the smooth largest load along the blade: a norm of the loads above zero.
+
+        It is never below the largest of them.
 
         Parameters
         ----------
@@ -76,7 +62,7 @@ class Load(NamedTuple):
 
         Returns
         -------
-        Envelope
+        Table
             The smooth largest load and its derivatives.
         """
         if self.r.size == 1:
@@ -85,8 +71,7 @@ class Load(NamedTuple):
             values, share, _ = norm(
                 np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent
             )
-        slopes = (np.empty(0),) * 5 if self.slopes is None else self.slopes(share)
-        return Envelope(values, *slopes)
+        return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +193,7 @@ class LoadModel:
         return self.structure.at(thickness), self.structure.at(thickness, 1)
 
     def weight_stress(self, blade, derivatives=True):
-        """Return the largest stress in a blade by its weight in water alone, as an `Envelope`, Pa.
+        """Return the largest stress in a blade by its weight in water alone, as a `Table`, Pa.
 
         The weight less the buoyancy, g (rho_b - rho) A per length, bends a horizontal blade about
         the rotor's axis; in half a turn this moment changes its sign. The material alone is in the
@@ -224,7 +209,7 @@ class LoadModel:
 
         Returns
         -------
-        Envelope
+        Table
             Of one point, which has no tip speed ratio.
         """
         (structure, change), weights = self._structure(blade), place_weights(blade.r.size)
@@ -241,7 +226,7 @@ class LoadModel:
         bending = structure.bending(weak, strong, chord, self.exponent, wanted)
         values, share, _ = norm(bending.smooth, self.exponent)
         if not derivatives:
-            return Envelope(np.max(np.real(bending.largest), axis=1), *(np.empty(0),) * 5)
+            return bem.Table(np.max(np.real(bending.largest), axis=1))
         by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
         by_moment = by_weak * np.sin(twist) + by_strong * np.cos(twist)
         by_places = by_moment @ moment_by_chord - 3.0 * share * bending.smooth / chord
@@ -252,7 +237,7 @@ class LoadModel:
             by_places = share * bending.by_change + (by_moment @ moment_by_area) * change.area
             by_thickness = by_places @ weights
         by_radius = radius_slope(blade, values, by_chord, 1)
-        return Envelope(values, np.zeros(1), by_chord, by_twist, by_thickness, by_radius)
+        return bem.Table(values, np.zeros(1), by_chord, by_twist, by_thickness, by_radius)
 
     def weight_moment(self, blade):
         """Return the moment of a horizontal blade's weight in water at the hub's radius, N*m.

@@ -95,7 +95,7 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
     )
     monkeypatch.setattr(
         components,
-        "TorqueTable",
+        "TablesComp",
         lambda nodes, **_: om.IndepVarComp("torque_coefficient_table", np.zeros(nodes.size)),
     )
     once["bare"] = iteration(built(bare))

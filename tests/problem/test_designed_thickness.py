@@ -46,9 +46,7 @@ def test_the_start_has_the_thickness_of_the_file_within_the_bounds():
 def test_partials_of_the_problem(control):
     problem = build_problem(case(control=control), improve=False)
     problem.run_model()
-    names = [
-        f"rotor.{part}" for part in ("shape", "mass_and_inertia", "torque_table", "load_table")
-    ]
+    names = [f"rotor.{part}" for part in ("shape", "mass_and_inertia", "tables")]
     names.append("weight")
     found = problem.check_partials(
         out_stream=None, form="central", step=1e-6, includes=names, compact_print=True

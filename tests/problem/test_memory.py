@@ -9,7 +9,7 @@ from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.wake import fast_share
 from hkt_mdo.problem.components import LoadComp
 from hkt_mdo.rotor.band import FACTORS, Band
-from hkt_mdo.rotor.components import BandTables
+from hkt_mdo.rotor.components import TablesComp
 from hkt_mdo.rotor.scales import torque_scale
 from tests.dynamics.aerodyn_runs import design_of
 
@@ -36,7 +36,7 @@ def test_partials_are_exact(tau1, monkeypatch):
     monkeypatch.setenv("OPENMDAO_CHECK_ALL_PARTIALS", "1")
     limits = "limits={thrust: 9 kN}"
     problem = made(f"inflow_dynamics.tau1={tau1}", limits, "inflow_dynamics.model=oye")
-    kinds, checked = (RememberingComp, BandTables, LoadComp), set()
+    kinds, checked = (RememberingComp, TablesComp, LoadComp), set()
     for part in problem.model.system_iter(recurse=True):
         if not isinstance(part, kinds):
             continue

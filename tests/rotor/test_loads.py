@@ -9,7 +9,7 @@ import pytest
 from hkt_mdo.rotor import bem, loads
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.components import LoadTable
+from hkt_mdo.rotor.components import TablesComp
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation, LoadModel, moment_weights
 from hkt_mdo.rotor.model import RotorModel
@@ -447,7 +447,7 @@ def test_partials_of_the_table(blade, polar):
     model = model_of(polar)
     about = {"structure": model.structure, "cavitation": model.cavitation}
     rotor = RotorModel(polar, section_area=0.1, material_density=METAL, **about)
-    component = LoadTable(blade=blade, rotor=rotor, names=NAMES, nodes=RATIO)
+    component = TablesComp(blade=blade, rotor=rotor, torque=False, loads=NAMES, nodes=RATIO)
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.set_val("rotor_radius", 1.3 * blade.rotor_radius)

@@ -6,7 +6,7 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.components import TorqueTable
+from hkt_mdo.rotor.components import TablesComp
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -70,7 +70,7 @@ def test_spline_is_smooth_at_its_ends(spline):
 
 def test_table_is_the_torque_coefficient_and_its_partials_are_right(blade, polar):
     problem = om.Problem()
-    component = TorqueTable(blade=blade, rotor=Hydrodynamics(polar), nodes=NODES)
+    component = TablesComp(blade=blade, rotor=Hydrodynamics(polar), nodes=NODES)
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.run_model()
@@ -84,7 +84,7 @@ def test_table_is_the_torque_coefficient_and_its_partials_are_right(blade, polar
 def test_the_table_depends_on_lengths_through_their_ratios_alone(blade, polar):
     """A rotor of another radius with a chord in proportion has the same curve."""
     problem = om.Problem()
-    component = TorqueTable(blade=blade, rotor=Hydrodynamics(polar), nodes=NODES)
+    component = TablesComp(blade=blade, rotor=Hydrodynamics(polar), nodes=NODES)
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.set_val("chord", 1.5 * blade.chord)
