@@ -502,7 +502,7 @@ class Physics:
     def water_inertias(self, blade: Blade) -> tuple[float, float]:
         """Return the inertia (kg*m**2) of the water that a blade accelerates, by both models."""
         models = "plate", "ellipse"
-        plate, ellipse = (self.rotor.water_inertia(blade, x).inertia for x in models)
+        plate, ellipse = (float(self.rotor.water_inertia(blade, x)) for x in models)
         return float(plate), float(ellipse)
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:

@@ -19,6 +19,7 @@ inside its bracket. See docs/bem.md.
 """
 
 import warnings
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -40,6 +41,7 @@ _SAMPLES = np.concatenate(
 )
 _NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 33) ** 1.5
 
+STEP = 1e-40  # of derivatives by complex step: nothing is subtracted
 FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divided further
 MOST_KNOTS = 1024  # on the curve of a station; 50 to 60 are usual
 
@@ -490,47 +492,21 @@ def _solve(
 
 
 @compiled(error_model="numpy")
-def _forces(phi, twist, polars, section, mixture):
+def _forces(phi, twist, polars, section, weights):
     """Return tangential and normal force coefficients, (2, *phi.shape), at given inflow angles.
 
-    phi is (n_points, n_stations); polars, section and mixture are those of `_solve`.
+    phi is (n_points, n_stations); polars and section are those of `_solve`, weights the first part
+    of its mixture. All but the polars may be complex.
     """
-    n_mixed, last, one = mixture.shape[3], mixture.shape[2] - 1, np.ones(1)
-    found = np.empty((2, *phi.shape))
+    n_mixed, last = weights.shape[2], weights.shape[1] - 1
+    one = np.ones(1, dtype=weights.dtype)
+    found = np.empty((2, *phi.shape), dtype=phi.dtype)
     for j in range(phi.shape[1]):
         station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
         for i in range(phi.shape[0]):
-            weights = mixture[0, j, min(i, last)] if n_mixed else one
-            force = _mixed_force(phi[i, j], twist[j], station_polars, weights)
+            own = weights[j, min(i, last)] if n_mixed else one
+            force = _mixed_force(phi[i, j], twist[j], station_polars, own)
             found[0, i, j], found[1, i, j] = force
-    return found
-
-
-@compiled(error_model="numpy")
-def _force_slopes(phi, twist, polars, section, mixture):
-    """Return slopes of the force coefficients that `_forces` has, (2, 2, *phi.shape).
-
-    Of the tangential and the normal one (first axis) by the angle of attack at a constant inflow
-    angle, and by the other variable of the polars.
-    """
-    n_mixed, last, one = mixture.shape[3], mixture.shape[2] - 1, np.ones(1)
-    found = np.zeros((2, 2, *phi.shape))
-    for j in range(phi.shape[1]):
-        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
-        for i in range(phi.shape[0]):
-            angle, lift_a, drag_a = phi[i, j], 0.0, 0.0
-            weights = mixture[0, j, min(i, last)] if n_mixed else one
-            for number in range(weights.size):
-                each = _polar_at(angle - twist[j], station_polars[number])
-                lift_a += weights[number] * each[2]
-                drag_a += weights[number] * each[3]
-            sine, cosine = np.sin(angle), np.cos(angle)
-            found[0, 0, i, j] = lift_a * sine - drag_a * cosine
-            found[1, 0, i, j] = lift_a * cosine + drag_a * sine
-            if n_mixed:
-                slopes = mixture[1, j, min(i, last)]
-                force = _mixed_force(angle, twist[j], station_polars, slopes)
-                found[0, 1, i, j], found[1, 1, i, j] = force
     return found
 
 
@@ -646,15 +622,29 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
         State of the flow, (n_points, n_stations), without derivatives.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    r, _, twist, _, tip_radius, _, *polars = _arguments(blade, polar, points)
-    lambda_r = points[:, None] * (r / tip_radius)
+    *_, polars, section, mixture = _arguments(blade, polar, points)
+    state = _under(blade, points, induced, polars, section, mixture[0])
+    nothing = np.zeros(state[0].shape)
+    return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
+
+
+def _under(blade, tip_speed_ratio, induced, polars, section, weights):
+    """Return the first seven fields of `Sections` under given induced velocities.
+
+    All but the polars and the radii may have a complex step.
+    """
+    lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.tip_radius)
     axial, swirl = induced[:, 0], induced[:, 1]
     normal, tangential = 1.0 - axial, lambda_r + swirl
-    phi, squared = np.arctan2(normal, tangential), normal**2 + tangential**2
-    around, along = blade.chord * squared * _forces(phi, twist, *polars)
-    state = phi, phi - twist, axial, swirl / lambda_r, np.sqrt(squared), along, around
-    nothing = np.zeros(phi.shape)
-    return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
+    phi = np.arctan2(normal.real, tangential.real)
+    squared = normal**2 + tangential**2
+    if np.iscomplexobj(squared):
+        phi = phi + 1j * (np.cos(phi) * normal - np.sin(phi) * tangential).imag / np.sqrt(
+            squared.real
+        )
+    around, along = blade.chord * squared * _forces(phi, blade.twist, polars, section, weights)
+    speed = np.sqrt(squared)
+    return phi, phi - blade.twist, axial, swirl / lambda_r, speed, along, around
 
 
 def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
@@ -683,33 +673,21 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
     found = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
     if not wake.derivatives.size:
         return found
-    _, chord, twist, *_, polars, section, mixture = _arguments(blade, polar, tip_speed_ratio)
-    phi, speed, has_root = found.inflow_angle, found.relative_speed, wake.branch >= 0
-    slopes = _force_slopes(phi, twist, polars, section, mixture)
-    squared = chord * speed**2
-    forces = np.stack((found.tangential_load, found.normal_load)) / squared
-    by_phi = slopes[:, 0] + np.stack((forces[1], -forces[0]))
-    derivatives = np.zeros((4, len(INPUTS), *phi.shape))
+    *_, polars, section, mixture = _arguments(blade, polar, tip_speed_ratio)
+    derivatives = np.zeros((4, len(INPUTS), *found.inflow_angle.shape))
     for column in range(len(INPUTS)):
-        if column == 0:
-            across, along = 0.0, blade.r / blade.tip_radius
-        else:  # velocities at the section in the wake's own state, W sin(phi) and W cos(phi)
-            angle, own = wake.derivatives[2:, column]
-            sine, cosine = np.sin(wake.inflow_angle), np.cos(wake.inflow_angle)
-            turned = wake.relative_speed * angle
-            across = np.where(has_root, own * sine + turned * cosine, 0.0)
-            along = np.where(has_root, own * cosine - turned * sine, 0.0)
-        sine, cosine = np.sin(phi), np.cos(phi)
-        angle, own = (across * cosine - along * sine) / speed, across * sine + along * cosine
-        change = by_phi * angle + 2.0 * forces * own / speed
-        if column == 1:
-            change = change + forces / chord
-        elif column == 2:
-            change = change - slopes[:, 0]
-        elif column == 3:
-            change = change + slopes[:, 1]
-        derivatives[:2, column] = squared * change
-        derivatives[2:, column] = angle, own
+        step = 1j * STEP * (np.arange(len(INPUTS)) == column)
+        angle, speed = wake.derivatives[2:, column] * (column > 0)
+        changed = wake._replace(
+            inflow_angle=wake.inflow_angle + 1j * STEP * angle,
+            relative_speed=wake.relative_speed + 1j * STEP * speed,
+        )
+        moved = replace(blade, chord=blade.chord + step[1], twist=blade.twist + step[2])
+        induced = induced_speeds(blade, changed, wake_ratio)
+        weights = mixture[0] + step[3] * mixture[1]
+        state = _under(moved, tip_speed_ratio + step[0], induced, polars, section, weights)
+        phi, *_, speed, normal, tangential = state
+        derivatives[:, column] = np.imag((tangential, normal, phi, speed)) / STEP
     return found._replace(derivatives=derivatives)
 
 

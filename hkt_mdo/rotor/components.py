@@ -8,6 +8,7 @@ import openmdao.api as om
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.band import Band
+from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.model import RotorModel
@@ -17,6 +18,7 @@ INPUTS = "chord", "twist", "thickness", "rotor_radius"
 """Quantities of a blade that may change in an optimization."""
 _POSITIVE = {"chord", "thickness", "rotor_radius", "density", "inflow_speed"}
 _POSITIVE |= {"tip_speed_ratio", "rotor_speed"}
+_SCALARS = "rotor_radius", "hub_inertia"
 
 
 def refuse_values(inputs):
@@ -269,31 +271,25 @@ class InertiaComp(BladeComp):
         names = rotor_inputs(self.options["blade"])
         return [name for name in names if name != "twist" or moves_water]
 
-    def _evaluate(self, inputs):
-        """Return the blades' `RotorMass` at the start's radius, and the radius over the start's."""
-        start, (*sizes, _) = self.options["blade"], self.inputs_of_blade
-        blade = replace(start, **{name: inputs[name] for name in sizes})
-        blades = self.options["rotor"].blades_alone(blade)
-        return blades, inputs["rotor_radius"][0] / start.rotor_radius
+    def _evaluate(self, values):
+        """Return the `RotorMass` of the blade with values of some of its fields."""
+        blade = self.options["blade"].with_rotor_radius(values["rotor_radius"])
+        fields = {name: value for name, value in values.items() if name != "rotor_radius"}
+        return self.options["rotor"].mass_and_inertia(replace(blade, **fields))
+
+    def _values(self, inputs):
+        return {name: x[0] if name in _SCALARS else x for name, x in inputs.items()}
 
     def compute(self, inputs, outputs):
-        blades, stretch = self._evaluate(inputs)
-        outputs["mass"] = blades.mass * stretch
-        rotor = self.options["rotor"]
-        hub = inputs["hub_inertia"][0] if "hub_inertia" in inputs else rotor.hub_inertia
-        outputs["inertia"] = blades.inertia * stretch**3 + hub * rotor.inertia_factor
+        outputs["mass"], outputs["inertia"] = self._evaluate(self._values(inputs))
 
     def compute_partials(self, inputs, partials):
-        blades, stretch = self._evaluate(inputs)
-        radius, (*sizes, _) = self.options["blade"].rotor_radius, self.inputs_of_blade
-        for power, name in ((1, "mass"), (3, "inertia")):
-            for by in sizes:
-                slope = getattr(blades, f"{name}_by_{by}", 0.0)  # twist has no effect on the mass
-                partials[name, by] = slope * stretch**power
-            slope = power * getattr(blades, name) * stretch ** (power - 1) / radius
-            partials[name, "rotor_radius"] = slope
-        if "hub_inertia" in inputs:
-            partials["inertia", "hub_inertia"] = self.options["rotor"].inertia_factor
+        values = self._values(inputs)
+        for name, value in values.items():
+            unit = 1.0 if name in _SCALARS else np.eye(value.size)
+            moved = self._evaluate(values | {name: value + 1j * STEP * unit})
+            partials["mass", name] = np.imag(moved.mass) / STEP
+            partials["inertia", name] = np.imag(moved.inertia) / STEP
 
 
 class WeightComp(BladeComp):

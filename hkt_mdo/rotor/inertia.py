@@ -11,35 +11,10 @@ SHARES, WEIGHTS = 0.5 * (_POINTS + 1.0)[:, None], 0.5 * _WEIGHTS[:, None]
 
 
 class RotorMass(NamedTuple):
-    """Mass (kg) and inertia (kg*m**2) of a rotor and their gradients, each (n_stations,).
-
-    By the chord (per m), by the thickness over chord, zero where section areas do not follow it,
-    and by the twist (per rad), zero without the water that the blades move.
-    """
+    """Mass (kg) and inertia (kg*m**2) of a rotor."""
 
     mass: float
     inertia: float
-    mass_by_chord: np.ndarray
-    inertia_by_chord: np.ndarray
-    mass_by_thickness: np.ndarray
-    inertia_by_thickness: np.ndarray
-    inertia_by_twist: np.ndarray
-
-    def heavier(self, factor):
-        """Return the same with the inertia, and its gradients, times a factor.
-
-        Parameters
-        ----------
-        factor : float
-            The factor.
-
-        Returns
-        -------
-        RotorMass
-            The mass stays.
-        """
-        names = [name for name in self._fields if name.startswith("inertia")]
-        return self._replace(**{name: factor * getattr(self, name) for name in names})
 
 
 def between(values):
@@ -55,7 +30,7 @@ def between(values):
     ndarray of shape (3, n_edges - 1)
         Values at three points between each two edges.
     """
-    return values[:-1] + SHARES * np.diff(values)
+    return values[..., None, :-1] + SHARES * np.diff(values)[..., None, :]
 
 
 def carried(values):
@@ -71,7 +46,7 @@ def carried(values):
     ndarray of shape (n_stations + 2,)
         Values at hub, stations and tip.
     """
-    return np.concatenate((values[:1], values, values[-1:]))
+    return np.concatenate((values[..., :1], values, values[..., -1:]), axis=-1)
 
 
 def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
@@ -98,43 +73,23 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     Returns
     -------
     RotorMass
-        Mass, inertia and their gradients.
+        Arrays where chord or thickness of the blade are of shape (..., n_stations). They may be
+        complex, for derivatives by complex step.
     """
-    by_thickness = 0.0
     if callable(section_area):
-        by_thickness, section_area = section_area(blade.thickness, 1), section_area(blade.thickness)
-    shape = carried(np.broadcast_to(np.asarray(section_area, dtype=float), blade.r.shape))
-    local_r = between(blade.edges) * np.cos(blade.cone)
-    local_c = between(carried(np.asarray(blade.chord)))
-    unit = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density
-    area = unit * between(shape)
-    mass = np.sum(area * local_c**2)
-    inertia = np.sum(area * local_c**2 * local_r**2) + hub_inertia
-
-    by_area = unit * local_c**2
-    return RotorMass(
-        mass,
-        inertia,
-        _by_stations(2.0 * area * local_c),
-        _by_stations(2.0 * (area * local_r**2) * local_c),
-        _by_stations(by_area) * by_thickness,
-        _by_stations(by_area * local_r**2) * by_thickness,
-        np.zeros(blade.r.size),
-    )
-
-
-def _by_stations(inside):
-    """Return derivatives by values at stations from those at the points of `between`."""
-    by_edge = np.zeros(inside.shape[1] + 1, dtype=inside.dtype)
-    by_edge[:-1] += np.sum(inside * (1.0 - SHARES), axis=0)
-    by_edge[1:] += np.sum(inside * SHARES, axis=0)
-    by_edge[1] += by_edge[0]
-    by_edge[-2] += by_edge[-1]
-    return by_edge[1:-1]
+        thickness = np.real(blade.thickness)
+        step = 1j * np.imag(blade.thickness) if np.iscomplexobj(blade.thickness) else 0.0
+        section_area = section_area(thickness) + step * section_area(thickness, 1)
+    shape = carried(np.broadcast_to(section_area, np.shape(section_area)[:-1] + blade.r.shape))
+    area = between(shape) * between(carried(blade.chord)) ** 2
+    line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * area
+    arm = between(blade.edges) * np.cos(blade.cone)
+    both = (-2, -1)  # points of Gauss's rule, and intervals
+    return RotorMass(np.sum(line, axis=both), np.sum(line * arm**2, axis=both) + hub_inertia)
 
 
 def water_inertia(blade, density, thickness=0.0):
-    """Return the inertia of the water that turning blades accelerate, as a `RotorMass`.
+    """Return the inertia of the water that turning blades accelerate, kg*m**2.
 
     By strips of potential flow: an ellipse of the section's chord c and thickness t accelerates,
     per length, rho pi c²/4 of water across its chord and rho pi t²/4 along it (Lamb, Hydrodynamics,
@@ -153,21 +108,13 @@ def water_inertia(blade, density, thickness=0.0):
 
     Returns
     -------
-    RotorMass
-        Its inertia and the gradients of that; it has no mass.
+    float
+        In kg*m**2.
     """
-    spread = np.broadcast_to(np.asarray(thickness), blade.r.shape)
-    chord, twist, thick = (between(carried(each)) for each in (blade.chord, blade.twist, spread))
-    reach = (between(blade.edges) * np.cos(blade.cone)) ** 2
-    unit = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * 0.25 * np.pi * reach
-    share = np.sin(twist) ** 2 + (thick * np.cos(twist)) ** 2
-    none = np.zeros(blade.r.size)
-    return RotorMass(
-        0.0,
-        np.sum(unit * chord**2 * share),
-        none,
-        _by_stations(2.0 * unit * chord * share),
-        none,
-        _by_stations(2.0 * unit * chord**2 * thick * np.cos(twist) ** 2),
-        _by_stations(unit * chord**2 * (1.0 - thick**2) * np.sin(2.0 * twist)),
-    )
+    chord, twist = between(carried(blade.chord)), between(carried(blade.twist))
+    shape = np.shape(thickness)[:-1] + blade.r.shape
+    thickness = between(carried(np.broadcast_to(thickness, shape)))
+    arm = between(blade.edges) * np.cos(blade.cone)
+    across = chord**2 * (np.sin(twist) ** 2 + (thickness * np.cos(twist)) ** 2)
+    line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * 0.25 * np.pi * across
+    return np.sum(line * arm**2, axis=(-2, -1))

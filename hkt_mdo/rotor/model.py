@@ -78,11 +78,11 @@ class RotorModel(Hydrodynamics):
             The mass is that of the blades, the inertia that of blades, hub and water times the
             factor.
         """
-        about = self.section_area, self.material_density, self.hub_of(blade)
-        found = mass_and_inertia(blade, *about)
+        hub = self.hub_of(blade)
+        mass, inertia = mass_and_inertia(blade, self.section_area, self.material_density, hub)
         if self.added_inertia != "none":
-            found = RotorMass(*map(np.add, found, self.water_inertia(blade, self.added_inertia)))
-        return found.heavier(self.inertia_factor)
+            inertia = inertia + self.water_inertia(blade, self.added_inertia)
+        return RotorMass(mass, inertia * self.inertia_factor)
 
     def hub_of(self, blade):
         """Return the inertia of all that is not a blade, designed or not.
@@ -126,14 +126,11 @@ class RotorModel(Hydrodynamics):
 
         Returns
         -------
-        RotorMass
-            Its inertia and the gradients of that.
+        float
+            In kg*m**2.
         """
         thickness = self.thickness if blade.thickness is None else blade.thickness
-        found = water_inertia(blade, self.water_density, thickness * (model == "ellipse"))
-        designed = blade.thickness is not None and model == "ellipse"
-        none = np.zeros(blade.r.size)
-        return found if designed else found._replace(inertia_by_thickness=none)
+        return water_inertia(blade, self.water_density, thickness * (model == "ellipse"))
 
     def best_operation(self, blade):
         """Return where a blade has its largest power coefficient.

@@ -10,6 +10,7 @@ from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, between, cert
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 LOWEST, HIGHEST = 0.3, 20.0  # tip speed ratios for which the bound holds
@@ -113,7 +114,8 @@ def _inertia_of_heavy(physics, optimum):
     blade, rotor, best = physics.blade, physics.case.rotor, optimum.blade
     bounds, twist_bounds = physics.shape.chord_bounds, physics.shape.twist_bounds
     unit = np.ones(blade.r.size)
-    slope = physics.rotor.mass_and_inertia(blade.with_shape(unit, unit)).inertia_by_chord
+    moved = replace(blade.with_shape(unit, unit), chord=unit + 1j * STEP * np.eye(unit.size))
+    slope = np.imag(physics.rotor.mass_and_inertia(moved).inertia) / STEP
     lightest = physics.mass_and_inertia(blade.with_shape(bounds[0] * unit, unit))[1]
     prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)

@@ -193,15 +193,14 @@ def test_mass_and_inertia_follow_the_area(thick):
     area = over_thickness(THICKNESS, np.array([0.08, 0.1, 0.16]))
     found = mass_and_inertia(thick, area, METAL, 0.3)
     as_given = mass_and_inertia(thick, area(thick.thickness), METAL, 0.3)
-    assert found[:2] == as_given[:2]
-    assert np.all(as_given.mass_by_thickness == 0.0)
+    assert found == as_given
     change = np.random.default_rng(1).normal(size=thick.r.size)
 
     def at(step):
         moved = replace(thick, thickness=thick.thickness + step * change)
-        return np.array(mass_and_inertia(moved, area, METAL, 0.3)[:2])
+        return np.array(mass_and_inertia(moved, area, METAL, 0.3))
 
-    mine = found.mass_by_thickness @ change, found.inertia_by_thickness @ change
+    mine = np.imag(at(1e-40j)) / 1e-40
     np.testing.assert_allclose(mine, slope(at), rtol=1e-8)
 
 
