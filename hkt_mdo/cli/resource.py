@@ -24,9 +24,8 @@ def resource(
     """Read a long record of a flow, and write how long it has each speed.
 
     Writes resource.csv, the hours of each speed in a year, with case.yaml, the lines that a case
-    takes, and figures. With --constituents also tide.yaml, the constituents of the tide by utide
-    (the extra `resource` of hkt_mdo), and what they explain of the record; their prediction is
-    drawn beside it.
+    takes, and figures. With --constituents also tide.yaml, the constituents of the tide, and what
+    they explain of the record; their prediction is drawn beside it.
     """
     from hkt_mdo.cli.resource_report import report_resource
 

@@ -6,6 +6,7 @@ It shares only the physics with the optimization, neither the torque curve nor t
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize.elementwise import find_root
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Plant
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -13,7 +14,6 @@ from hkt_mdo.rotor.scales import torque_scale
 
 GRID = 241  # range of the tip speed ratio that is searched for equilibria
 HIGHEST = 12.0, 96.0  # of them, at first and at last
-ROUNDS, EXACT = 80, 1e-14  # of the root finding, and its relative tolerance
 
 
 def equilibria(
@@ -44,9 +44,9 @@ def equilibria(
         speed = np.asarray(law.speed_at_rest(flow, gains), dtype=float)
         return speed, plant.generator_torque(speed, flow) > 0.0
 
-    def net(ratio, place=slice(None)):
-        speed = ratio * unit[place]
-        return plant.generator_torque(speed, flow[place]) - law.torque(speed, gains)
+    def net(ratio, flow):
+        speed = ratio * flow / plant.blade.rotor_radius
+        return plant.generator_torque(speed, flow) - law.torque(speed, gains)
 
     highest, last = HIGHEST
     while True:
@@ -64,7 +64,7 @@ def equilibria(
     some = np.flatnonzero(running)
     if some.size:
         ends = ratios[place[some]], ratios[place[some] + 1]
-        found[some] = _root(lambda ratio: net(ratio, some), *ends)
+        found[some] = find_root(net, ends, args=(flow[some],)).x
     return found * unit, running
 
 
@@ -77,22 +77,3 @@ def _driving(plant, flow, ratios):
     one = np.full(ratios.size, 1.0)
     coefficient = plant.torque(ratios / radius, one) / torque_scale(plant.density, radius, 1.0)
     return np.outer(torque_scale(plant.density, radius, flow), coefficient)
-
-
-def _root(function, low, high):
-    """Return where functions[n] fall through zero between low[n] and high[n] (Illinois)."""
-    at_low, at_high = function(low), function(high)
-    for _ in range(ROUNDS):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = high - at_high * (high - low) / (at_high - at_low)
-        x = np.where((x > low) & (x < high), x, 0.5 * (low + high))
-        value = function(x)
-        above = value >= 0.0
-        # the value at the end that stays is halved, so that both ends move
-        at_high = np.where(above, 0.5 * at_high, value)
-        at_low = np.where(above, value, 0.5 * at_low)
-        low, high = np.where(above, x, low), np.where(above, high, x)
-        size = np.abs(value) <= EXACT * np.maximum(np.abs(at_low), np.abs(at_high))
-        if np.all((high - low <= EXACT * high) | (value == 0.0) | size):
-            break
-    return x

@@ -1,7 +1,4 @@
-"""Constituents of a tidal current from a record, by harmonic analysis with `utide`.
-
-Codiga, D. L.: Unified tidal analysis and prediction using the UTide Matlab functions, 2011.
-"""
+"""Constituents of a tidal current from a record, by harmonic analysis: linear least squares."""
 
 from __future__ import annotations
 
@@ -82,55 +79,32 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     Raises
     ------
     InputError
-        If `utide` is missing, a constituent is unknown, or the record is too short to separate
-        the requested ones: by Rayleigh's criterion their frequencies must differ by one over its
+        If a constituent is unknown, or the record is too short to separate the requested ones: by Rayleigh's criterion their frequencies must differ by one over its
         length.
     """
-    utide = needed("utide", install("resource"), "harmonic analysis ")
-    known = utide.constit_index_dict
-    for name in names:
-        if name not in known:
-            problem = f"is no constituent: known are {', '.join(TIDAL_HOURS)} and others of utide"
-            raise InputError(problem, "give names such as M2,S2,K1", key="constituents", value=name)
-    frequency = {name: _frequency(utide, name) for name in names or TIDAL_HOURS}
-    length = float(samples.time[-1])
-    chosen = _separated(frequency, length, asked=bool(names))
-    names = [name for name in frequency if name in chosen]
-    found = utide.solve(
-        samples.time / DAY,
-        samples.speed,
-        lat=45.0,  # of no effect without nodal corrections
-        nodal=False,
-        trend=False,
-        phase="raw",
-        method="ols",
-        conf_int="none",
-        constit=names,
-        verbose=False,
-        epoch="2000-01-01",
-    )
-    order = [list(found.name).index(name) for name in names]
-    rate = np.array([frequency[name] for name in names])
-    middle = (float(found.aux.reftime) - _first_day(samples)) * DAY
-    phase = np.deg2rad(found.g[order]) + 2.0 * np.pi * rate * middle
-    tide = Tide(tuple(names), rate, found.A[order], phase % (2.0 * np.pi), float(found.mean), 0.0)
-    left = samples.speed - tide.speed_at(samples.time)
+    frequency = {name: _frequency(name) for name in names or TIDAL_HOURS}
+    chosen = _separated(frequency, float(samples.time[-1]), asked=bool(names))
+    rate = np.array([frequency[name] for name in chosen])
+    angle = np.multiply.outer(samples.time, 2.0 * np.pi * rate)
+    columns = np.column_stack((np.ones(samples.time.size), np.cos(angle), np.sin(angle)))
+    fitted, *_ = np.linalg.lstsq(columns, samples.speed, rcond=None)
+    even, odd = fitted[1:].reshape(2, -1)
+    left = samples.speed - columns @ fitted
     explained = 1.0 - float(np.var(left)) / max(float(np.var(samples.speed)), 1e-300)
-    return Tide(tide.names, rate, tide.amplitude, tide.phase, tide.mean, explained)
+    phase = np.arctan2(odd, even) % (2.0 * np.pi)
+    return Tide(tuple(chosen), rate, np.hypot(even, odd), phase, float(fitted[0]), explained)
 
 
-def _frequency(utide, name) -> float:
-    """Return the frequency of a constituent, Hz; that of a case's table, where it has it."""
+def _frequency(name: str) -> float:
+    """Return the frequency of a constituent, Hz; of those a case does not know, from `utide`."""
     if name in TIDAL_HOURS:
         return 1.0 / (HOUR * TIDAL_HOURS[name])
-    return float(utide.ut_constants["const"]["freq"][utide.constit_index_dict[name]]) / HOUR
-
-
-def _first_day(samples) -> float:
-    """Return the day of the first sample as utide counts from its epoch of the year 2000."""
-    from datetime import date
-
-    return float(date(2000, 1, 1).toordinal()) + float(samples.time[0]) / DAY
+    utide = needed("utide", install("resource"), f"the period of {name} ")
+    place = utide.constit_index_dict.get(name)
+    if place is None:
+        problem = f"is no constituent: known are {', '.join(TIDAL_HOURS)} and others of utide"
+        raise InputError(problem, "give names such as M2,S2,K1", key="constituents", value=name)
+    return float(utide.ut_constants["const"]["freq"][place]) / HOUR
 
 
 def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[str]:
