@@ -79,8 +79,8 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     Raises
     ------
     InputError
-        If a constituent is unknown, or the record is too short to separate the requested ones: by Rayleigh's criterion their frequencies must differ by one over its
-        length.
+        If a constituent is unknown, or the record is too short to separate the requested ones: by
+        Rayleigh's criterion their frequencies must differ by one over its length.
     """
     frequency = {name: _frequency(name) for name in names or TIDAL_HOURS}
     chosen = _separated(frequency, float(samples.time[-1]), asked=bool(names))

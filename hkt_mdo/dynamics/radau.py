@@ -181,7 +181,7 @@ class FilteredSystem:
 
     @cached_property
     def _carry(self):
-        """What the last stage has of a change of the begin: of itself, x to z, and by y."""
+        """Derivatives of the values at the end of each step by those at its begin."""
         (count, s), n, m = self._h.shape[:2], self._n, self._m
         x = self._slow.sum(axis=2)[..., None] * np.ones(m)  # of x by itself at the begin
         z = self._fast.sum(axis=3).transpose(0, 2, 1)
@@ -198,20 +198,19 @@ class FilteredSystem:
         to_last = np.zeros((count, n + 2 * m, s, n))
         to_last[:, :n, -1] = np.eye(n)
         to_last[:, n:, :, 0] = np.concatenate((self._x[:, :, -1], self._z[:, :, -1]), axis=1)
-        own = np.concatenate((np.zeros((count, n)), x[:, -1], z[:, -1]), axis=1)
-        return own, cross[:, -1], dense, to_last.reshape(count, n + 2 * m, -1)
+        carry = to_last.reshape(count, n + 2 * m, -1) @ dense
+        first, second = np.arange(n, n + m), np.arange(n + m, n + 2 * m)
+        carry[:, first, first] += x[:, -1]
+        carry[:, second, second] += z[:, -1]
+        carry[:, second, first] += cross[:, -1]
+        return carry
 
     def correction(self, miss: np.ndarray) -> np.ndarray:
         """Return the change of the stages, (n_steps, 5, n_values), that makes up what they miss."""
-        last, n, m = self._own(miss)[:, -1], self._n, self._m
-        begins = np.zeros(last.shape)
-        for i, (own, cross, dense, to_last) in enumerate(zip(*self._carry, strict=True)):
-            if i + 1 < len(begins):
-                before = begins[i]
-                after = last[i] + own * before + to_last @ (dense @ before)
-                after[n + m :] += cross * before[n : n + m]
-                begins[i + 1] = after
-        return self._own(miss + begins[:, None])
+        begins = [np.zeros(miss.shape[-1])]
+        for last, carry in zip(self._own(miss)[:-1, -1], self._carry[:-1], strict=True):
+            begins.append(last + carry @ begins[-1])
+        return self._own(miss + np.array(begins)[:, None])
 
     def filtered(self, off: np.ndarray) -> np.ndarray:
         """Return errors of the values, (n_steps, n_values), without their fast part."""

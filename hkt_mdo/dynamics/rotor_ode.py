@@ -9,7 +9,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, Law, OpenLoop
 from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.components import refuse_complex_step
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.reynolds import polar_in_flow
 from hkt_mdo.rotor.scales import torque_scale
 
 _INNER = {
@@ -129,26 +129,17 @@ class InflowComp(_NodeComp):
         return {"inflow_speed": self.options["inflow"].speed_at(time)}
 
 
-class HydrodynamicsGroup(om.Group):
-    """Hydrodynamic torque and power at a phase's nodes, by the torque spline or by BEM itself.
+def hydrodynamics_group(num_nodes, **options):
+    """Return the hydrodynamic torque and power at a phase's nodes, by the torque spline or by BEM.
 
     Options are those of `CoefficientComp`. The torque has a component of its own: only the
     coefficient then depends on the whole table, which is most of the Jacobian of a long flow.
     """
-
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("spline", default=None, desc="TorqueSpline; None: direct BEM")
-        for name in ("blade", "polar", "coefficients"):
-            self.options.declare(name, default=None, recordable=False)
-
-    def setup(self):
-        options = dict(self.options.items())
-        names = "num_nodes", "spline", "blade", "polar", "coefficients"
-        coefficient = CoefficientComp(**{name: options[name] for name in names})
-        self.add_subsystem("coefficient", coefficient, promotes=["*"])
-        torque = TorqueComp(num_nodes=options["num_nodes"])
-        self.add_subsystem("torque", torque, promotes=["*"])
+    group = om.Group()
+    coefficient = CoefficientComp(num_nodes=num_nodes, **options)
+    group.add_subsystem("coefficient", coefficient, promotes=["*"])
+    group.add_subsystem("torque", TorqueComp(num_nodes=num_nodes), promotes=["*"])
+    return group
 
 
 class TorqueComp(_NodeComp):
@@ -218,9 +209,7 @@ class CoefficientComp(_NodeComp):
         if np.any(here <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
             raise om.AnalysisError("the rotor turns backwards")
         refuse_complex_step(self)
-        polar = self.options["polar"]
-        if isinstance(polar, LocalReynolds):
-            polar = polar.at_speed(flow)
+        polar = polar_in_flow(self.options["polar"], flow)
         blade = self.options["blade"].with_rotor_radius(radius[0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
         found = self.options["coefficients"](blade, polar, here, derivatives)

@@ -37,7 +37,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
@@ -87,15 +87,18 @@ class Plant:
 
         return replace(self, coefficients=coefficients)
 
-    def torque(self, speed, inflow_speed):
+    def torque(self, speed, inflow_speed, filters=None):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).
 
-        The wake is in equilibrium.
+        The wake is in equilibrium, or has the state filters[n, n_filters]. A rotor that is slower
+        than `SLOWEST_RATIO` has the torque at that tip speed ratio.
         """
-        radius, polar = self.blade.rotor_radius, self.polar
+        if filters is not None:
+            return np.sum(self.station_torques(speed, inflow_speed, filters), axis=1)
+        radius = self.blade.rotor_radius
         ratio = np.maximum(speed * radius / inflow_speed, SLOWEST_RATIO)
-        if isinstance(polar, LocalReynolds):  # the flow of the instant, not the torque curve's
-            polar = polar.at_speed(inflow_speed)
+        # of the flow at this instant, not the torque curve's
+        polar = polar_in_flow(self.polar, inflow_speed)
         coefficient = self.coefficients(self.blade, polar, ratio).torque
         return torque_scale(self.density, radius, inflow_speed) * coefficient
 
@@ -136,14 +139,9 @@ class Plant:
 
         If the wake has memory, the induced velocities are held constant.
         """
-        ends = [factor * speed for factor in (1.001, 0.999)]
-        if self.wake is None:
-            faster, slower = (self.torque(each, inflow_speed) for each in ends)
-        else:
-            held = self.wake.at_rest(speed, inflow_speed)
-            torques = (self.station_torques(each, inflow_speed, held) for each in ends)
-            faster, slower = (np.sum(each, axis=1) for each in torques)
-        return (faster - slower) / (0.002 * speed)
+        held = None if self.wake is None else self.wake.at_rest(speed, inflow_speed)
+        faster, slower = (self.torque(x * speed, inflow_speed, held) for x in (1.00001, 0.99999))
+        return (faster - slower) / (2e-5 * speed)
 
 
 class RecordedTorque:
@@ -234,11 +232,9 @@ class FeedbackTorque:
         Rates and values are those of the rotor's speed, then of the law's states, while the flow
         (m/s) keeps its speed; the slope of the flow's torque is by differences of direct BEM.
         """
-        step = 1e-5 * speed
-        faster, slower = (plant.torque(speed + move, flow) for move in (step, -step))
         slopes = self.law.slopes(speed, flow, self.gains, *states)
         slopes[0] *= -1.0 / plant.inertia
-        by_speed = (faster - slower) / (2.0 * step) - plant.generator.shaft_friction_slope
+        by_speed = plant.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
         slopes[0, 0] += by_speed / plant.inertia
         return np.moveaxis(slopes, -1, 0)
 
@@ -485,12 +481,11 @@ class _Motion:
 
     def driving(self, values, flow):
         """Return the hydrodynamic torque, N*m, of the flow's shape."""
-        speed, filters = values[..., 0].ravel(), values[..., self.dense :]
-        if self.plant.wake is None:
-            return self.plant.torque(speed, flow.ravel()).reshape(flow.shape)
-        filters = filters.reshape(speed.size, -1)
-        torques = self.plant.station_torques(speed, flow.ravel(), filters)
-        return np.sum(torques, axis=1).reshape(flow.shape)
+        filters = None
+        if self.plant.wake is not None:
+            filters = values[..., self.dense :].reshape(flow.size, -1)
+        torque = self.plant.torque(values[..., 0].ravel(), flow.ravel(), filters)
+        return torque.reshape(flow.shape)
 
     def _torques(self, time, values, flow):
         """Return hydrodynamic and generator torque, N*m, at arrays of one shape."""

@@ -20,7 +20,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.band import Band, place_shares
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
 
 AT_ONCE = 0.6
 """Øye's k: the share of a change that does not pass through the slow filter."""
@@ -63,10 +63,6 @@ class Wake:
         places = self.blade.r / self.blade.tip_radius
         return place_shares(places), fast_share(places)
 
-    def _polar(self, flow):
-        polar = self.polar
-        return polar.at_speed(flow) if isinstance(polar, LocalReynolds) else polar
-
     def _ratio(self, speed, flow):
         """Return the tip speed ratio along the blade, and the flow's speed normal to it, m/s."""
         blade = self.blade
@@ -78,7 +74,7 @@ class Wake:
         speed (rad/s) and flow (m/s) have the shape (n_points,).
         """
         ratio, normal = self._ratio(speed, flow)
-        found = bem.sections(self.blade, self._polar(flow), ratio)
+        found = bem.sections(self.blade, polar_in_flow(self.polar, flow), ratio)
         induced = normal[:, None, None] * bem.induced_speeds(self.blade, found, ratio)
         return induced.reshape(ratio.size, -1)
 
@@ -116,7 +112,7 @@ class Wake:
         ratio, normal = self._ratio(speed, flow)
         induced = filters[:, filters.shape[1] // 2 :].reshape(ratio.size, 2, -1)
         induced = induced / normal[:, None, None]
-        return bem.sections_with(self.blade, self._polar(flow), ratio, induced)
+        return bem.sections_with(self.blade, polar_in_flow(self.polar, flow), ratio, induced)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +144,7 @@ class MeanWake(Wake):
         nodes, last = self.band.nodes, self.band.nodes.size - 1
         finer = np.interp(np.linspace(0, last, FINER * last + 1), range(last + 1), nodes)
         ratio = finer / np.cos(self.blade.cone)
-        found = bem.sections(self.blade, self._polar(1.0), ratio)
+        found = bem.sections(self.blade, polar_in_flow(self.polar, 1.0), ratio)
         induced = bem.induced_speeds(self.blade, found, ratio)[:, 0]
         return replace(self.band, nodes=finer), induced @ self.band.weights
 
@@ -174,5 +170,7 @@ class MeanWake(Wake):
     def behind(self, ratio, wake_ratio, flow):
         """Return the `Sections` in the wake of other tip speed ratios, (n_points,)."""
         ratio, wake_ratio = (each / np.cos(self.blade.cone) for each in (ratio, wake_ratio))
-        wake = bem.sections(self.blade, self._polar(flow), wake_ratio)
-        return bem.sections_behind(self.blade, self._polar(flow), wake, wake_ratio, ratio)
+        wake = bem.sections(self.blade, polar_in_flow(self.polar, flow), wake_ratio)
+        return bem.sections_behind(
+            self.blade, polar_in_flow(self.polar, flow), wake, wake_ratio, ratio
+        )

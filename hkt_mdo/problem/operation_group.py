@@ -8,7 +8,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
-from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup, RememberingComp
+from hkt_mdo.dynamics.rotor_ode import RememberingComp, hydrodynamics_group
 from hkt_mdo.problem.components import (
     AggregateComp,
     FormulaComp,
@@ -32,8 +32,8 @@ def named(name: str, variant: str) -> str:
     return f"{name}{variant}" if own else name
 
 
-def _hydrodynamics(options: dict, nodes: int) -> HydrodynamicsGroup | RememberingComp:
-    made = RememberingComp if "band" in options else HydrodynamicsGroup
+def _hydrodynamics(options: dict, nodes: int) -> om.Group | RememberingComp:
+    made = RememberingComp if "band" in options else hydrodynamics_group
     return made(num_nodes=nodes, **options)
 
 
@@ -129,7 +129,7 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, physics, steady):
-        """Return the options of `HydrodynamicsGroup` and the ODE's inputs, with units.
+        """Return the options of `hydrodynamics_group` and the ODE's inputs, with units.
 
         In a steady scenario a wake with memory is in equilibrium.
         """

@@ -10,7 +10,7 @@ import numpy as np
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.best_section import best_sections
-from hkt_mdo.rotor.reynolds import LocalReynolds
+from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
 from hkt_mdo.rotor.suction import section_suction
 from hkt_mdo.rotor.thickness import ByThickness
 
@@ -124,9 +124,7 @@ class Hydrodynamics:
         Hydrodynamics
             Of the same class as this one.
         """
-        if not self.follows_reynolds:
-            return self
-        return replace(self, polar=self.polar.at_speed(flow_speed))
+        return replace(self, polar=polar_in_flow(self.polar, flow_speed))
 
     def as_built(self, blade):
         """Return the same rotor with the polars of a blade's sections at their thickness.

@@ -111,3 +111,21 @@ class LocalReynolds:
     def __getitem__(self, station):
         """Return the polars of one station, for a strip of sections there."""
         return replace(self, polars=(self.polars[station],))
+
+
+def polar_in_flow(polar, flow_speed):
+    """Return polars at the Reynolds numbers of a flow; those that do not follow it as they are.
+
+    Parameters
+    ----------
+    polar : Polar or tuple of Polar or LocalReynolds or ByThickness
+        Polars of the sections.
+    flow_speed : float or ndarray of shape (n_points,)
+        Speed of the undisturbed flow (m/s).
+
+    Returns
+    -------
+    Polar or tuple of Polar or LocalReynolds or ByThickness
+        Of the same kind.
+    """
+    return polar.at_speed(flow_speed) if isinstance(polar, LocalReynolds) else polar

@@ -90,7 +90,7 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
     bare = start_of(case_of(segments=segments, design="{blade: fixed}"), cold=True)
     monkeypatch.setattr(
         operation_group,
-        "HydrodynamicsGroup",
+        "hydrodynamics_group",
         lambda num_nodes, spline: BareHydrodynamics(num_nodes=num_nodes, nodes=spline.nodes),
     )
     monkeypatch.setattr(

@@ -9,7 +9,7 @@ from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import OpenLoop, QuadraticFeedback
-from hkt_mdo.dynamics.rotor_ode import HydrodynamicsGroup, RotorODE
+from hkt_mdo.dynamics.rotor_ode import RotorODE, hydrodynamics_group
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -21,7 +21,7 @@ TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
 
 
 def spline_hydrodynamics(num_nodes):
-    return HydrodynamicsGroup(num_nodes=num_nodes, spline=TorqueSpline(NODES))
+    return hydrodynamics_group(num_nodes=num_nodes, spline=TorqueSpline(NODES))
 
 
 def problem_of(**options):
@@ -131,7 +131,7 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
     blade, polar = turbine.blade, turbine.polar
 
     def direct(num_nodes):
-        return HydrodynamicsGroup(
+        return hydrodynamics_group(
             num_nodes=num_nodes,
             blade=blade,
             polar=polar,
