@@ -104,7 +104,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         blade=blade,
         shape=physics.shape,
         nodes=np.asarray(setup.nodes, dtype=float),
-        coefficients=("torque",) if physics.has_curve else (),
+        torque=physics.has_curve,
         loads=physics.load_names,
         band=physics.band(setup),
     )
@@ -134,7 +134,7 @@ def _add_variants(group, physics, setup):
             rotor=replace(own.rotor, solver=own.case.hydrodynamics.bem),
             blade=setup.start.blade,
             nodes=np.asarray(setup.nodes, dtype=float),
-            coefficients=("torque",) if physics.has_curve else (),
+            torque=physics.has_curve,
             loads=physics.load_names,
             band=band,
         )

@@ -14,7 +14,6 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import BladeGroup, refuse_values
 
-_COEFFICIENTS = "torque", "power", "thrust"
 _POINTS = {
     "tip_speed_ratio": "rotor_speed * rotor_radius / inflow_speed",
     "rotor_speed": "tip_speed_ratio * inflow_speed / rotor_radius",
@@ -22,7 +21,10 @@ _POINTS = {
 _PRESSURE = "0.5 * density * inflow_speed**2"
 _SCALED = {
     "hydrodynamic_torque": f"{_PRESSURE} * pi * rotor_radius**3 * torque_coefficient",
-    "hydrodynamic_power": f"{_PRESSURE} * inflow_speed * pi * rotor_radius**2 * power_coefficient",
+    "hydrodynamic_power": f"{_PRESSURE} * inflow_speed * pi * rotor_radius**2 * tip_speed_ratio "
+    "* torque_coefficient",
+    "power_coefficient": "tip_speed_ratio * torque_coefficient",
+    "thrust_coefficient": "thrust_table / (pi * rotor_radius**2)",
 }
 
 
@@ -105,15 +107,13 @@ class RotorGroup(om.Group):
             nodes=ratio,
             vary=True,
             shape=shape,
-            coefficients=_COEFFICIENTS,
             loads=loads,
         )
         outputs = ["chord", "twist", *(["thickness"] if shape.designs_thickness else [])]
         outputs += ["mass", "inertia", *(f"{name}_table" for name in loads)]
-        outputs += [(f"{name}_coefficient_table", f"{name}_coefficient") for name in _COEFFICIENTS]
+        outputs += [("torque_coefficient_table", "torque_coefficient")]
         self.add_subsystem("blades", blades, promotes_inputs=["*"], promotes_outputs=outputs)
-        start |= {f"{name}_coefficient": ratio for name in _COEFFICIENTS}
-        start |= {f"{name}_table": ratio for name in loads}
+        start |= {"torque_coefficient": ratio} | {f"{name}_table": ratio for name in loads}
         formulas = _SCALED | {name: f"{_PRESSURE} * {name}_table" for name in loads}
         self.add_subsystem("power_and_loads", _formulas(formulas, start), promotes=["*"])
 
@@ -122,7 +122,8 @@ def _formulas(formulas, start):
     """Return a component of formulas, by output, of inputs with their values at the start."""
     variables = {}
     for output, formula in formulas.items():
-        variables[output] = QUANTITIES[output].meta | {"shape": start["inflow_speed"].shape}
+        about = QUANTITIES[output].meta if output in QUANTITIES else {}
+        variables[output] = about | {"shape": start["inflow_speed"].shape}
         for name in start.keys() & set(re.findall(r"\w+", formula)):
             load = QUANTITIES.get(name.removesuffix("_table"))
             units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure

@@ -322,13 +322,12 @@ class BladeGroup(om.Group):
 
     Options are rotor, a `RotorModel`; blade, the `Blade` at the start; nodes[n_nodes], the tip
     speed ratios of the tables, or their initial values if they vary; shape, a `Shape`, or None;
-    coefficients, of "torque", "power" and "thrust"; loads, names of `LoadModel.names`.
+    torque, whether the torque coefficient has a table; loads, names of `LoadModel.names`; band.
 
     Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
     twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one; and
     tip_speed_ratio[n_nodes] if it varies. Outputs are chord, twist and thickness (with a shape);
-    mass (kg), inertia (kg*m**2); <name>_coefficient_table[n_nodes] for each coefficient, and for
-    each load <name>_table[n_nodes], the load over the dynamic pressure. Partials are exact.
+    mass (kg), inertia (kg*m**2) and the tables of `TablesComp`. Partials are exact.
     """
 
     def initialize(self):
@@ -338,7 +337,7 @@ class BladeGroup(om.Group):
         declare("nodes", types=np.ndarray, desc="tip speed ratios of the tables")
         declare("vary", default=False, types=bool, desc="whether these are an input")
         declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
-        declare("coefficients", default=("torque",), types=tuple, desc="names of coefficients")
+        declare("torque", default=True, types=bool, desc="whether the torque has a table")
         declare("loads", default=(), types=tuple, desc="names of loads")
         about = "of a wake with memory: its tables replace those of torque and loads"
         declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
@@ -346,7 +345,7 @@ class BladeGroup(om.Group):
     def setup(self):
         rotor, blade, shape = (self.options[name] for name in ("rotor", "blade", "shape"))
         nodes, vary, band = (self.options[name] for name in ("nodes", "vary", "band"))
-        coefficients, loads = self.options["coefficients"], self.options["loads"]
+        torque, loads = self.options["torque"], self.options["loads"]
         self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
         if shape is not None:
             self.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
@@ -355,33 +354,14 @@ class BladeGroup(om.Group):
                     self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
-        torque = bool({"torque", "power"} & set(coefficients))
-        names = tuple(dict.fromkeys((*loads, *({"thrust"} & set(coefficients)))))
-        if torque or names or band is not None:
+        if torque or loads or band is not None:
             tables = TablesComp(
                 rotor=rotor,
                 blade=blade,
                 nodes=nodes,
                 vary=vary,
                 torque=torque,
-                loads=names,
+                loads=loads,
                 band=band,
             )
             self.add_subsystem("tables", tables, promotes=["*"])
-        per_node = {"shape": nodes.shape}
-        if "power" in coefficients:
-            power = om.ExecComp(
-                "power_coefficient_table = tip_speed_ratio * torque_coefficient_table",
-                tip_speed_ratio={"val": nodes} if vary else {"val": nodes, "constant": True},
-                has_diag_partials=True,
-                **per_node,
-            )
-            self.add_subsystem("power_coefficient", power, promotes=["*"])
-        if "thrust" in coefficients:
-            thrust = om.ExecComp(
-                "thrust_coefficient_table = thrust_table / (pi * rotor_radius**2)",
-                thrust_coefficient_table=per_node,
-                thrust_table=per_node | {"units": "m**2"},
-                rotor_radius={"units": "m", "val": blade.rotor_radius},
-            )
-            self.add_subsystem("thrust_coefficient", thrust, promotes=["*"])

@@ -83,7 +83,7 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
 
 
 def test_polars_follow_reynolds_number_or_thickness_or_neither(rotor, blade):
-    assert rotor.at_flow(2.0) is rotor
+    assert rotor.at_flow(2.0).polar is rotor.polar
     assert rotor.as_built(blade).polar is rotor.polar
     assert not rotor.several_sections
     assert rotor.polars_at(1) == (rotor.polar,)
@@ -138,17 +138,13 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
         blade=blade,
         nodes=RATIOS,
         shape=shape,
-        coefficients=("torque", "power", "thrust"),
         loads=("root_moment", "stress", "cavitation"),
     )
     blade = blade if shape is None else shape.nearest(blade)
     problem = problem_of(group)
     problem.run_model()
     expected = rotor.coefficients(blade, RATIOS)
-    for name in ("torque", "power", "thrust"):
-        np.testing.assert_allclose(
-            problem[f"{name}_coefficient_table"], getattr(expected, name), rtol=1e-9
-        )
+    np.testing.assert_allclose(problem["torque_coefficient_table"], expected.torque, rtol=1e-9)
     stress = rotor.loads.coefficients(blade, RATIOS)["stress"].largest
     np.testing.assert_allclose(problem["stress_table"], stress, rtol=0.02)
     mass = rotor.mass_and_inertia(blade)
