@@ -261,29 +261,25 @@ class _Record:
         if count > MAX_ROWS:
             problem = f"has {count:,} even samples, and {MAX_ROWS:,} are the most"
             raise InputError(problem, "choose a part of it by start and duration", file=raw.file)
-        good = np.isfinite(raw.speed) & ~spikes
+        time = raw.time
         if uneven.size:
             off = f"samples were up to {np.max(miss):.3g} s off even times"
             messages.append(f"resampled every {step:.6g} s: {off}")
-            return step, _interpolate(raw, good, step * np.arange(count))
-        if np.max(miss) > 1e-3 * step:
-            share = f"{100.0 * np.max(miss) / step:.2g} % of a step off"
-            messages.append(f"times taken as even: they are up to {share}")
-        place = index.astype(np.intp)
-        speed = np.full(count, np.nan)
-        speed[place[good]] = raw.speed[good]
-        holes = np.isnan(speed)
-        gaps = holes.copy()
-        gaps[place[spikes]] = False
-        begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
-        if begins.size:
-            messages.append(
-                f"{_count(begins.size, 'gap')} interpolated, {_count(int(np.sum(gaps)), 'sample')} "
-                f"({_percent(gaps)}), the longest {longest:.6g} s, at t = {_times(step * begins)}"
-            )
-        if np.any(holes):
-            speed[holes] = _interpolate(raw, good, step * np.flatnonzero(holes))
-        return step, speed
+        else:
+            time = step * index
+            if np.max(miss) > 1e-3 * step:
+                share = f"{100.0 * np.max(miss) / step:.2g} % of a step off"
+                messages.append(f"times taken as even: they are up to {share}")
+            gaps = np.ones(count, dtype=bool)
+            gaps[index[np.isfinite(raw.speed)].astype(np.intp)] = False
+            begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
+            if begins.size:
+                missing = _count(int(np.sum(gaps)), "sample")
+                messages.append(
+                    f"{_count(begins.size, 'gap')} interpolated, {missing} ({_percent(gaps)}), the "
+                    f"longest {longest:.6g} s, at t = {_times(step * begins)}"
+                )
+        return step, _interpolate(time, raw.speed, ~spikes, step * np.arange(count))
 
     def longest_gap(self, step: float, resample: bool) -> float:
         """Return the longest gap, s; refuse one that may not be interpolated.
@@ -343,12 +339,13 @@ def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     return step, index, np.abs(time - step * index)
 
 
-def _interpolate(raw: Columns, good: np.ndarray, time: np.ndarray) -> np.ndarray:
+def _interpolate(time, speed, good, at):
     """Return speeds between the good samples, without overshoot; the end values beyond them."""
     from scipy.interpolate import PchipInterpolator
 
-    known = raw.time[good]
-    return PchipInterpolator(known, raw.speed[good])(np.clip(time, known[0], known[-1]))
+    good = good & np.isfinite(speed)
+    known = time[good]
+    return PchipInterpolator(known, speed[good])(np.clip(at, known[0], known[-1]))
 
 
 def _count(number: int, what: str) -> str:
