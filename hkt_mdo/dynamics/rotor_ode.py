@@ -279,6 +279,15 @@ class RememberingComp(_NodeComp):
         "induced_velocity_rate": (*_AT, *WAKE_STATES),
     }
     over_time = (*_NodeComp.over_time, "wake_ratio", "wake_factor", *WAKE_STATES)
+    _TORQUES = "torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"
+    _RATES = "reduced_velocity_rate", "induced_velocity_rate"
+    _BY_TABLES = {  # noqa: RUF012
+        "wake_ratio": ("wake_induction_table", ("wake_ratio", "wake_factor", *_TORQUES)),
+        "coefficient": ("torque_coefficient_band", _TORQUES),
+        "steady": ("wake_induction_table", _RATES),
+        "place": ("place_induction_table", _RATES),
+    }
+    """By what is read from a table: the table, and the outputs that depend on it."""
 
     def initialize(self):
         super().initialize()
@@ -287,47 +296,38 @@ class RememberingComp(_NodeComp):
         self.options.declare("share", types=float, desc="tau2 over tau1")
 
     def setup(self):
-        _NodeComp.setup(self)
-        self._designed = {
-            name: np.ones(shape) for name, (shape, _) in self.options["band"].outputs(()).items()
-        }
-        for name, value in self._designed.items():
-            self.add_input(name, val=value, tags=["dymos.static_target"])
+        super().setup()
+        self._shift = {}
+        for name, (shape, _) in self.options["band"].outputs(()).items():
+            self.add_input(name, val=np.ones(shape), tags=["dymos.static_target"])
 
     def setup_partials(self):
-        _NodeComp.setup_partials(self)
-        induction, place, band = (
-            f"{name}"
-            for name in ("wake_induction_table", "place_induction_table", "torque_coefficient_band")
-        )
-        for name in ("torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"):
-            self.declare_partials(name, (band, induction))
-        self.declare_partials(("wake_ratio", "wake_factor"), induction)
-        times = () if self.options["tau1"] else (place,)
-        for name in WAKE_STATES:
-            self.declare_partials(f"{name}_rate", (induction, *times))
+        super().setup_partials()
+        for table, outputs in self._BY_TABLES.values():
+            self.declare_partials(outputs, table)
 
-    def _wake(self, inputs):
-        """Store the tables' values and the wake's tip speed ratio for the formula."""
-        band = self.options["band"]
-        self._tables = {name: inputs[name] for name in self._designed}
-        induction = inputs["induced_velocity"] / inputs["inflow_speed"]
-        table = self._tables["wake_induction_table"]
-        self._found = induction, *band.wake_ratio(table, induction)
+    def _read(self, name, value):
+        """Return a value from a table, with a complex step if the derivative by it is taken."""
+        return value + self._shift.get(name, 0.0)
 
-    def formula(
-        self, rotor_speed, inflow_speed, density, rotor_radius, reduced_velocity, induced_velocity,
-        **_,
-    ):  # fmt: skip
-        band, tables = self.options["band"], self._tables
+    def formula(self, rotor_speed, inflow_speed, density, rotor_radius, reduced_velocity,
+                induced_velocity, **tables):  # fmt: skip
+        band, read = self.options["band"], self._read
+        of_induction = tables["wake_induction_table"]
         ratio = rotor_speed * rotor_radius / inflow_speed
         induction, wake_ratio, slope = self._found
         wake_ratio = wake_ratio + slope * (induced_velocity / inflow_speed - induction)
+        wake_ratio = read("wake_ratio", wake_ratio)
         coefficient, *_ = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
+        coefficient = read("coefficient", coefficient)
         torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
-        steady, _ = band.spline.values(tables["wake_induction_table"], ratio)
-        steady = inflow_speed * steady
-        slow, _ = self._times(ratio, inflow_speed, rotor_radius)
+        steady = inflow_speed * read("steady", band.spline.values(of_induction, ratio)[0])
+        slow = self.options["tau1"]
+        if slow is None:
+            place = band.spline.values(tables["place_induction_table"], ratio)[0]
+            place = read("place", place)
+            kept = 1.0 - 1.3 * np.where(place.real < MOST_INDUCTION, place, MOST_INDUCTION)
+            slow = SLOW * rotor_radius / (kept * inflow_speed)
         fast = self.options["share"] * slow
         held = reduced_velocity + AT_ONCE * steady
         return {
@@ -341,52 +341,36 @@ class RememberingComp(_NodeComp):
             "induced_velocity_rate": (held - induced_velocity) / fast,
         }
 
-    def _times(self, ratio, flow, radius):
-        """Return tau1 (s) and the derivative of its logarithm by the induction at 0.7 R."""
-        if self.options["tau1"] is not None:
-            return self.options["tau1"] * np.ones(ratio.shape), 0.0
-        table = self._tables["place_induction_table"]
-        place, _ = self.options["band"].spline.values(table, ratio)
-        counts = np.real(place) < MOST_INDUCTION
-        kept = 1.0 - 1.3 * np.where(counts, place, MOST_INDUCTION)
-        return SLOW * radius / (kept * flow), np.where(counts, 1.3 / kept, 0.0)
+    def _find_wake(self, inputs):
+        """Store the wake's induction, its tip speed ratio and the slope of that for the formula."""
+        induction = inputs["induced_velocity"] / inputs["inflow_speed"]
+        table = inputs["wake_induction_table"]
+        self._found = induction, *self.options["band"].wake_ratio(table, induction)
 
     def compute(self, inputs, outputs):
-        self._wake(inputs)
-        _NodeComp.compute(self, inputs, outputs)
+        self._find_wake(inputs)
+        super().compute(inputs, outputs)
 
     def compute_partials(self, inputs, partials):
-        self._wake(inputs)
-        _NodeComp.compute_partials(self, inputs, partials)
-        band, tables, flow = self.options["band"], self._tables, inputs["inflow_speed"]
-        radius, speed = inputs["rotor_radius"], inputs["rotor_speed"]
-        ratio, (_, wake_ratio, slope) = speed * radius / flow, self._found
-        _, _, by_wake = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
-        moved = -slope[:, None] * band.spline.basis(wake_ratio)
-        partials["wake_ratio", "wake_induction_table"] = moved
-        factor = (-ratio / wake_ratio**2)[:, None] * moved
-        partials["wake_factor", "wake_induction_table"] = factor
-        scale = torque_scale(inputs["density"], radius, flow)
-        for name, factor in (
-            ("torque_coefficient", np.ones(scale.shape)),
-            ("hydrodynamic_torque", scale),
-            ("hydrodynamic_power", scale * speed),
-        ):
-            whole = factor[:, None] * band.basis(ratio, wake_ratio)
-            partials[name, "torque_coefficient_band"] = whole
-            partials[name, "wake_induction_table"] = (factor * by_wake)[:, None] * moved
-        slow, by_place = self._times(ratio, flow, radius)
-        basis = flow[:, None] * band.spline.basis(ratio)
-        found = self.formula(**dict(inputs.items()))
-        share = self.options["share"]
-        for name, part, time in zip(
-            WAKE_STATES, (1.0 - AT_ONCE, AT_ONCE), (slow, share * slow), strict=True
-        ):
-            rate = f"{name}_rate"
-            partials[rate, "wake_induction_table"] = part * basis / time[:, None]
-            if self.options["tau1"] is None:
-                by = (-found[rate] * by_place)[:, None] * basis / flow[:, None]
-                partials[rate, "place_induction_table"] = by
+        """Take derivatives by a table as those by what is read from it, times its basis."""
+        self._find_wake(inputs)
+        super().compute_partials(inputs, partials)
+        band, (_, wake_ratio, slope) = self.options["band"], self._found
+        ratio = inputs["rotor_speed"] * inputs["rotor_radius"] / inputs["inflow_speed"]
+        along = band.spline.basis(ratio)
+        bases = {
+            "wake_ratio": -slope[:, None] * band.spline.basis(wake_ratio),
+            "coefficient": band.basis(ratio, wake_ratio),
+            "steady": along,
+            "place": along,
+        }
+        for name, (table, outputs) in self._BY_TABLES.items():
+            self._shift = {name: 1j * STEP}
+            moved = self.formula(**dict(inputs.items()))
+            for output in outputs:
+                by = np.imag(moved[output]) / STEP
+                partials[output, table] = by[:, None] * bases[name]
+        self._shift = {}
 
 
 class FeedbackComp(_NodeComp):
