@@ -16,6 +16,7 @@ from scipy.interpolate import PPoly
 
 STAGES = 5
 MOST_ITERATIONS = 12  # of Newton's method
+PATIENCE = 4  # of them with chains, after which values that still change by more than FAR are lost
 SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
 FAR = 0.01  # relative change of the values above which the iteration diverges
 LOST = 1e4  # times the speed of the guess: no rotor turns so much faster, the iteration diverges
@@ -69,43 +70,6 @@ def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:
     return size
 
 
-class DenseSystem:
-    """The linear system of Newton's method where every value's rate may depend on every value.
-
-    Parameters
-    ----------
-    step : array
-        Lengths of the steps, (n_steps, 1).
-    slope : array
-        Derivatives of the rates by the values of the same stage, (n_steps, 5, n_values, n_values).
-    """
-
-    patience = MOST_ITERATIONS
-
-    def __init__(self, step: np.ndarray, slope: np.ndarray) -> None:
-        self._step, self._slope, n = step, slope, slope.shape[-1]
-        # rows and columns of the system: the values of the first stage, of the second, …
-        system = np.einsum("n,ij,njab->niajb", step[:, 0], MATRIX, slope)
-        system = np.eye(STAGES * n) - system.reshape(-1, STAGES * n, STAGES * n)
-        self._inverse = np.linalg.inv(system)
-        # derivatives of the stages by the values at the step's start
-        self._gain = self._inverse.reshape(-1, STAGES, n, STAGES, n).sum(axis=3)
-
-    def correction(self, miss: np.ndarray) -> np.ndarray:
-        """Return the change of the stages, (n_steps, 5, n_values), that makes up what they miss."""
-        own = np.einsum("nij,nj->ni", self._inverse, miss.reshape(*self._inverse.shape[:2]))
-        own = own.reshape(miss.shape)
-        carried = [np.zeros(miss.shape[-1])]  # change of the values from step to step
-        for shift, factor in zip(own[:, -1], self._gain[:, -1], strict=True):
-            carried.append(shift + factor @ carried[-1])
-        return own + np.einsum("niab,nb->nia", self._gain, np.array(carried[:-1]))
-
-    def filtered(self, off: np.ndarray) -> np.ndarray:
-        """Return errors of the values, (n_steps, n_values), without their fast part."""
-        system = np.eye(off.shape[-1]) - self._step[:, :, None] * ERROR[0] * self._slope[:, 0]
-        return np.linalg.solve(system, off[..., None])[..., 0]
-
-
 class Slopes(NamedTuple):
     """Derivatives of the rates of a few dense values y and of many chains of two filters (x, z).
 
@@ -122,9 +86,16 @@ class Slopes(NamedTuple):
     slow: np.ndarray
     fast: np.ndarray
 
+    @classmethod
+    def without_chains(cls, dense: np.ndarray) -> Slopes:
+        """Return the slopes of dense values alone."""
+        none = np.empty((*dense.shape[:2], 0))
+        chain = np.empty((*dense.shape[:-1], 0))
+        return cls(dense, chain, none, none, np.ones((*dense.shape[:2], 1)), none)
 
-class FilteredSystem:
-    """The same where most values are chains of two filters, which are eliminated.
+
+class StageSystem:
+    """The linear system of Newton's method, from which chains of filters are eliminated.
 
     Values are y, x, z of `Slopes`. What is left to invert has the dense values alone (Schur
     complement), so that the cost grows with the number of chains, not with its cube.
@@ -139,14 +110,14 @@ class FilteredSystem:
         The method's; one of other stages serves for the errors.
     """
 
-    patience = 4  # iterations after which it is given up where values still change by more than FAR
-
     def __init__(self, step: np.ndarray, slopes: Slopes, matrix: np.ndarray = MATRIX) -> None:
         self._step, self._slopes, s = step, slopes, matrix.shape[0]
         self._n, self._m = slopes.by_chain.shape[-2:]
+        self.patience = PATIENCE if self._m else MOST_ITERATIONS
         self._h = h = step[..., None] * matrix
         eye, n = np.eye(s), self._n
-        self._slow = np.linalg.inv(eye + h / slopes.slow.transpose(0, 2, 1))
+        slow = eye + h / slopes.slow.transpose(0, 2, 1)
+        self._slow = np.linalg.inv(slow) if self._m else slow  # of no effect without chains
         self._hand = h[:, None] / slopes.fast.transpose(0, 2, 1)[:, :, None]  # from x on to z
         self._fast = np.linalg.inv(eye + self._hand)
         self._by_chain = h[:, :, :, None, None] * slopes.by_chain[:, None]
@@ -215,7 +186,7 @@ class FilteredSystem:
     def filtered(self, off: np.ndarray) -> np.ndarray:
         """Return errors of the values, (n_steps, n_values), without their fast part."""
         first = Slopes(*(each[:, :1] for each in self._slopes))
-        return FilteredSystem(self._step, first, ERROR[:1, None])._own(off[:, None])[:, 0]
+        return StageSystem(self._step, first, ERROR[:1, None])._own(off[:, None])[:, 0]
 
 
 def solve_stages(
@@ -234,7 +205,7 @@ def solve_stages(
     rates_at : callable
         Takes the values at the stages, (n_steps, 5, n_values), and returns their rates.
     system_at : callable
-        Takes values and rates, and returns a `DenseSystem` or `FilteredSystem`; None if the slopes
+        Takes values and rates, and returns a `StageSystem`; None if the slopes
         there are not finite.
     start : array
         Values at the begin of the first step, (n_values,).
@@ -278,7 +249,7 @@ def step_errors(
     begin: np.ndarray,
     stages: np.ndarray,
     first: np.ndarray,
-    system: DenseSystem | FilteredSystem,
+    system: StageSystem,
     size: np.ndarray,
 ) -> np.ndarray:
     """Return the largest relative error of each step, by the embedded formula, (n_steps,).
@@ -289,7 +260,7 @@ def step_errors(
         Lengths of the steps, (n_steps, 1).
     begin, first : array
         Values and rates at the begin of the steps, (n_steps, 1, n_values) and (n_steps, n_values).
-    stages, system : array, DenseSystem or FilteredSystem
+    stages, system : array, StageSystem
         What `solve_stages` returns.
     size : array
         Magnitudes of the stages.

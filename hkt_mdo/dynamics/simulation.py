@@ -23,9 +23,8 @@ from hkt_mdo.dynamics.radau import (
     MATRIX,
     NODES,
     STAGES,
-    DenseSystem,
-    FilteredSystem,
     Slopes,
+    StageSystem,
     divided,
     magnitudes,
     solve_stages,
@@ -546,9 +545,10 @@ class _Motion:
         """
         dense = self._slope(time, values, flow, known[0], rates)
         if self.plant.wake is None:
-            return DenseSystem(step, dense) if np.all(np.isfinite(dense)) else None
-        slopes = Slopes(dense, *self._wake_slopes(values, flow, known, rates))
-        return FilteredSystem(step, slopes) if all(map(np.all, map(np.isfinite, slopes))) else None
+            slopes = Slopes.without_chains(dense)
+        else:
+            slopes = Slopes(dense, *self._wake_slopes(values, flow, known, rates))
+        return StageSystem(step, slopes) if all(np.all(np.isfinite(x)) for x in slopes) else None
 
     def _wake_slopes(self, values, flow, known, rates):
         """Return the slopes of `Slopes` that involve filters, by differences."""

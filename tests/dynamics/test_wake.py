@@ -11,9 +11,8 @@ from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.radau import (
     LOST,
     MATRIX,
-    DenseSystem,
-    FilteredSystem,
     Slopes,
+    StageSystem,
     solve_stages,
 )
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, Start, simulate
@@ -256,8 +255,8 @@ def test_eliminated_filters_are_those_of_the_full_system(n):
     full[..., x, 0], full[..., z, 0] = by_first
     full[..., x, x], full[..., z, z], full[..., z, x] = -1.0 / slow, -1.0 / fast, 1.0 / fast
     step = random.uniform(0.1, 0.5, (steps, 1))
-    whole = DenseSystem(step, full)
-    parts = FilteredSystem(step, Slopes(dense, chain, *by_first, slow, fast), MATRIX)
+    whole = StageSystem(step, Slopes.without_chains(full))
+    parts = StageSystem(step, Slopes(dense, chain, *by_first, slow, fast))
     miss = random.normal(size=(steps, 5, n + 2 * m))
     np.testing.assert_allclose(parts.correction(miss), whole.correction(miss), atol=1e-11)
     np.testing.assert_allclose(parts.filtered(miss[:, 0]), whole.filtered(miss[:, 0]), atol=1e-12)
@@ -273,7 +272,7 @@ def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
         return slope * stages
 
     def system_at(stages, _rates):
-        return DenseSystem(step, np.full((1, 5, 1, 1), slope))
+        return StageSystem(step, Slopes.without_chains(np.full((1, 5, 1, 1), slope)))
 
     guess = np.ones((1, 5, 1))
     assert solve_stages(rates_at, system_at, np.ones(1), step, guess, np.abs, 1e-9) is None
