@@ -163,59 +163,40 @@ class Generator(Section):
 LOSSLESS = Generator()
 
 
-class _Axis:
-    """Natural cubic spline over one of a table's axes, as a matrix that its values multiply."""
-
-    def __init__(self, nodes):
-        from scipy.interpolate import CubicSpline
-
-        self.low, self.high = nodes[0], nodes[-1]
-        self._cardinal = CubicSpline(nodes, np.eye(nodes.size), bc_type="natural")
-
-    def basis(self, points):
-        """Return the matrix (n_points, n_nodes) and its derivative by the points.
-
-        Beyond the nodes the spline is continued linearly in a coordinate that levels off like tanh;
-        the continuation is C² at the ends, since both second derivatives are zero there.
-        """
-        inside = np.clip(points, self.low, self.high)
-        length = BEYOND * (self.high - self.low)
-        share = np.tanh((points - inside) / length)
-        value, slope = self._cardinal(inside), self._cardinal(inside, 1)
-        return value + slope * (length * share)[:, None], slope * (1.0 - share**2)[:, None]
-
-
 class _Surface:
-    """Efficiency over torque (N*m) and speed (rad/s): a product of splines through a table."""
+    """Efficiency over torque (N*m) and speed (rad/s): a product of splines through a table.
+
+    Beyond the table they go on along their slopes, by at most `BEYOND` of its range.
+    """
 
     def __init__(self, path: str):
+        from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+
         torque, speed, self._table = read_efficiency(path)
         self.speeds = speed[0], speed[-1]
-        self._torque, self._speed = _Axis(torque), _Axis(speed)
-        rows, columns = (
-            axis.basis(np.linspace(2.0 * x[0] - x[-1], 2.0 * x[-1] - x[0], 901))[0]
-            for axis, x in ((self._torque, torque), (self._speed, speed))
-        )
+        self._splines = TorqueSpline(torque), TorqueSpline(speed)
+        wide = (np.linspace(2.0 * x[0] - x[-1], 2.0 * x[-1] - x[0], 901) for x in (torque, speed))
+        rows, columns = self._bases(*wide)
         self.largest = float(np.max(rows @ self._table @ columns.T))
+
+    def _bases(self, *points):
+        """Return the matrices from the table to torques and to speeds, which may be complex."""
+        for spline, at in zip(self._splines, points, strict=True):
+            low, high = spline.nodes[0], spline.nodes[-1]
+            inside, length = np.clip(at.real, low, high), BEYOND * (high - low)
+            yield spline.basis(inside + length * np.tanh((at - inside) / length))
 
     def efficiency(self, torque, speed):
         """Return the efficiency, of a complex step too."""
         torque, speed = np.broadcast_arrays(torque, speed)
-        u, w = torque.ravel(), speed.ravel()
-        (rows, by_u), (columns, by_w) = self._torque.basis(u.real), self._speed.basis(w.real)
-        along = columns @ self._table.T
-        found = np.sum(rows * along, axis=1)
-        if np.iscomplexobj(u) or np.iscomplexobj(w):
-            by_torque = np.sum(by_u * along, axis=1)
-            by_speed = np.sum(rows * (by_w @ self._table.T), axis=1)
-            found = found + 1j * (by_torque * u.imag + by_speed * w.imag)
-        return found.reshape(torque.shape)
+        rows, columns = self._bases(torque.ravel(), speed.ravel())
+        return np.sum(rows * (columns @ self._table.T), axis=1).reshape(torque.shape)
 
     def beyond(self, torque, speed) -> float:
         """Return by how much of its range the table is left, along the worse of its axes."""
         return max(
-            float(np.max(np.maximum(axis.low - x, x - axis.high))) / (axis.high - axis.low)
-            for axis, x in ((self._torque, torque), (self._speed, speed))
+            float(np.max(np.maximum(nodes[0] - x, x - nodes[-1]))) / (nodes[-1] - nodes[0])
+            for nodes, x in zip((s.nodes for s in self._splines), (torque, speed), strict=True)
         )
 
 

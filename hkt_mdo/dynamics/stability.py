@@ -97,11 +97,8 @@ class Loop:
         found[:, dense, 0] = (1.0 - AT_ONCE) / self.slow[:, 0]
         found[:, dense, dense] = -1.0 / self.slow[:, 0]
         fast, chain = np.arange(dense + 1, dense + 1 + stations), 1.0 / self.fast
-        found[:, fast, 0], found[:, fast, dense], found[:, fast, fast] = (
-            AT_ONCE * chain,
-            chain,
-            -chain,
-        )
+        found[:, fast, 0], found[:, fast, dense] = AT_ONCE * chain, chain
+        found[:, fast, fast] = -chain
         return found
 
     @cached_property
