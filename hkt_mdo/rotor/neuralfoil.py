@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hkt_mdo.errors import InputError, install
+from hkt_mdo.errors import InputError, install, needed
 from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, Source, polar_table
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
@@ -73,7 +73,8 @@ def compute_polars(
     _check("n_crit", n_crit, N_CRIT_RANGE, "9 is usual, less in turbulent water")
     for number in reynolds:
         _check("reynolds", number, REYNOLDS_RANGE, "they are by the chord, such as 2e5")
-    analysis = _network()
+    network = needed("neuralfoil", install("neuralfoil"), "computing polars ")
+    analysis = network.get_aero_from_coordinates
     points = outline.upper_first
     degrees = np.rad2deg(alpha)
 
@@ -89,18 +90,6 @@ def compute_polars(
         return ComputedPolar(table, confidence)
 
     return tuple(map(polar, reynolds))
-
-
-def _network():
-    """Return NeuralFoil's analysis of coordinates, or raise an error if it is not installed."""
-    try:
-        from neuralfoil import get_aero_from_coordinates
-    except ImportError as error:
-        raise InputError(
-            f"NeuralFoil, which computes polars, cannot be imported ({error})",
-            install("neuralfoil"),
-        ) from None
-    return get_aero_from_coordinates
 
 
 def _check(key, value, bounds, remedy):
