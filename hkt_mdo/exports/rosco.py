@@ -12,12 +12,13 @@ from typing import Annotated, Any, ClassVar, cast
 
 import numpy as np
 
+from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import FeedbackLaw, QuadraticFeedback
+from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source, filled
-from hkt_mdo.exports.tables import balanced
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
@@ -175,12 +176,11 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     scenarios = design.physics.scenarios
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
+    speeds, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flows)
     if isinstance(law, Tracking):
-        speeds = law.speed_at_rest(flows, design.gains)
         torques = design.plant.generator_torque(speeds, flows)
-        limit = np.inf if law.torque_limit is None else law.torque_limit
-        return flows, speeds, np.clip(torques, 0.0, limit)
-    flows, speeds = balanced(design, flows)
+        return flows, speeds, np.clip(torques, 0.0, law.torque_limit)
+    flows, speeds = flows[running], speeds[running]
     if flows.size < 2:
         problem = "needs flows in which the rotor turns steadily under its law, but there are none"
         raise InputError(problem, "check the gains of the result", key="--to", value="rosco")

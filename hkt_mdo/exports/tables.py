@@ -10,6 +10,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from hkt_mdo.dynamics.equilibrium import equilibria
+from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
@@ -22,12 +24,10 @@ from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.sections import Pair, Quantity
 
 RATIO_STEP = 0.1  # of the tip speed ratios of the coefficients
-SLOWEST = 0.5  # tip speed ratio at which coefficients and the search for a balance begin
+SLOWEST = 0.5  # tip speed ratio at which coefficients begin
 BEYOND = 2.0  # largest tip speed ratio of the coefficients over the largest one in operation
 WIDER = 0.2  # by which the flow speeds of steady operation go beyond those of the case, relatively
 FLOWS = 41  # flow speeds of steady operation
-SEARCHED = 240  # tip speed ratios between which a balance of torques is searched
-HALVINGS = 50  # of the interval that holds it: to the last digits
 LOAD_FLOWS = 5  # flow speeds for which loads by station are written
 REVOLUTIONS = 30.0 / np.pi  # a minute, for 1 rad/s
 
@@ -210,12 +210,8 @@ def _design(source: Source) -> Table:
         if getattr(law, name) is not None:
             rows.append((name, getattr(law, name), unit, f"control.{name} of the case"))
     names, values, units, texts = zip(*rows, strict=True)
-    columns = {
-        "quantity": Column(names, None, "name"),
-        "value": Column(np.array(values, dtype=float), None, "value in the row's unit"),
-        "unit": Column([unit or "1" for unit in units], None, "SI unit of the value"),
-        "meaning": Column(texts, None, "meaning"),
-    }
+    units = [unit or "1" for unit in units]
+    columns = _columns("design", (names, np.array(values, dtype=float), units, texts))
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
@@ -274,8 +270,8 @@ def steady_operation(
 ) -> dict[str, np.ndarray] | None:
     """Return the steady operation of a feedback law over the speed of the flow, by direct BEM.
 
-    Hydrodynamic and generator torque balance, Q(w, v) = u(w), at the largest tip speed ratio where
-    they do; of a law with states, at the one closest to its schedule.
+    A flow is left out where the rotor has no equilibrium: where no torque of the law balances that
+    of the flow, or where a law with states would need more than its torque limit.
 
     Parameters
     ----------
@@ -305,7 +301,10 @@ def steady_operation(
         ends = (1.0 - WIDER) * low, min((1.0 + WIDER) * high, law.cut_out or np.inf)
         flow_range = round(float(ends[0]), 3), round(float(ends[1]), 3)
     flow = np.linspace(*flow_range, FLOWS)
-    flow, speed = balanced(design, flow)
+    speed, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
+    if law.torque_limit is not None:
+        running &= design.plant.generator_torque(speed, flow) <= law.torque_limit
+    flow, speed = flow[running], speed[running]
     if not flow.size:
         remedy = "give flow_range: flow speeds in which the rotor turns"
         problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)
@@ -317,48 +316,6 @@ def steady_operation(
     return known | world.loads_along(blade, known, world.loads.names)
 
 
-def balanced(design: Design, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the torques of a feedback law and of the flow balance, by direct BEM.
-
-    Parameters
-    ----------
-    design : Design
-        The design of a result.
-    flow : ndarray of shape (n_flows,)
-        Speeds of the flow (m/s).
-
-    Returns
-    -------
-    flow, speed : ndarray of shape (n_balances,)
-        The flow speeds (m/s) in which there is a balance, and the rotor speed (rad/s) of it: the
-        fastest one, of a law with states the one closest to its schedule.
-    """
-    law: Any = design.law
-    plant, gains, radius = design.plant, design.gains, design.blade.rotor_radius
-
-    def net(ratio, flow):
-        speed = ratio * flow / radius
-        held = plant.generator_torque(speed, flow)
-        return held - law.torque(speed, gains, *law.at_rest(held, flow))
-
-    best = design.physics.rotor.best_operation(design.blade).tip_speed_ratio
-    ratio = np.linspace(SLOWEST, max(3.0 * best, 10.0), SEARCHED)
-    at_all = net(np.tile(ratio, flow.size), np.repeat(flow, ratio.size))
-    drives = at_all.reshape(flow.size, -1) >= 0.0
-    falls = drives[:, :-1] & ~drives[:, 1:]
-    wanted = np.full(flow.size, ratio[-1])
-    if law.states:
-        wanted = law.speed_at_rest(flow, gains) * radius / flow
-    away = np.where(falls, np.abs(ratio[:-1] - wanted[:, None]), np.inf)
-    place, balanced = np.argmin(away, axis=1), falls.any(axis=1)
-    flow, low, high = flow[balanced], ratio[place[balanced]], ratio[place[balanced] + 1]
-    for _ in range(HALVINGS if flow.size else 0):
-        middle = 0.5 * (low + high)
-        above = net(middle, flow) >= 0.0
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    return flow, 0.5 * (low + high) * flow / radius
-
-
 def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     """Return steady operation as a table, with how much of each limit it uses."""
     world, flow = design.physics, steady["inflow_speed"]
@@ -367,13 +324,8 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
         for name, values in steady.items()
     }
     scale = power_scale(world.density, design.blade.rotor_radius, flow)
-    columns |= {
-        "rotor_speed_rpm": Column(steady["rotor_speed"] * REVOLUTIONS, "rpm", "rotor speed"),
-        "power_coefficient": Column(
-            steady["hydrodynamic_power"] / scale, None, "power coefficient"
-        ),
-        "pitch_in_degrees": Column(np.zeros(flow.size), "deg", "pitch, which is fixed"),
-    }
+    rpm, power = steady["rotor_speed"] * REVOLUTIONS, steady["hydrodynamic_power"] / scale
+    columns |= _columns("operation", (rpm, power, np.zeros(flow.size)))
     known = steady | world.scalars(design.blade, design.inertia)
     for limit in world.all_limits:
         if limit.caps_series and limit.upper > 0.0 and known.keys() >= set(limit.inputs):
