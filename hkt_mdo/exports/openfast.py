@@ -253,14 +253,31 @@ class _Rotor:
         return texts | {"no_load.dat": filled("no_load.dat", words)}
 
 
+def polar_rows(polar: Polar) -> np.ndarray:
+    """Return a polar at the knots of its spline, from -180 to 180 degrees.
+
+    Parameters
+    ----------
+    polar : Polar
+        The polar of a section.
+
+    Returns
+    -------
+    ndarray of shape (n_knots + 1, 3)
+        Angle of attack (degrees), lift and drag coefficient; the last row repeats the first.
+    """
+    values = polar.coefficients[:, [0, 4]]
+    alpha = np.linspace(-180.0, 180.0, len(values) + 1)
+    return np.column_stack((alpha, np.vstack((values, values[:1]))))
+
+
 def _table(polar: Polar, reynolds: float, with_suction: bool) -> str:
-    """Return the lines of a polar at the knots of its spline, from -180 to 180 degrees."""
-    alpha = np.linspace(-180.0, 180.0, polar.coefficients.shape[0] + 1)
-    columns = [polar.coefficients[:, 0], polar.coefficients[:, 4]]
-    if with_suction and polar.suction is not None:
-        columns.append(-np.maximum(polar.suction[:, 0], polar.suction[:, 4]))
-    rows = np.column_stack((alpha, *(np.append(each, each[0]) for each in columns)))
-    suction = ("    Cpmin", "   (-)") if len(columns) > 2 else ("", "")
+    """Return the lines of a polar, with the smallest pressure if it is known everywhere."""
+    rows, suction = polar_rows(polar), ("", "")
+    if with_suction:
+        pressure = -np.maximum(polar.suction[:, 0], polar.suction[:, 4])
+        rows = np.column_stack((rows, np.append(pressure, pressure[0])))
+        suction = "    Cpmin", "   (-)"
     words = {"reynolds": f"{reynolds:.9g}", "count": len(rows)}
     words |= {"suction": suction[0], "unit": suction[1], "rows": "\n".join(map(_row, rows))}
     return filled("polar.dat", words)

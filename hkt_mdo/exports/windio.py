@@ -10,10 +10,10 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import yaml
-from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source, filled
+from hkt_mdo.exports.openfast import polar_rows
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
@@ -25,8 +25,6 @@ from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.sections import Quantity
 
 VERSION = "2.0"
-SMALLEST_ERROR = 1e-7  # of lift and drag between the angles of attack that are written
-COARSEST = 20  # knots of a polar between two angles that are written at most: 5 degrees
 MATERIAL, POISSON = "blade", 0.33  # name of the blade's material; its ratio is not known
 ARCS = "start_nd_arc", "end_nd_arc"
 DIGITS = 12  # of thickness over chord: rounding must not tell equal sections apart
@@ -180,13 +178,10 @@ def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
                 "polars": [{"configuration": "default", "re_sets": _re_sets(polars, numbers)}],
             }
         names.append(found[key]["name"])
-    grid, names = _grid(design), [names[0], *names, names[-1]]
+    names = [names[0], *names, names[-1]]
     positions = [
         {"name": name, "spanwise_position": place, "configuration": ["default"], "weight": [1.0]}
-        for place, name, before, after in zip(
-            grid, names, [None, *names[:-1]], [*names[1:], None], strict=True
-        )
-        if not before == name == after  # between two of its own it follows
+        for place, name in zip(_grid(design), names, strict=True)
     ]
     return list(found.values()), positions
 
@@ -216,45 +211,13 @@ def _reynolds(design: Design) -> list[float]:
 
 
 def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
-    """Return the polars over angles at which a spline through them is the polar itself."""
+    """Return the polars at the knots of their splines."""
     sets = []
     for polar, number in zip(polars, numbers, strict=True):
-        alpha, lift, drag = polar_rows(polar)
-        grid = np.rad2deg(alpha)
-        columns = {"cl": lift, "cd": drag, "cm": np.zeros(grid.size)}
-        sets.append({"re": number} | {name: _curve(grid, each) for name, each in columns.items()})
+        alpha, lift, drag = polar_rows(polar).T
+        columns = {"cl": lift, "cd": drag, "cm": np.zeros(alpha.size)}
+        sets.append({"re": number} | {name: _curve(alpha, each) for name, each in columns.items()})
     return sets
-
-
-def polar_rows(polar: Polar, error: float = SMALLEST_ERROR) -> tuple[np.ndarray, ...]:
-    """Return the rows of a polar over the full circle: as few of its knots as the error allows.
-
-    Parameters
-    ----------
-    polar : Polar
-        The polar of a section.
-    error : float, optional
-        Largest error of lift and drag at the knots of a periodic cubic spline through the rows.
-
-    Returns
-    -------
-    alpha, lift, drag : ndarray of shape (n_rows,)
-        Angle of attack from -pi to pi, and the coefficients, equal at both ends.
-    """
-    count = polar.coefficients.shape[0]
-    alpha = np.deg2rad(np.arange(count + 1) * (360.0 / count) - 180.0)
-    values = polar.coefficients[np.arange(count + 1) % count][:, [0, 4]]
-    chosen = np.arange(0, count + 1, COARSEST)
-    while True:
-        spline = CubicSpline(alpha[chosen], values[chosen], bc_type="periodic")
-        off = np.max(np.abs(spline(alpha) - values), axis=1)
-        off[chosen] = 0.0
-        parts = np.split(off, chosen[1:-1])
-        worst = [start + int(np.argmax(part)) for start, part in zip(chosen, parts, strict=False)]
-        worst = [place for place in worst if off[place] > error]
-        if not worst:
-            return alpha[chosen], *values[chosen].T
-        chosen = np.union1d(chosen, worst)
 
 
 # Generator and control ----------------------------------------------------------------------------
