@@ -274,7 +274,7 @@ def polar_rows(polar: Polar) -> np.ndarray:
 def _table(polar: Polar, reynolds: float, with_suction: bool) -> str:
     """Return the lines of a polar, with the smallest pressure if it is known everywhere."""
     rows, suction = polar_rows(polar), ("", "")
-    if with_suction:
+    if with_suction and polar.suction is not None:
         pressure = -np.maximum(polar.suction[:, 0], polar.suction[:, 4])
         rows = np.column_stack((rows, np.append(pressure, pressure[0])))
         suction = "    Cpmin", "   (-)"

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 
 from hkt_mdo.dynamics.equilibrium import equilibria
+from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
@@ -210,8 +211,8 @@ def _design(source: Source) -> Table:
         if getattr(law, name) is not None:
             rows.append((name, getattr(law, name), unit, f"control.{name} of the case"))
     names, values, units, texts = zip(*rows, strict=True)
-    units = [unit or "1" for unit in units]
-    columns = _columns("design", (names, np.array(values, dtype=float), units, texts))
+    named = [unit or "1" for unit in units]
+    columns = _columns("design", (names, np.array(values, dtype=float), named, texts))
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
@@ -293,7 +294,7 @@ def steady_operation(
         If the law has no torque in equilibrium at any of these speeds.
     """
     law, world, blade = design.law, design.physics, design.blade
-    if not law.is_feedback:
+    if not isinstance(law, FeedbackLaw):
         return None
     if flow_range is None:
         speeds = [each.inflow.speed_at(each.samples) for each in world.scenarios]
