@@ -502,8 +502,6 @@ class _Motion:
 
     def _balanced(self, values, flow):
         """Return the velocities induced in equilibrium, m/s, (flow.size, 2 n_stations)."""
-        if self.plant.wake is None:
-            return None
         speed, flow = values[..., 0].ravel(), flow.ravel()
         slowest = SLOWEST_RATIO * flow / self.plant.blade.rotor_radius
         return self.plant.wake.balanced(np.maximum(speed, slowest), flow)
@@ -514,12 +512,18 @@ class _Motion:
         flat = filters.reshape(flow.size, -1)
         return self.plant.wake.rates(flat, flow.ravel(), balanced).reshape(filters.shape)
 
-    def _rates(self, values, flow, driving, control, balanced):
-        """Return the rates of all values, of their shape."""
-        dense = self._dense_rates(values, flow, driving, control)
-        if self.plant.wake is None:
-            return dense
-        return np.concatenate((dense, self._filter_rates(values, flow, balanced)), axis=-1)
+    def _rates(self, time, values, flow):
+        """Return the rates of all values, of their shape, and what they follow from.
+
+        That is the hydrodynamic and the generator torque, and the result of `_balanced`.
+        """
+        driving, control = self._torques(time, values, flow)
+        rates, balanced = self._dense_rates(values, flow, driving, control), None
+        if self.plant.wake is not None:
+            balanced = self._balanced(values, flow)
+            of_filters = self._filter_rates(values, flow, balanced)
+            rates = np.concatenate((rates, of_filters), axis=-1)
+        return rates, (driving, control, balanced)
 
     def _slope(self, time, values, flow, driving, rates):
         """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
@@ -603,14 +607,12 @@ class _Motion:
                 return None
             stages, system, driving, control = found
             begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
-            first = self._torques(time[:, :1], begin, flow[:, :1])
+            rates, (first, *_) = self._rates(time[:, :1], begin, flow[:, :1])
             path = through(edges, NODES, np.concatenate((begin, stages), axis=1))
-            balanced = self._balanced(begin, flow[:, :1])
-            rates = self._rates(begin, flow[:, :1], *first, balanced)[:, 0]
             size = magnitudes(stages, self.dense)
-            errors = step_errors(step, begin, stages, rates, system, size)
+            errors = step_errors(step, begin, stages, rates[:, 0], system, size)
             speed = np.concatenate((begin, stages), axis=1)[..., 0]
-            power = np.hstack((first[0], driving)) * speed
+            power = np.hstack((first, driving)) * speed
             share = np.abs(step[:, 0] * (power @ ERROR)) / unit
             share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
@@ -629,8 +631,8 @@ class _Motion:
         known: list = []
 
         def rates_at(stages):
-            known[:] = *self._torques(time, stages, flow), self._balanced(stages, flow)
-            return self._rates(stages, flow, *known)
+            rates, known[:] = self._rates(time, stages, flow)
+            return rates
 
         def system_at(stages, rates):
             return self._system(step, time, stages, flow, known, rates)

@@ -92,13 +92,7 @@ class Polar:
         Polar
             The weighted mean.
         """
-        with_suction = self.suction is not None and other.suction is not None
-        return Polar(
-            (1.0 - weight) * self.coefficients + weight * other.coefficients,
-            max(self.alpha_min, other.alpha_min),
-            min(self.alpha_max, other.alpha_max),
-            (1.0 - weight) * self.suction + weight * other.suction if with_suction else None,
-        )
+        return mixture((self, other), np.array([1.0 - weight, weight]))
 
     def scaled(self, lift, drag):
         """Return the polar with factors on its lift and drag, such as that of a fouled section.
@@ -192,6 +186,33 @@ class Polar:
                         "add rows near this angle, or remove rows that are too close together",
                         file=source,
                     )
+
+
+def mixture(polars, weights):
+    """Return the weighted sum of polars; it has no suction where one of them has none.
+
+    Parameters
+    ----------
+    polars : sequence of Polar
+        The polars.
+    weights : ndarray of shape (n_polars,)
+        Their weights, whose sum is one.
+
+    Returns
+    -------
+    Polar
+        Of the range that all polars have.
+    """
+
+    def mixed(name):
+        return np.tensordot(weights, np.stack([getattr(polar, name) for polar in polars]), 1)
+
+    return Polar(
+        mixed("coefficients"),
+        max(polar.alpha_min for polar in polars),
+        min(polar.alpha_max for polar in polars),
+        None if any(polar.suction is None for polar in polars) else mixed("suction"),
+    )
 
 
 @dataclass(frozen=True, eq=False)

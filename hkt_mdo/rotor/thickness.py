@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.airfoil import Polar, mixture
 from hkt_mdo.rotor.suction import require_suction
 
 BETWEEN = 9  # thicknesses between two sections at which the drag is checked
@@ -142,19 +142,7 @@ class ByThickness:
         tuple of Polar
             One polar for each thickness.
         """
-        return tuple(self._polar(weights) for weights in self.weights(thickness)[0])
-
-    def _polar(self, weights):
-        def mixed(name):
-            return np.tensordot(weights, np.stack([getattr(s, name) for s in self.sections]), 1)
-
-        with_suction = all(section.suction is not None for section in self.sections)
-        return Polar(
-            mixed("coefficients"),
-            max(section.alpha_min for section in self.sections),
-            min(section.alpha_max for section in self.sections),
-            mixed("suction") if with_suction else None,
-        )
+        return tuple(mixture(self.sections, weights) for weights in self.weights(thickness)[0])
 
     def suction_at(self, angle_of_attack, thickness):
         """Return -Cp min of both surfaces, its slopes by the angle (per rad) and by the thickness.
