@@ -623,12 +623,12 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     *_, polars, section, mixture = _arguments(blade, polar, points)
-    state = _under(blade, points, induced, polars, section, mixture[0])
+    state = _state_under(blade, points, induced, polars, section, mixture[0])
     nothing = np.zeros(state[0].shape)
     return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
 
 
-def _under(blade, tip_speed_ratio, induced, polars, section, weights):
+def _state_under(blade, tip_speed_ratio, induced, polars, section, weights):
     """Return the first seven fields of `Sections` under given induced velocities.
 
     All but the polars and the radii may have a complex step.
@@ -638,10 +638,9 @@ def _under(blade, tip_speed_ratio, induced, polars, section, weights):
     normal, tangential = 1.0 - axial, lambda_r + swirl
     phi = np.arctan2(normal.real, tangential.real)
     squared = normal**2 + tangential**2
-    if np.iscomplexobj(squared):
-        phi = phi + 1j * (np.cos(phi) * normal - np.sin(phi) * tangential).imag / np.sqrt(
-            squared.real
-        )
+    if np.iscomplexobj(squared):  # arctan2 takes no complex numbers
+        turned = np.cos(phi) * normal.imag - np.sin(phi) * tangential.imag
+        phi = phi + 1j * turned / np.sqrt(squared.real)
     around, along = blade.chord * squared * _forces(phi, blade.twist, polars, section, weights)
     speed = np.sqrt(squared)
     return phi, phi - blade.twist, axial, swirl / lambda_r, speed, along, around
@@ -685,7 +684,7 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
         moved = replace(blade, chord=blade.chord + step[1], twist=blade.twist + step[2])
         induced = induced_speeds(blade, changed, wake_ratio)
         weights = mixture[0] + step[3] * mixture[1]
-        state = _under(moved, tip_speed_ratio + step[0], induced, polars, section, weights)
+        state = _state_under(moved, tip_speed_ratio + step[0], induced, polars, section, weights)
         phi, *_, speed, normal, tangential = state
         derivatives[:, column] = np.imag((tangential, normal, phi, speed)) / STEP
     return found._replace(derivatives=derivatives)

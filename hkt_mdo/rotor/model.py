@@ -1,6 +1,6 @@
 """A rotor as one object: hydrodynamics, loads, mass and best operation of any of its blades."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -98,21 +98,6 @@ class RotorModel(Hydrodynamics):
             Inertia (kg*m**2), without the factor.
         """
         return self.hub_inertia if blade.hub_inertia is None else blade.hub_inertia
-
-    def blades_alone(self, blade):
-        """Return mass and inertia of the rotor without hub, as `mass_and_inertia`.
-
-        Parameters
-        ----------
-        blade : Blade
-            The blade.
-
-        Returns
-        -------
-        RotorMass
-            That of blades and water, times the factor.
-        """
-        return self.mass_and_inertia(replace(blade, hub_inertia=0.0))
 
     def water_inertia(self, blade, model):
         """Return the inertia of the water that a turning blade accelerates; see `water_inertia`.

@@ -123,7 +123,7 @@ def stable_hub(
     if not physics.designs_hub or found is None or found.least_inertia_kg_m2 is None:
         return None
     least, rotor = found.least_inertia_kg_m2, physics.rotor
-    blades = float(rotor.blades_alone(blade).inertia)
+    blades = float(rotor.mass_and_inertia(replace(blade, hub_inertia=0.0)).inertia)
     hub, needed = ((x * least - blades) / rotor.inertia_factor for x in (margin, MARGIN))
     low, high = physics.case.design.hub_inertia_bounds
     return float(np.clip(hub, low, high)) if needed <= high else None
