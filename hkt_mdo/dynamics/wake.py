@@ -170,7 +170,6 @@ class MeanWake(Wake):
     def behind(self, ratio, wake_ratio, flow):
         """Return the `Sections` in the wake of other tip speed ratios, (n_points,)."""
         ratio, wake_ratio = (each / np.cos(self.blade.cone) for each in (ratio, wake_ratio))
-        wake = bem.sections(self.blade, polar_in_flow(self.polar, flow), wake_ratio)
-        return bem.sections_behind(
-            self.blade, polar_in_flow(self.polar, flow), wake, wake_ratio, ratio
-        )
+        polar = polar_in_flow(self.polar, flow)
+        wake = bem.sections(self.blade, polar, wake_ratio)
+        return bem.sections_behind(self.blade, polar, wake, wake_ratio, ratio)

@@ -249,17 +249,15 @@ class Shape:
         chord_control, twist_control, thickness_control : ndarray
             In m, rad and over the chord; empty where nothing is designed.
         """
+        chord, twist = blade.chord - self.chord_offset, blade.twist - self.twist_offset
         points = []
-        for basis, rest in (
-            (self.chord_basis, blade.chord - self.chord_offset),
-            (self.twist_basis, blade.twist - self.twist_offset),
-            (self.thickness_basis, blade.thickness if self.designs_thickness else None),
-        ):
-            if rest is None:
+        for basis, rest in zip(self.bases.values(), (chord, twist, blade.thickness), strict=True):
+            if not basis.size:
                 points.append(np.empty(0))
-                continue
-            direct = basis.shape[0] == basis.shape[1]  # the stations themselves
-            points.append(rest if direct else np.linalg.lstsq(basis, rest, rcond=None)[0])
+            elif basis.shape[0] == basis.shape[1]:  # the stations themselves
+                points.append(rest)
+            else:
+                points.append(np.linalg.lstsq(basis, rest, rcond=None)[0])
         return tuple(points)
 
     def stations(self, chord_control, twist_control, thickness_control=()):
