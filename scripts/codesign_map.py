@@ -414,7 +414,7 @@ def compared(rows):
     counts = ", ".join(f"{verified[x]} of {asked[x]} with a {x} limit" for x in SHARES)
     yield (
         "Each point is two energies of the independent integration with direct BEM, both runs "
-        f"verified by every judge: {counts}. After a grid of {FIRST} × {FIRST} the other points "
+        f"verified by every check: {counts}. After a grid of {FIRST} × {FIRST} the other points "
         "were placed where the gain changes most. Where a run was refused, both were run again on "
         f"twice as many segments ({finer} of {len(rows)} points)."
     )

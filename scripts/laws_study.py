@@ -74,7 +74,7 @@ HEAD = """\
 Written by `python scripts/laws_study.py`: the paper's rotor on 40 stations, blade and law designed
 together (*designed*), or the law alone with the blade of open loop under the same limits (*kept*).
 Every energy is the captured energy of the integration with direct BEM, over an open cycle, compared
-with open loop in the same flow under the same limits. 'Refused' marks a run that its judges
+with open loop in the same flow under the same limits. 'Refused' marks a run that its checks
 refused. Flows and limits that are not in the tables were not run: `--flows` and `--limits` choose
 what is, and a flow takes about an hour.
 
@@ -126,9 +126,9 @@ def main():
             blade = best.summary.chord_m, best.summary.twist_deg
             kept[flow, limit, law, "kept"] = with_blade(each, *blade, "fixed")
     found |= run(kept)
-    flights = unseen(found, arguments.seeds, arguments.jobs)
+    runs = unseen(found, arguments.seeds, arguments.jobs)
     figure(found, arguments.table.parent / IMAGE)
-    arguments.table.write_text(page(found, flights), encoding="utf-8")
+    arguments.table.write_text(page(found, runs), encoding="utf-8")
     print(f"wrote {arguments.table}")
 
 
@@ -150,7 +150,7 @@ def case(flow, limit, law):
 
 def unseen(found, count, jobs):
     """Return what each verified design in turbulence does in other seeds, and with changes."""
-    tasks, flights, paths = {}, {}, {}
+    tasks, runs, paths = {}, {}, {}
     for (flow, limit, law, blade), solution in found.items():
         limited = POWER in LIMITS[limit][1]
         asked = flow == UNSEEN and limited and law != "open loop" and blade == "designed"
@@ -161,22 +161,22 @@ def unseen(found, count, jobs):
             name = "unseen_estimated.json" if estimated else "unseen.json"
             paths[key] = solution.folder / name
             try:
-                flights[key] = json.loads(paths[key].read_text(encoding="utf-8"))
+                runs[key] = json.loads(paths[key].read_text(encoding="utf-8"))
             except (OSError, ValueError):
-                flights[key] = {}
-            if flights[key].get("seeds") != count:
-                tasks[key] = partial(fly, solution.folder, count, estimated)
+                runs[key] = {}
+            if runs[key].get("seeds") != count:
+                tasks[key] = partial(simulated, solution.folder, count, estimated)
 
     def ended(key, future):
-        flights[key] = future.result()
-        write_json(paths[key], flights[key])
+        runs[key] = future.result()
+        write_json(paths[key], runs[key])
         print("unseen:", *key, flush=True)
 
     in_processes(tasks.items(), jobs, ended)
-    return flights
+    return runs
 
 
-def fly(folder, count, estimated=False):
+def simulated(folder, count, estimated=False):
     """Return energies and the limits' excess of one design in flows that it has not seen."""
     design = Design.of(Solution.load(folder))
     if estimated:  # the design is the same as with a sensor
@@ -185,14 +185,14 @@ def fly(folder, count, estimated=False):
     inflow = design.physics.inflow
     seeds = range(inflow.seed + 1, inflow.seed + 1 + count)
     flows = [inflow.model_copy(update={"seed": seed}) for seed in seeds]
-    quiet = [design.fly(flow) for flow in flows]
+    quiet = [design.simulate(flow) for flow in flows]
     noisy = [
         fly_noisy(design, flow, SENSOR, 1, seed) for seed, flow in zip(seeds, flows, strict=True)
     ]
     shares, excess = zip(*(exceeded(design, each) for each in (*quiet, *noisy)), strict=True)
-    own = design.fly(inflow)
+    own = design.simulate(inflow)
     changed = {
-        f"{name} {100.0 * (factor - 1.0):+.0f} %": altered(design, name, factor).fly(inflow)
+        f"{name} {100.0 * (factor - 1.0):+.0f} %": altered(design, name, factor).simulate(inflow)
         for name, factor in product(CHANGES, (0.9, 1.1))
     }
     n = len(flows)
@@ -211,17 +211,17 @@ def fly(folder, count, estimated=False):
     }
 
 
-def exceeded(design, flight):
+def exceeded(design, run):
     """Return the share of time in which a limit is exceeded by 0.1 %, and by how much at most."""
     physics, blade = design.physics, design.plant.blade
     known = {
-        "time": flight.time,
-        "inflow_speed": flight.inflow_speed,
-        "rotor_speed": flight.rotor_speed,
-        "control_torque": flight.control_torque,
-        "hydrodynamic_torque": flight.hydrodynamic_torque,
-        "tip_speed_ratio": flight.rotor_speed * blade.rotor_radius / flight.inflow_speed,
-        "generator_power": flight.control_torque * flight.rotor_speed,
+        "time": run.time,
+        "inflow_speed": run.inflow_speed,
+        "rotor_speed": run.rotor_speed,
+        "control_torque": run.control_torque,
+        "hydrodynamic_torque": run.hydrodynamic_torque,
+        "tip_speed_ratio": run.rotor_speed * blade.rotor_radius / run.inflow_speed,
+        "generator_power": run.control_torque * run.rotor_speed,
     } | physics.scalars(blade, design.plant.inertia)
     known |= physics.loads_along(blade, known, physics.load_names)
     over = [each.excess(known) for each in physics.limits if each.caps_series]
@@ -245,14 +245,14 @@ def altered(design, name, factor):
 # The page ----------------------------------------------------------------------------------------
 
 
-def page(found, flights):
-    """Return the page for the solutions, and the flights in other flows, by their keys."""
-    parts = [HEAD, *turbulence(found), *answer(found, flights)]
+def page(found, runs):
+    """Return the page for the solutions, and the runs in other flows, by their keys."""
+    parts = [HEAD, *turbulence(found), *answer(found, runs)]
     parts += [f"![energy below open loop]({IMAGE})", "", *false_optima(found)]
     for flow in dict.fromkeys(key[0] for key in found):
         parts += table(found, flow)
         parts += delivered(found) if flow == "sine" else []
-    return "\n".join([*parts, *blades(found), *seeds(flights), *robustness(flights)])
+    return "\n".join([*parts, *blades(found), *seeds(runs), *robustness(runs)])
 
 
 def turbulence(found):
@@ -410,10 +410,10 @@ def blades(found):
     return [*title, *markdown_table([*header, "largest C_P"], rows), ""] if rows else []
 
 
-def seeds(flights):
+def seeds(runs):
     """Return what designs do in turbulence that they have not seen."""
     rows = []
-    for (_, limit, law, _), each in flights.items():
+    for (_, limit, law, _), each in runs.items():
         time = (f"{100.0 * share:.2f}" for share in each["share_of_time"])
         size = (f"{100.0 * max(over, 0.0):.1f}" for over in each["excess"])
         pairs = zip(each["noisy_energy_J"], each["energy_J"], strict=True)
@@ -427,7 +427,7 @@ def seeds(flights):
         return []
     words = (
         "Each design made in turbulence of 10 % was simulated in "
-        f"{max(each['seeds'] for each in flights.values())} other seeds, with a perfect sensor "
+        f"{max(each['seeds'] for each in runs.values())} other seeds, with a perfect sensor "
         f"(quiet) and with one whose noise is {SENSOR.snr:g} dB below the signal, at "
         f"{SENSOR.rate:g} Hz and without a filter (noisy). The table has the share of time in "
         "which a limit is exceeded by more than 0.1 %, the largest excess, the change of the "
@@ -438,10 +438,10 @@ def seeds(flights):
     return ["## Flows that the design has not seen", "", *body]
 
 
-def robustness(flights):
+def robustness(runs):
     """Return what ten per cent of density, lift and inertia do to the energy."""
     rows, header = [], ["limits", "law"]
-    for (_, limit, law, _), each in flights.items():
+    for (_, limit, law, _), each in runs.items():
         header = ["limits", "law", *each["changed"]]
         cells = ("stalls" if x is None else f"{100.0 * x:+.2f}" for x in each["changed"].values())
         rows.append([limit, law, *cells])
@@ -451,7 +451,7 @@ def robustness(flights):
     return ["## Robustness", "", words, "", *markdown_table(header, rows), ""]
 
 
-def answer(found, flights):
+def answer(found, runs):
     """Return the answer in a few sentences, then how many runs it rests on."""
     pairs = list(dict.fromkeys(key[:2] for key in found))
     free = [pair for pair in pairs if POWER not in LIMITS[pair[1]][1]]
@@ -503,7 +503,7 @@ def answer(found, flights):
             "there (with induction in equilibrium), "
             f"and each loses {min(least):.2g} % or more, tracking at most {tracked[-1]:.2g} %."
         )
-    sentences.append(breaking(flights))
+    sentences.append(breaking(runs))
 
     def refused(blade, place, word):
         """Return how many runs with a blade were refused, by the law or the limits."""
@@ -557,24 +557,24 @@ def underspeed(solution):
     return any(each.taken and each.name == "underspeed" for each in solution.summary.branches)
 
 
-def breaking(flights):
+def breaking(runs):
     """Return a sentence on flows that no design has seen."""
-    if not flights:
+    if not runs:
         return ""
-    stalls, flown = {}, {}
-    for (_, _, law, _), each in flights.items():
+    stalls, runs_of_law = {}, {}
+    for (_, _, law, _), each in runs.items():
         stalls[law] = stalls.get(law, 0) + each["stopped"]
-        flown[law] = flown.get(law, 0) + each["seeds"]
-    lag = [each["excess"][0] for key, each in flights.items() if key[2] == TRACKING]
+        runs_of_law[law] = runs_of_law.get(law, 0) + each["seeds"]
+    lag = [each["excess"][0] for key, each in runs.items() if key[2] == TRACKING]
     told = TRACKING, ESTIMATED
-    static = [each["excess"] for key, each in flights.items() if key[2] not in told]
+    static = [each["excess"] for key, each in runs.items() if key[2] not in told]
     quiet, noisy = (100.0 * max(0.0, *ends) for ends in zip(*static, strict=True))
     fell = " and in ".join(
-        f"{count} of {flown[law]} simulations of {named(law)}"
+        f"{count} of {runs_of_law[law]} simulations of {named(law)}"
         for law, count in stalls.items()
         if count
     )
-    count = max(each["seeds"] for each in flights.values())
+    count = max(each["seeds"] for each in runs.values())
     kept = f"exceed limits by up to {quiet:.1f} %"
     if quiet < 0.05:
         kept = "keep every limit"
@@ -601,7 +601,7 @@ TITLES = {
     "and 6.5 kN": "700 N m, 5 kW and 6.5 kN of thrust",
     "all": "All: 700 N m, 5 kW, 6.5 kN, 11 rad/s, 100 MPa, no cavitation at 3 m",
 }
-FOOT = f"\u00d7: refused by its judges; the shortest bars: less than {LEAST:g} %"
+FOOT = f"\u00d7: refused by its checks; the shortest bars: less than {LEAST:g} %"
 
 
 def panel(ax, found, limit, foot=""):

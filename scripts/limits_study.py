@@ -143,7 +143,7 @@ def page(found):
             *optimum_without(found["free/oloc"]),
             *costs(found, free),
             *unresolved(found),
-            *worths(found),
+            *shadow_prices(found),
             *fronts_text(found, free),
             *branches_text(found),
             *sequential_text(found),
@@ -328,7 +328,7 @@ def unresolved(found):
     )
 
 
-def worths(found):
+def shadow_prices(found):
     """Return which limits bind, when, and what one per cent more of each would give."""
     rows = []
     for limit in LIMITS:

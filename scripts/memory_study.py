@@ -28,8 +28,8 @@ from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem import wake
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.flight import Flown
 from hkt_mdo.run.memory import stability
+from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.other_flows import runs_of
 
 PAPER = (*CODESIGN, "sine_baseline_oloc")
@@ -167,7 +167,9 @@ def simulated(folders):
 
 def flown_of(run):
     """Return a run's integration, with the quantities that are reported of it."""
-    return Flown.of(run.design.physics, run.design.plant, run.simulation, run.design.controller)
+    return SimulatedDesign.of(
+        run.design.physics, run.design.plant, run.simulation, run.design.controller
+    )
 
 
 def the_map(reference, other, image):
@@ -313,7 +315,7 @@ def designed(out):
         memory = solved(out / place_of(name, overrides, "_oye"), name, (*overrides, *OYE))
         memory = Solution.load(memory)
         both = quiet, memory
-        (flown,) = runs_of(quiet, "design", memory=True)
+        (run,) = runs_of(quiet, "design", memory=True)
         found, loop = memory.summary, memory.summary.memory
         off = percent(found.simulated_energy_J, found.energy_J)
         gap = {each.name: each.value for each in found.checks}.get("two_filters_speed")
@@ -323,7 +325,7 @@ def designed(out):
             (
                 label,
                 f"{quiet.summary.simulated_energy_J / 1e3:.2f}",
-                flown.outcome.split(";")[0],
+                run.outcome.split(";")[0],
                 f"{found.simulated_energy_J / 1e3:.2f}" if found.simulated_energy_J else "-",
                 "-" if off is None else f"{off:+.3f} %",
                 "-" if gap is None else f"{100.0 * gap:.2f} %",

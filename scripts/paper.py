@@ -119,7 +119,7 @@ def _one_ensemble(source, flow, sensor, repeats, seed):
     design = Design.of(Solution.load(source))
     inflow = flow_named(flow, design.physics.inflow)
     if sensor is None:
-        run = design.fly(inflow)
+        run = design.simulate(inflow)
         energy = run.energy if run.stopped_at is None else None
         result = {"energy_J": energy, "stopped_at_s": run.stopped_at}
     else:

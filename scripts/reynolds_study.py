@@ -80,17 +80,17 @@ def describe(solution, local=None):
         "chord_m": float(chord),
     }
     if local is not None and summary["gain"] is not None:
-        figures["in_local_polars_J"] = flown(solution, local)  # None if the rotor stops
+        figures["in_local_polars_J"] = in_local_polars(solution, local)  # None if the rotor stops
     return figures
 
 
-def flown(invariant, local):
+def in_local_polars(invariant, local):
     """Return the energy (J) of an invariant feedback design in the flow with local polars."""
     world = physics(local.case)
     design = Design.of(invariant)
     inertia = world.mass_and_inertia(design.plant.blade)[1]
     plant = replace(design.plant, polar=world.polar, inertia=inertia)
-    found = replace(design, plant=plant).fly(world.inflow)
+    found = replace(design, plant=plant).simulate(world.inflow)
     return None if found.stopped_at is not None else found.energy
 
 

@@ -43,7 +43,7 @@ Written by `scripts/turbulent_hour.py`; each case is one `hkt run` from the comm
 |---|---|---|---|---|---|---|
 {judges}
 
-Energy is that of the independent simulation. Errors are those of the judges: collocation against
+Energy is that of the independent simulation. Errors are those of the checks: collocation against
 the independent integration with direct BEM
 (limits 2e-4 in energy and 1e-2 in speed), curve against direct BEM (1e-4).
 

@@ -237,9 +237,11 @@ def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
         assert solution.success, solution.message
     assert found.gain == pytest.approx(expected.gain, rel=5e-3)  # flat, by curves of 1e-5
     assert found.energy == pytest.approx(expected.energy, rel=1e-5)
-    flown = [each.summary.scenarios["flow_1"] for each in (found, expected)]
-    assert flown[0].simulated_energy_J == pytest.approx(flown[1].simulated_energy_J, rel=1e-5)
-    assert flown[0].limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
+    simulated = [each.summary.scenarios["flow_1"] for each in (found, expected)]
+    assert simulated[0].simulated_energy_J == pytest.approx(
+        simulated[1].simulated_energy_J, rel=1e-5
+    )
+    assert simulated[0].limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
     nominal = physics(load_case(data))
     inertia = physics(load_case(data | whole)).mass_and_inertia(nominal.blade)[1]
     assert inertia == pytest.approx(1.3 * nominal.mass_and_inertia(nominal.blade)[1], rel=1e-14)

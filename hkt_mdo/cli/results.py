@@ -105,7 +105,7 @@ def report(
 ) -> None:
     """Write a report of one result, or of several side by side, as one HTML page (docs/report.md).
 
-    A browser opens it from disk, without a network. It has the verdict with every judge, figures of
+    A browser opens it from disk, without a network. It has the verdict with every check, figures of
     merit, the blade as a solid that can be turned, operation over the flow speed and over time,
     limits, convergence, and what is not modelled. It needs the extra report:
     pip install 'hkt_mdo[report]'.

@@ -1,6 +1,6 @@
 """Limits on a design and its operation, each defined once.
 
-Optimization, judges, `hkt check`, summary and figures get its value from the limit; nothing else
+Optimization, checks, `hkt check`, summary and figures get its value from the limit; nothing else
 knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
 """
 

@@ -230,7 +230,7 @@ _LARGEST = {
 
 
 def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry | None]]]:
-    """Return the judges by name, those that refused a result first, with a check a result."""
+    """Return the checks by name, those that refused a result first, with a check a result."""
     entries = [{x.name: x for x in each.summary.checks or ()} for each in solutions]
     names = dict.fromkeys(name for each in entries for name in each)
     rows = [(limit_words(name), [each.get(name) for each in entries]) for name in names]

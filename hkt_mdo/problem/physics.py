@@ -69,7 +69,7 @@ START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as 
 
 @dataclass(frozen=True, eq=False)
 class Physics:
-    """What a case describes, as the values that the optimization and the judges work with.
+    """What a case describes, as the values that the optimization and the checks work with.
 
     `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
     its design variables; `rotor` computes inertia, torque and loads of any such blade; `turbine`

@@ -32,7 +32,7 @@ class Beaten(NamedTuple):
     result, by : Solution
     gain : float
         By how much the other's objective is better, as a share; infinite where the result was
-        refused by its judges and the other one was not.
+        refused by its checks and the other one was not.
     """
 
     result: Solution

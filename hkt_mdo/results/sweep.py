@@ -26,7 +26,7 @@ from hkt_mdo.results.words import PREFIXED, plain_unit, prefixed
 
 TABLE = "table.csv"
 VERIFIED, REFUSED, ERROR = "verified", "refused", "error"
-"""States of a run: a success; a result that its judges refused; none, see its message."""
+"""States of a run: a success; a result that its checks refused; none, see its message."""
 MAX_BYTES = 1024**3
 _MERITS = (
     *("simulated_energy_J", "generator_energy_J", "electrical_energy_J", "energy_bound_J"),

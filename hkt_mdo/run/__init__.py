@@ -1,1 +1,1 @@
-"""Running a case: passes, judges, summary, check, batch."""
+"""Running a case: passes, checks, summary, check, batch."""

@@ -33,9 +33,9 @@ from hkt_mdo.results.words import (
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
+from hkt_mdo.run.checks import FLOW_ERROR, designed, in_case
 from hkt_mdo.run.findings import Findings, Flow, problem_size
-from hkt_mdo.run.flight import start_against_friction
-from hkt_mdo.run.judge import FLOW_ERROR, designed, in_case
+from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
@@ -266,7 +266,7 @@ def _unresolved(found: Findings, flow: Flow) -> Rows:
         yield _warning(
             "inflow",
             f"up to {100.0 * missed:.2g} % of the flow's speed is missed between the instants at "
-            f"which limits are judged: give a shorter phase.duration{lower}",
+            f"which limits are checked: give a shorter phase.duration{lower}",
         )
 
 

@@ -12,10 +12,10 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.flight import Flight, Optimized, fly, simulated_objective
-from hkt_mdo.run.judge import BELOW_START, judge
+from hkt_mdo.run.checks import BELOW_START, checks_of
 from hkt_mdo.run.optimization import assembled
 from hkt_mdo.run.state import RunState
+from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
 from hkt_mdo.start.find import bounding_optimum
 
 
@@ -30,7 +30,7 @@ class Checked:
     physics : Physics
         On the mesh of the result.
     result : Optimized
-    flights : tuple of Flight
+    verifications : tuple of Verification
         The integration in each scenario.
     optimum : SteadyOptimum
         That which bounds the energy of the optimized blade.
@@ -42,7 +42,7 @@ class Checked:
     start: StartingPoint
     physics: Physics
     result: Optimized
-    flights: tuple[Flight, ...]
+    verifications: tuple[Verification, ...]
     optimum: SteadyOptimum
     reference: float
     checks: list[CheckEntry]
@@ -55,15 +55,15 @@ class Checked:
         reference: float,
         physics: Physics,
         result: Optimized,
-        flights: tuple[Flight, ...] | None = None,
+        verifications: tuple[Verification, ...] | None = None,
     ) -> Checked:
         """Return a result with its checks; its integrations may be given."""
-        flights = flights or fly(physics, result)
+        verifications = verifications or verify(physics, result)
         if result.objective < (1.0 - BELOW_START) * reference:
             reference = min(reference, _moving_reference(state, start, result))
         optimum = bounding_optimum(physics, state.optimum, result.point.blade)
-        checks = judge(physics, optimum, reference, result, flights, start.starts)
-        return cls(start, physics, result, flights, optimum, reference, checks)
+        checks = checks_of(physics, optimum, reference, result, verifications, start.starts)
+        return cls(start, physics, result, verifications, optimum, reference, checks)
 
     @property
     def passed(self) -> bool:
@@ -79,7 +79,7 @@ class Checked:
         """
         large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
         refused = sum(not check.passed for check in self.checks)
-        worth = self.physics.objective.sign * simulated_objective(self.physics, self.flights)
+        worth = self.physics.objective.sign * simulated_objective(self.physics, self.verifications)
         return -large, -refused, worth
 
 
@@ -110,14 +110,18 @@ def _moving_reference(state, start, result) -> float:
     A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
     """
     physics = state.first
-    flights = fly(physics, as_it_stands(state, physics, start, result))
-    for flight in flights:
-        limits = physics.limits_in(flight.scenario)
+    verifications = verify(physics, as_it_stands(state, physics, start, result))
+    for verification in verifications:
+        limits = physics.limits_in(verification.scenario)
         # a law with states has other states over time than in equilibrium
-        over = [np.max(x.excess(at)) for x in limits for at in (flight.at_nodes, flight.flown)]
-        if flight.simulation.stopped_at is not None or max(over) > START_EXCESS:
+        over = [
+            np.max(x.excess(at))
+            for x in limits
+            for at in (verification.at_nodes, verification.simulated)
+        ]
+        if verification.simulation.stopped_at is not None or max(over) > START_EXCESS:
             return 0.0
-    return simulated_objective(physics, flights)
+    return simulated_objective(physics, verifications)
 
 
 def as_it_stands(

@@ -8,8 +8,8 @@ from __future__ import annotations
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.checked import Checked, as_it_stands
-from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
+from hkt_mdo.run.verification import Optimized
 
 FEW_ITERATIONS = 300
 """Iterations below which `driver.max_iterations` is probably too small; most runs need a tenth."""

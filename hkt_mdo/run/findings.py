@@ -21,8 +21,8 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.run.checks import energy_bound
 from hkt_mdo.run.groups import by_scenario
-from hkt_mdo.run.judge import energy_bound
 from hkt_mdo.start.find import find_start
 
 # range over the best tip speed ratio in which a rotor may operate during the design

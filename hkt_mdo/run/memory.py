@@ -20,7 +20,7 @@ from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.run.flight import Flown, HeldSpeeds, Optimized, controller_of, plant_of
+from hkt_mdo.run.verification import HeldSpeeds, Optimized, SimulatedDesign, controller_of, plant_of
 
 HOPELESS = 0.5
 """Share of the least stable inertia below which a case with memory is not optimized."""
@@ -36,12 +36,14 @@ LEAST_RATIO = 2.0
 """Tip speed ratio below which the filters do not hold (docs/theory.md)."""
 
 
-def stability(flights: Sequence[Flown], tau1: float | None = None) -> MemoryEntry | None:
+def stability(
+    verifications: Sequence[SimulatedDesign], tau1: float | None = None
+) -> MemoryEntry | None:
     """Return how stable the loops of some integrations are with Oye's filters of the wake.
 
     Parameters
     ----------
-    flights
+    verifications
         Integrations of one design without memory. Only instants with a tip speed ratio of at least
         `LEAST_RATIO` count.
     tau1
@@ -53,12 +55,12 @@ def stability(flights: Sequence[Flown], tau1: float | None = None) -> MemoryEntr
         Of the instant at which the loop is least stable; None where the rotor does not turn.
     """
     along = []
-    for flight in flights:
-        run = flight.simulation
-        if isinstance(flight.controller, HeldSpeeds):  # of an open loop in steady flows
+    for verification in verifications:
+        run = verification.simulation
+        if isinstance(verification.controller, HeldSpeeds):  # of an open loop in steady flows
             continue
         series = run.time, run.rotor_speed, run.inflow_speed, *run.states
-        along.append((flight.plant.with_memory(tau1), flight.controller, series))
+        along.append((verification.plant.with_memory(tau1), verification.controller, series))
     return _verdict(along)
 
 

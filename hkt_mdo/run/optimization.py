@@ -9,8 +9,8 @@ from hkt_mdo.problem.build import assemble, make_driver, point_of, series
 from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
-from hkt_mdo.run.flight import Optimized
 from hkt_mdo.run.state import RunState
+from hkt_mdo.run.verification import Optimized
 from hkt_mdo.solve.drivers import Outcome
 
 MOST_ROWS = 500

@@ -20,12 +20,12 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
 from hkt_mdo.run.checked import Checked, quasi_steady_reference
-from hkt_mdo.run.flight import Flight, Optimized, fly, may_tabulate
-from hkt_mdo.run.judge import curve_errors
+from hkt_mdo.run.checks import curve_errors
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
 from hkt_mdo.run.refine import Division, divided, division, exceeded, lowered
 from hkt_mdo.run.state import RunState
+from hkt_mdo.run.verification import Optimized, Verification, may_tabulate, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
@@ -67,7 +67,7 @@ class Task:
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
-    optimum : tuple of Physics, Optimized and flights, or None
+    optimum : tuple of Physics, Optimized and verifications, or None
         The last optimum.
     """
 
@@ -81,7 +81,7 @@ class Task:
     verified: bool | None = None
     objective: float = np.inf
     coarser: tuple[float, ...] = ()
-    optimum: tuple[Physics, Optimized, tuple[Flight, ...]] | None = None
+    optimum: tuple[Physics, Optimized, tuple[Verification, ...]] | None = None
 
     @classmethod
     def first(cls, physics: Physics, start: StartingPoint, reference: float, **others) -> Task:
@@ -146,9 +146,9 @@ class Pass:
         return self.memory is not None and not self.memory.stable
 
     @cached_property
-    def flights(self) -> tuple[Flight, ...]:
+    def verifications(self) -> tuple[Verification, ...]:
         """The integration of the end in each scenario."""
-        return fly(self.physics, self.result, self.approximate)
+        return verify(self.physics, self.result, self.approximate)
 
     @cached_property
     def curve_error(self) -> float:
@@ -158,7 +158,7 @@ class Pass:
     @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
-        return division(self.physics, self.result, self.flights, self.task.coarser)
+        return division(self.physics, self.result, self.verifications, self.task.coarser)
 
     def next(self, why: str, *, physics: Physics | None = None, **changes) -> Task:
         """Return the next optimization, with changes of the setup, or on another mesh."""
@@ -166,7 +166,7 @@ class Pass:
         optimum, objective = task.optimum, task.objective
         if not self.failed:
             result = replace(self.result, mesh_error=self.division.error)
-            optimum, objective = (self.physics, result, self.flights), result.objective
+            optimum, objective = (self.physics, result, self.verifications), result.objective
         coarser = task.coarser
         if physics is not None:
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
@@ -202,7 +202,7 @@ class Pass:
         If this pass failed, it is the last optimum; a finer mesh that converged gives the error of
         its mesh.
         """
-        task, physics, result, flights = self.task, self.physics, self.result, None
+        task, physics, result, verifications = self.task, self.physics, self.result, None
         if self.failed and task.optimum:
             physics, result, _ = task.optimum
             if self.converged:
@@ -210,8 +210,8 @@ class Pass:
                 result = replace(result, mesh_error=max(error, result.mesh_error))
         elif self.converged:
             result = replace(result, mesh_error=self.division.error)
-            flights = None if self.approximate else self.flights
-        return Checked.of(self.state, task.start, task.reference, physics, result, flights)
+            verifications = None if self.approximate else self.verifications
+        return Checked.of(self.state, task.start, task.reference, physics, result, verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -261,7 +261,7 @@ def refine(this: Pass) -> Task | None:
         reasons.append(this.division.why)
         finer, shares = divided(physics, this.division, setup.shares)
     else:
-        shares, worst = lowered(physics, setup, this.flights)
+        shares, worst = lowered(physics, setup, this.verifications)
         if worst:
             reasons.append(exceeded(worst))
     if not reasons:

@@ -13,8 +13,8 @@ from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
 from hkt_mdo.rotor.scales import power_scale
-from hkt_mdo.run.flight import Flight, Optimized
-from hkt_mdo.run.judge import MESH_ERROR, SPEED_ERROR, is_false, most_between
+from hkt_mdo.run.checks import MESH_ERROR, SPEED_ERROR, is_false, most_between
+from hkt_mdo.run.verification import Optimized, Verification
 
 NEAR_LIMIT = 1e-4
 """Relative distance from its bound within which a limit binds at a node."""
@@ -99,7 +99,7 @@ def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics
 
 
 def lowered(
-    physics: Physics, setup: Setup, flights: tuple[Flight, ...]
+    physics: Physics, setup: Setup, verifications: tuple[Verification, ...]
 ) -> tuple[dict[tuple[str, str], np.ndarray], float]:
     """Return the shares of lowered limits, and the largest excess; 0 where none is lowered.
 
@@ -108,16 +108,16 @@ def lowered(
     """
     shares, worst = dict(setup.shares), 0.0
     lowest = 1.0 - (MOST_EXCEEDED if physics.remembers else MOST_LOWERED)
-    for flight in flights:
-        for limit in held(physics, flight.scenario):
+    for verification in verifications:
+        for limit in held(physics, verification.scenario):
             if not np.isfinite(limit.upper):
                 continue
             most = most_between(limit)
-            over, _ = flight.between_nodes(limit)
-            share = reached = setup.share(limit, flight.scenario)
-            if flight.two_filters is not None:
+            over, _ = verification.between_nodes(limit)
+            share = reached = setup.share(limit, verification.scenario)
+            if verification.two_filters is not None:
                 # all stations may exceed a limit that the two filters of the nodes do not reach
-                own = 1.0 + limit.excess(flight.at_nodes)
+                own = 1.0 + limit.excess(verification.at_nodes)
                 reached = np.minimum(share, own.reshape(share.size, -1).max(axis=1))
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
             helps = (share > lowest) & (over < MOST_EXCEEDED)
@@ -125,7 +125,7 @@ def lowered(
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
                 lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
-                shares[limit.name, flight.scenario.name] = lower
+                shares[limit.name, verification.scenario.name] = lower
     return shares, worst
 
 
@@ -135,7 +135,10 @@ def exceeded(worst: float) -> str:
 
 
 def division(
-    physics: Physics, result: Optimized, flights: tuple[Flight, ...], before: Sequence[float]
+    physics: Physics,
+    result: Optimized,
+    verifications: tuple[Verification, ...],
+    before: Sequence[float],
 ) -> Division:
     """Return by how much a finer mesh may change the objective, and the segments to divide.
 
@@ -153,25 +156,27 @@ def division(
 
     Parameters
     ----------
-    physics, result, flights
+    physics, result, verifications
         An optimization's end, integrated.
     before
         Objectives on the coarser meshes, J, the last one's at the end.
     """
-    coarse, error = _contradicted(physics, flights, before), 0.0
-    for marks, flight in zip(coarse, flights, strict=True):
-        if flight.scenario.steady:  # has no mesh
+    coarse, error = _contradicted(physics, verifications, before), 0.0
+    for marks, verification in zip(coarse, verifications, strict=True):
+        if verification.scenario.steady:  # has no mesh
             continue
-        for limit in held(physics, flight.scenario) if len(before) < MOST_DIVISIONS else ():
-            over = flight.of_model.between_nodes(limit)[0]
-            nodes = limit.excess(flight.of_model.at_nodes).reshape(marks.size, -1)
+        for limit in held(physics, verification.scenario) if len(before) < MOST_DIVISIONS else ():
+            over = verification.of_model.between_nodes(limit)[0]
+            nodes = limit.excess(verification.of_model.at_nodes).reshape(marks.size, -1)
             # what is exceeded at the nodes as well, no division corrects
             found = (over > most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
-            lost = np.sum(_energies(flight, result.energy), axis=1) @ np.where(found, over, 0.0)
+            lost = np.sum(_energies(verification, result.energy), axis=1) @ np.where(
+                found, over, 0.0
+            )
             if lost > LOST or np.max(over) > MOST_LOWERED:
                 marks |= found
     if not physics.law.is_feedback:
-        error = _open_loop(physics, result, flights, coarse, before)
+        error = _open_loop(physics, result, verifications, coarse, before)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
     mesh = physics.scenarios[0].mesh
@@ -186,17 +191,17 @@ def division(
     return Division(float(error), [np.where(marks, _parts(physics), 1) for marks in coarse])
 
 
-def _contradicted(physics, flights, before) -> list[np.ndarray]:
+def _contradicted(physics, verifications, before) -> list[np.ndarray]:
     """Return the segments in which the integration contradicts the collocation."""
-    coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in flights]
-    if not is_false(flights):
+    coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in verifications]
+    if not is_false(verifications):
         return coarse
     # where only the energies differ, speeds differ less than is allowed
-    worst = max(np.max(flight.speed_errors) for flight in flights)
-    for marks, flight in zip(coarse, flights, strict=True):
-        if flight.scenario.steady:
+    worst = max(np.max(verification.speed_errors) for verification in verifications)
+    for marks, verification in zip(coarse, verifications, strict=True):
+        if verification.scenario.steady:
             continue
-        errors = flight.speed_errors.reshape(marks.size, -1)
+        errors = verification.speed_errors.reshape(marks.size, -1)
         marks |= np.max(errors, axis=1) > COARSE_SPEED * min(SPEED_ERROR, worst)
     # the second time it is another trajectory, which no mesh corrects; Radau's ends are free
     radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
@@ -205,10 +210,10 @@ def _contradicted(physics, flights, before) -> list[np.ndarray]:
     return coarse
 
 
-def _open_loop(physics, result, flights, coarse, before) -> float:
+def _open_loop(physics, result, verifications, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
     best = physics.rotor.best_operation(result.point.blade).power_coefficient
-    left = [_left(physics, flight, result.energy, best) for flight in flights]
+    left = [_left(physics, verification, result.energy, best) for verification in verifications]
     known = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
@@ -216,10 +221,12 @@ def _open_loop(physics, result, flights, coarse, before) -> float:
     error = change if rates and before else min(change / (_parts(physics) - 1), known)
     if error <= MESH_ERROR and (before or not rates):
         return error
-    for marks, flight, own in zip(coarse, flights, left, strict=True):
-        if flight.scenario.steady:
+    for marks, verification, own in zip(coarse, verifications, left, strict=True):
+        if verification.scenario.steady:
             continue
-        marks |= _switches(physics, flight) | (own > 0.0 if rates and not before else _most(own))
+        marks |= _switches(physics, verification) | (
+            own > 0.0 if rates and not before else _most(own)
+        )
     return error
 
 
@@ -238,9 +245,9 @@ def held(physics: Physics, scenario: Scenario) -> list[Limit]:
     return [limit for limit in physics.limits_in(scenario) if limit.constrains(physics.law)]
 
 
-def _switches(physics, flight) -> np.ndarray:
+def _switches(physics, verification) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
-    scenario, nodes = flight.scenario, flight.at_nodes
+    scenario, nodes = verification.scenario, verification.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
     for limit in held(physics, scenario):
         binds = limit.excess(nodes) > -NEAR_LIMIT
@@ -252,7 +259,7 @@ def _switches(physics, flight) -> np.ndarray:
     return found
 
 
-def _left(physics, flight, energy, best) -> np.ndarray:
+def _left(physics, verification, energy, best) -> np.ndarray:
     """Return the energy that the mesh may lose in every segment, as a share of the whole.
 
     In a segment in which a limit binds at a node, the polynomials keep it at the others as well, at
@@ -260,15 +267,17 @@ def _left(physics, flight, energy, best) -> np.ndarray:
     it is the difference of the power coefficient from its largest, `best`, if the objective is that
     energy.
     """
-    scenario, nodes = flight.scenario, flight.at_nodes
+    scenario, nodes = verification.scenario, verification.at_nodes
     if scenario.steady:
         return np.zeros(scenario.segments)
-    flown = flight.integrated
+    simulated = verification.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and physics.starting_generator is None:
         density = physics.of(scenario).density
-        scale = power_scale(density, flight.scalars["rotor_radius"], flown["inflow_speed"])
-        short = scale * best - flown["hydrodynamic_power"]
+        scale = power_scale(
+            density, verification.scalars["rotor_radius"], simulated["inflow_speed"]
+        )
+        short = scale * best - simulated["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)
     over = [limit.excess(nodes) for limit in held(physics, scenario)]
@@ -277,13 +286,15 @@ def _left(physics, flight, energy, best) -> np.ndarray:
     room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)
     room = room.reshape(scenario.segments, -1)
     binds = np.min(room, axis=1) < NEAR_LIMIT
-    return np.where(binds, np.sum(room * _energies(flight, energy), axis=1), np.maximum(short, 0.0))
+    return np.where(
+        binds, np.sum(room * _energies(verification, energy), axis=1), np.maximum(short, 0.0)
+    )
 
 
-def _energies(flight, energy) -> np.ndarray:
+def _energies(verification, energy) -> np.ndarray:
     """Return the shares of the nodes of every segment in the energy, (segments, nodes)."""
-    scenario = flight.scenario
-    power = np.abs(flight.trajectory["hydrodynamic_power"]) * scenario.node_weights
+    scenario = verification.scenario
+    power = np.abs(verification.trajectory["hydrodynamic_power"]) * scenario.node_weights
     return power.reshape(scenario.segments, -1) * (scenario.weight / abs(energy))
 
 

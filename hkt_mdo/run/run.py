@@ -1,8 +1,8 @@
-"""Run a case: optimize, integrate independently, judge, record.
+"""Run a case: optimize, integrate independently, check, record.
 
 A result is a success only if the optimizer converged and an integration that shares neither torque
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree
-(`hkt_mdo.run.judge`).
+(`hkt_mdo.run.checks`).
 
 A run can be killed at any moment: files appear whole or not at all, `success` is false until all
 else is written, and `resume_case` continues from the last iterate in `iterate.json`.
@@ -30,18 +30,18 @@ from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_te
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.run.checked import Checked, quasi_steady_reference
+from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.fallback import best_of, first_remedy
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.iterate import Earlier, read_iterate
-from hkt_mdo.run.judge import explain_all
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
+from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import Progress, RunState
 from hkt_mdo.run.summary import Finished, summarize, write_tables
-from hkt_mdo.run.worth import worths
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
 from hkt_mdo.start.find import find_start
@@ -89,7 +89,7 @@ def run_case(
     Returns
     -------
     Solution
-        Loaded from the folder; its `success` says whether all judges agreed.
+        Loaded from the folder; its `success` says whether all checks agreed.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
         state = RunState(physics, log, scratch, *calls, len(earlier.history))
         try:
             with _termination_interrupts(state):
-                finished = _optimize_and_judge(state, earlier, out, records)
+                finished = _optimize_and_verify(state, earlier, out, records)
             update = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=update)
         except InputError as error:
@@ -201,7 +201,7 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     return solution
 
 
-def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: bool) -> Summary:
+def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: bool) -> Summary:
     """Return the summary of a run; its tables are written."""
     start, reference = earlier.start, earlier.reference
     if start is None:
@@ -214,13 +214,15 @@ def _optimize_and_judge(state: RunState, earlier: Earlier, out: Path, records: b
     refused, held, gains = explain_all(end.checks, remedy), "", {}
     if refused:
         best, held = best_of(state, end)
-    physics, result, flights = best.physics, best.result, best.flights
+    physics, result, verifications = best.physics, best.result, best.verifications
     converged = result.outcome.success
     if converged:
-        gains = worths(physics, result, [each.at_nodes for each in flights], state.scratch)
+        gains = shadow_prices(
+            physics, result, [each.at_nodes for each in verifications], state.scratch
+        )
     breaks = state.first.broken_limits(best.start)
     parts = Finished(
-        physics, best.optimum, best.start, breaks, result, flights, best.checks, remedy, gains
+        physics, best.optimum, best.start, breaks, result, verifications, best.checks, remedy, gains
     )
     finished = summarize(parts)
     message = finished.message

@@ -29,19 +29,19 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run import year as a_year
+from hkt_mdo.run.checks import RESOLVED, designed, energy_bound, explain_all, in_case
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.flight import (
-    Flight,
+from hkt_mdo.run.groups import by_scenario
+from hkt_mdo.run.memory import stability, stability_of
+from hkt_mdo.run.verification import (
     Optimized,
-    SteadyFlight,
+    SteadyVerification,
+    Verification,
     design_and_result,
     simulated_objective,
     start_against_friction,
     total,
 )
-from hkt_mdo.run.groups import by_scenario
-from hkt_mdo.run.judge import RESOLVED, designed, energy_bound, explain_all, in_case
-from hkt_mdo.run.memory import stability, stability_of
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -81,14 +81,14 @@ class Finished:
         Names of the limits that the start exceeds, on the mesh that it was found on.
     result : Optimized
         The end of the optimization.
-    flights : tuple of Flight
+    verifications : tuple of Verification
         The integration of each scenario of the problem.
     checks : list of CheckEntry
-        The checks of the judges.
+        The checks of the checks.
     remedy : str
         What to try if the optimizer failed.
-    worths : mapping of float
-        Those of `hkt_mdo.run.worth`.
+    shadow_prices : mapping of float
+        Those of `hkt_mdo.run.shadow_prices`.
     """
 
     physics: Physics
@@ -96,21 +96,23 @@ class Finished:
     start: StartingPoint
     start_breaks: Sequence[str]
     result: Optimized
-    flights: tuple[Flight, ...]
+    verifications: tuple[Verification, ...]
     checks: list[CheckEntry]
     remedy: str = ""
-    worths: Mapping[str, float] = field(default_factory=dict)
+    shadow_prices: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
-    def scenarios(self) -> dict[str, tuple[Flight, ...]]:
-        """The flights of each scenario of the case: several where it has intervals."""
-        groups = by_scenario([flight.scenario for flight in self.flights])
-        return {name: tuple(self.flights[i] for i in places) for name, places in groups.items()}
+    def scenarios(self) -> dict[str, tuple[Verification, ...]]:
+        """The verifications of each scenario of the case: several where it has intervals."""
+        groups = by_scenario([verification.scenario for verification in self.verifications])
+        return {
+            name: tuple(self.verifications[i] for i in places) for name, places in groups.items()
+        }
 
     @property
     def turning(self) -> bool:
         """Whether the rotor turns to the end of every integration."""
-        return _turning(self.flights)
+        return _turning(self.verifications)
 
     def check(self, name: str) -> float | None:
         """Return the value of a check; None if there is no such check."""
@@ -150,9 +152,11 @@ def summarize(finished: Finished) -> Summary:
         "starts": [vars(record) for record in finished.start.starts],
         "start_breaks": list(finished.start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
-        "bins_error": a_year.bins_error(finished.flights),
+        "bins_error": a_year.bins_error(finished.verifications),
         "surrogate_nodes": int(finished.result.curve.size),
-        "max_speed_error": max(np.max(flight.speed_errors) for flight in finished.flights),
+        "max_speed_error": max(
+            np.max(verification.speed_errors) for verification in finished.verifications
+        ),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
         "doubts": list(finished.physics.warnings),
@@ -163,9 +167,11 @@ def summarize(finished: Finished) -> Summary:
 
 def _energies(finished):
     """Return the energies of a result, the weighted sums of those of its scenarios, and bounds."""
-    physics, flights = finished.physics, finished.flights
+    physics, verifications = finished.physics, finished.verifications
     sums = {
-        name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
+        name: total(
+            verifications, lambda verification, name=name: getattr(verification.simulation, name)
+        )
         for name in (*SIMULATED, "friction_energy", "kinetic_energy_change")
     }
     energy, *parts = (
@@ -185,7 +191,7 @@ def _energies(finished):
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
-            "simulated": simulated_objective(physics, flights),
+            "simulated": simulated_objective(physics, verifications),
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.aggregate.measure if len(finished.scenarios) > 1 else None,
@@ -200,11 +206,14 @@ def _energies(finished):
 def _controller(finished):
     """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
     blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
-    peak, torques = finished.physics.rotor.best_operation(blade), _nodes(finished.flights, TORQUE)
+    peak, torques = (
+        finished.physics.rotor.best_operation(blade),
+        _nodes(finished.verifications, TORQUE),
+    )
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(finished.physics.gain_units),
-        "tip_speed_ratio": _span(_nodes(finished.flights, "tip_speed_ratio")),
+        "tip_speed_ratio": _span(_nodes(finished.verifications, "tip_speed_ratio")),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": np.max(torques),
@@ -258,13 +267,13 @@ def _extremes(finished, scenarios):
         for load, entry in scenario["loads"].items():
             if load not in found or entry["value"] > found[load]["value"]:
                 found[load] = entry | ({"scenario": name} if several else {})
-    limits, over_time = {}, _over_time(finished, finished.flights)
-    whole = design_and_result(finished.flights)
+    limits, over_time = {}, _over_time(finished, finished.verifications)
+    whole = design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
             limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
     for name, pairs in over_time.items():
-        limits[name] = _limit(pairs) | {"worth": finished.worths.get(name)}
+        limits[name] = _limit(pairs) | {"worth": finished.shadow_prices.get(name)}
         if several:
             over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
@@ -272,7 +281,7 @@ def _extremes(finished, scenarios):
     blade = finished.result.point.blade
     bent = [
         loads.tip_deflection(physics.of(each.scenario), blade, [each.told])
-        for each in finished.flights
+        for each in finished.verifications
     ]
     return {
         "operation": None if others else first["operation"],
@@ -288,42 +297,51 @@ def _memory(finished):
     if finished.physics.remembers:
         found = stability_of(finished.physics, finished.result)
     else:
-        found = stability(finished.flights)
+        found = stability(finished.verifications)
     return {} if found is None else {"memory": found.model_dump()}
 
 
-def _scenario(finished, flights):
+def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
-    scenario, objective = flights[0].scenario, finished.physics.start_objective
-    turning, duration = _turning(flights), scenario.mesh.duration
+    scenario, objective = verifications[0].scenario, finished.physics.start_objective
+    turning, duration = _turning(verifications), scenario.mesh.duration
     sums = {
-        key: sum(getattr(flight.simulation, name) for flight in flights) if turning else None
+        key: sum(getattr(verification.simulation, name) for verification in verifications)
+        if turning
+        else None
         for name, key in SIMULATED.items()
     }
-    power = sum(flight.objective(objective) for flight in flights) / duration if turning else None
-    speeds = [flight.simulation.inflow_speed for flight in flights]
-    passed = sum(x.integral(v) for v, x in zip(speeds, flights, strict=True))
-    mean = passed / sum(x.integral(np.ones(v.size)) for v, x in zip(speeds, flights, strict=True))
-    over_time = _over_time(finished, flights)
+    power = (
+        sum(verification.objective(objective) for verification in verifications) / duration
+        if turning
+        else None
+    )
+    speeds = [verification.simulation.inflow_speed for verification in verifications]
+    passed = sum(x.integral(v) for v, x in zip(speeds, verifications, strict=True))
+    mean = passed / sum(
+        x.integral(np.ones(v.size)) for v, x in zip(speeds, verifications, strict=True)
+    )
+    over_time = _over_time(finished, verifications)
     limits = {name: _limit(pairs) for name, pairs in over_time.items()}
     year = None
     if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
-        year = a_year.entry(flights, limits).model_dump()
+        year = a_year.entry(verifications, limits).model_dump()
     return {
         "share": finished.physics.shares[scenario.group],
         "weight": scenario.weight,
         "duration_s": duration,
         "energy_J": sum(
-            each.scenario.node_weights @ each.trajectory["hydrodynamic_power"] for each in flights
+            each.scenario.node_weights @ each.trajectory["hydrodynamic_power"]
+            for each in verifications
         ),
         **sums,
         "mean_power_W": power,
         "ceiling_W": finished.physics.ceilings.get(scenario.group),
         "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
-        "tip_speed_ratio": _span(_nodes(flights, "tip_speed_ratio")),
-        "operation": _operation(finished, flights, power),
+        "tip_speed_ratio": _span(_nodes(verifications, "tip_speed_ratio")),
+        "operation": _operation(finished, verifications, power),
         "limits": limits,
-        "loads": _loads(finished, flights),
+        "loads": _loads(finished, verifications),
         "steady": scenario.steady,
         "year": year,
     }
@@ -339,27 +357,27 @@ def _deciding(physics, scenarios):
     return dict(zip(physics.shares, decides.tolist(), strict=True))
 
 
-def _turning(flights):
-    return all(flight.simulation.stopped_at is None for flight in flights)
+def _turning(verifications):
+    return all(verification.simulation.stopped_at is None for verification in verifications)
 
 
-def _nodes(flights, quantity):
-    """Return a quantity at the nodes of all flights."""
-    return np.concatenate([flight.trajectory[quantity] for flight in flights])
+def _nodes(verifications, quantity):
+    """Return a quantity at the nodes of all verifications."""
+    return np.concatenate([verification.trajectory[quantity] for verification in verifications])
 
 
 def _span(values):
     return {"min": np.min(values), "max": np.max(values), "mean": np.mean(values)}
 
 
-def _operation(finished, flights, power):
+def _operation(finished, verifications, power):
     """Return the intervals of operation; None where a machine never stands still."""
-    spans = np.array([flight.scenario.edges[[0, -1]] for flight in flights])
-    still = flights[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
-    steady = flights[0].scenario.steady
+    spans = np.array([verification.scenario.edges[[0, -1]] for verification in verifications])
+    still = verifications[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
+    steady = verifications[0].scenario.steady
     if finished.physics.case.control.cut_out is None or still <= 0.0 or steady:
         return None
-    speeds = np.array([flight.trajectory["rotor_speed"][0] for flight in flights])
+    speeds = np.array([verification.trajectory["rotor_speed"][0] for verification in verifications])
     return {
         "intervals_s": spans,
         "standstill_s": still,
@@ -368,9 +386,11 @@ def _operation(finished, flights, power):
     }
 
 
-def _unstable(flights):
+def _unstable(verifications):
     """Yield a note if an open loop needs a controller of its speed."""
-    stiffness = max((each.recorded.stiffness for each in flights if each.recorded), default=0.0)
+    stiffness = max(
+        (each.recorded.stiffness for each in verifications if each.recorded), default=0.0
+    )
     if stiffness:
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
@@ -382,27 +402,29 @@ def _unstable(flights):
 def _notes(finished):
     """Return the notes about the case's files, the blade and the operation."""
     physics, blade = finished.physics, finished.result.point.blade
-    ratios = _nodes(finished.flights, "tip_speed_ratio")
+    ratios = _nodes(finished.verifications, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
     met = Stations.of(blade, physics.built(blade), working).messages("found blade")
     return [
         *physics.messages,
         *finished.start.messages,
         *(text for _, text in met),
-        *_unresolved(physics, blade, finished.flights),
-        *_unstable(finished.flights),
-        *filter(None, [start_against_friction(finished.flights[0].plant, physics.scenarios)[0]]),
+        *_unresolved(physics, blade, finished.verifications),
+        *_unstable(finished.verifications),
+        *filter(
+            None, [start_against_friction(finished.verifications[0].plant, physics.scenarios)[0]]
+        ),
         *(PULSES,) * physics.may_pulse,
     ]
 
 
-def _unresolved(physics, blade, flights):
+def _unresolved(physics, blade, verifications):
     """Yield a note if the loads are larger on a blade of many stations."""
-    known = [flight.told for flight in flights]
+    known = [verification.told for verification in verifications]
     finer = [
         each
-        for flight, own in zip(flights, known, strict=True)
-        for each in loads.resolved(physics.of(flight.scenario), blade, [own])
+        for verification, own in zip(verifications, known, strict=True)
+        for each in loads.resolved(physics.of(verification.scenario), blade, [own])
     ]
     changes = {
         name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
@@ -416,13 +438,13 @@ def _unresolved(physics, blade, flights):
         )
 
 
-def _over_time(finished, flights):
-    """Return limits over time, each with the flights in which it holds, by its name."""
+def _over_time(finished, verifications):
+    """Return limits over time, each with the verifications in which it holds, by its name."""
     pairs = {}
-    for flight in flights:
-        for limit in finished.physics.limits_in(flight.scenario):
+    for verification in verifications:
+        for limit in finished.physics.limits_in(verification.scenario):
             if limit.caps_series:
-                pairs.setdefault(limit.name, []).append((limit, flight))
+                pairs.setdefault(limit.name, []).append((limit, verification))
     return pairs
 
 
@@ -446,26 +468,28 @@ def _over(entry):
 def _limit(pairs):
     """Return the largest value of a limit over time, at the nodes and in the integration.
 
-    With its time and the share of the time in which it binds; `pairs` has limit and flight.
+    With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
     found, binds, spans = [], 0.0, 0.0
-    counts = any(flight.scenario.weight for _, flight in pairs)
-    for limit, flight in pairs:
-        flown, time = limit.told(flight.flown), flight.flown["time"]
-        value = float(max(np.max(flown), np.max(limit.told(flight.at_nodes))))
-        found.append(_entry(limit, value) | _place(flight.scenario, time[np.argmax(flown)]))
-        binding = np.where(flown >= _least(limit), 1.0, 0.0)
-        weight = flight.scenario.weight if counts else 1.0
-        binds += weight * flight.integral(binding)
-        spans += weight * flight.integral(np.ones(time.size))
+    counts = any(verification.scenario.weight for _, verification in pairs)
+    for limit, verification in pairs:
+        simulated, time = limit.told(verification.simulated), verification.simulated["time"]
+        value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
+        found.append(
+            _entry(limit, value) | _place(verification.scenario, time[np.argmax(simulated)])
+        )
+        binding = np.where(simulated >= _least(limit), 1.0, 0.0)
+        weight = verification.scenario.weight if counts else 1.0
+        binds += weight * verification.integral(binding)
+        spans += weight * verification.integral(np.ones(time.size))
     return max(found, key=_over) | {"share_of_time": round(binds / spans, 9)}
 
 
-def _loads(finished, flights):
+def _loads(finished, verifications):
     """Return the largest loads along some integrations, when and where along the blade."""
-    flown = [flight.told for flight in flights]
-    own = finished.physics.of(flights[0].scenario)
-    found = loads.placed(own, finished.result.point.blade, flown)
+    simulated = [verification.told for verification in verifications]
+    own = finished.physics.of(verifications[0].scenario)
+    found = loads.placed(own, finished.result.point.blade, simulated)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
@@ -507,11 +531,11 @@ def write_tables(out: Path, finished: Finished) -> None:
         The run. Of several scenarios, each has tables with its name.
     """
     physics, blade = finished.physics, finished.result.point.blade
-    for scenario, flights in finished.scenarios.items():
+    for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
-        flown = [flight.told for flight in flights]
-        nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in flights]
-        for name, values in (("trajectory", nodes), ("simulation", flown)):
+        simulated = [verification.told for verification in verifications]
+        nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in verifications]
+        for name, values in (("trajectory", nodes), ("simulation", simulated)):
             table = {
                 QUANTITIES[quantity].column: np.concatenate([each[quantity] for each in values])
                 for quantity in OVER_TIME
@@ -521,10 +545,10 @@ def write_tables(out: Path, finished: Finished) -> None:
             if name == "simulation":  # open loop repeats the trajectory, at every node
                 rows = rows[_shown(rows)]
             write_csv(out / f"{name}{suffix}.csv", table, rows)
-        span = loads.over_span(physics.of(flights[0].scenario), blade, flown)
+        span = loads.over_span(physics.of(verifications[0].scenario), blade, simulated)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
-        if isinstance(flights[0], SteadyFlight):
-            bins = a_year.table(flights)
+        if isinstance(verifications[0], SteadyVerification):
+            bins = a_year.table(verifications)
             write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
     met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]

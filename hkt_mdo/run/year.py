@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from hkt_mdo.dynamics.resource import YEAR, Resource
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.results.summary import YearEntry
-from hkt_mdo.run.flight import Flight
+from hkt_mdo.run.verification import Verification
 
 HOUR = 3600.0
 KILOWATT_HOUR = 3.6e6
@@ -26,12 +26,12 @@ MEANS = {
 }
 
 
-def table(flights: Sequence[Flight]) -> dict[str, np.ndarray]:
+def table(verifications: Sequence[Verification]) -> dict[str, np.ndarray]:
     """Return the power curve and the energy of a year by bins, (n_bins,) by column.
 
     Parameters
     ----------
-    flights : sequence of Flight
+    verifications : sequence of Verification
         Of a steady scenario, one for each direction of the flow in which the rotor works.
 
     Returns
@@ -40,14 +40,14 @@ def table(flights: Sequence[Flight]) -> dict[str, np.ndarray]:
         Columns as of `hkt_mdo.results.solution.TABLES`: means over the speeds of a bin, by the time
         of each. Speeds at which the rotor turns backwards are negative.
     """
-    ways = [_of_direction(flight) for flight in flights]
+    ways = [_of_direction(verification) for verification in verifications]
     order = np.argsort(np.concatenate([way["inflow_speed_m_s"] for way in ways]))
     return {name: np.concatenate([way[name] for way in ways])[order] for name in ways[0]}
 
 
-def _of_direction(flight: Flight) -> dict[str, np.ndarray]:
+def _of_direction(verification: Verification) -> dict[str, np.ndarray]:
     """Return the table of one direction of the flow."""
-    scenario, known = flight.scenario, flight.integrated
+    scenario, known = verification.scenario, verification.integrated
     assert isinstance(scenario, SteadyScenario)
     weights, place = scenario.node_weights, scenario.place
     time = np.bincount(place, weights)
@@ -65,12 +65,12 @@ def _of_direction(flight: Flight) -> dict[str, np.ndarray]:
     return found | {"energy_kWh": kept * energy / KILOWATT_HOUR}
 
 
-def entry(flights: Sequence[Flight], limits: dict[str, dict[str, Any]]) -> YearEntry:
+def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any]]) -> YearEntry:
     """Return the results of the year of a resource.
 
     Parameters
     ----------
-    flights : sequence of Flight
+    verifications : sequence of Verification
         Of a resource, one for each direction of the flow in which the rotor works.
     limits : dict
         The entries of the limits over time, by name, with their shares of the time of operation.
@@ -79,19 +79,19 @@ def entry(flights: Sequence[Flight], limits: dict[str, dict[str, Any]]) -> YearE
     -------
     YearEntry
     """
-    scenario = flights[0].scenario
+    scenario = verifications[0].scenario
     assert isinstance(scenario, SteadyScenario)
     assert isinstance(scenario.resource, Resource)
     scale, kept = YEAR / scenario.mesh.duration, scenario.resource.kept
-    energy = sum(each.simulation.electrical_energy for each in flights) * scale
-    powers = [each.integrated["electrical_power"] for each in flights]
+    energy = sum(each.simulation.electrical_energy for each in verifications) * scale
+    powers = [each.integrated["electrical_power"] for each in verifications]
     rated = float(np.max(np.concatenate(powers)))
-    hours = sum(each.scenario.duration for each in flights) * scale / HOUR
+    hours = sum(each.scenario.duration for each in verifications) * scale / HOUR
     at_rated = sum(
         each.integral(np.where(power >= RATED * rated, 1.0, 0.0))
-        for each, power in zip(flights, powers, strict=True)
+        for each, power in zip(verifications, powers, strict=True)
     )
-    parts = uncertainty(flights)
+    parts = uncertainty(verifications)
     return YearEntry(
         energy_kWh=energy / KILOWATT_HOUR,
         net_energy_kWh=kept * energy / KILOWATT_HOUR,
@@ -108,7 +108,7 @@ def entry(flights: Sequence[Flight], limits: dict[str, dict[str, Any]]) -> YearE
     )
 
 
-def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
+def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
     """Return the relative standard uncertainties of the energy of a year, by their cause.
 
     The uncertainty of the speed of the flow counts by the slope of the power curve, v dP/dv =
@@ -118,7 +118,7 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
 
     Parameters
     ----------
-    flights : sequence of Flight
+    verifications : sequence of Verification
         Of a resource, one for each direction of the flow in which the rotor works.
 
     Returns
@@ -126,10 +126,12 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
     dict of str to float
         ``speed`` and ``record``, where they are known.
     """
-    resource, found, total, slope = flights[0].scenario.resource, {}, 0.0, 0.0
+    resource, found, total, slope = verifications[0].scenario.resource, {}, 0.0, 0.0
     reach, by_bin = max(resource.speed_uncertainty, NARROW) * np.array([[1.0], [-1.0]]), {}
-    for scenario, flight in ((each.scenario, each) for each in flights):
-        speed, power = (flight.integrated[name] for name in ("inflow_speed", "electrical_power"))
+    for scenario, verification in ((each.scenario, each) for each in verifications):
+        speed, power = (
+            verification.integrated[name] for name in ("inflow_speed", "electrical_power")
+        )
         place, energy = np.log(speed), scenario.node_weights * power
         ends = np.clip(place + reach, place[0], place[-1])
         change = np.subtract(*np.interp(ends, place, power / speed**3))
@@ -145,7 +147,7 @@ def uncertainty(flights: Sequence[Flight]) -> dict[str, float]:
     return found if record is None else found | {"record": record}
 
 
-def bins_error(flights: Sequence[Flight]) -> float | None:
+def bins_error(verifications: Sequence[Verification]) -> float | None:
     """Return the relative error of the captured energy by the bins of steady scenarios.
 
     The bins' energies, each at a mean speed, against the energy at all speeds of the flow, by the
@@ -153,7 +155,7 @@ def bins_error(flights: Sequence[Flight]) -> float | None:
 
     Parameters
     ----------
-    flights : sequence of Flight
+    verifications : sequence of Verification
         Of all scenarios.
 
     Returns
@@ -162,13 +164,13 @@ def bins_error(flights: Sequence[Flight]) -> float | None:
         None where the speeds are not known more finely than the bins.
     """
     binned, exact = 0.0, 0.0
-    for flight in flights:
-        scenario, finer = flight.scenario, getattr(flight.scenario, "finer", None)
+    for verification in verifications:
+        scenario, finer = verification.scenario, getattr(verification.scenario, "finer", None)
         if finer is not None:
-            at, power = (flight.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
+            at, power = (verification.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
             speed, share = finer
             inside = (speed >= at[0]) & (speed <= at[-1])
             found = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
             exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ found)
-            binned += scenario.weight * flight.integral(power)
+            binned += scenario.weight * verification.integral(power)
     return binned / exact - 1.0 if exact > 0.0 else None

@@ -23,7 +23,7 @@ class Rules:
         Largest element of the Lagrangian's gradient, of the scaled problem.
     gap : float
         Sum of multipliers times distances from their bounds, over the objective: by as much the
-        optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the judges
+        optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the checks
         allow of the energy.
     better : float
         Relative change of the objective that is an improvement.

@@ -27,7 +27,7 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
         The blade on this case's stations and within its bounds; the gains of the same law, else
         None.
     tuple of str
-        That the result was refused by its judges, if it was.
+        That the result was refused by its checks, if it was.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
         raise InputError("contains no design yet", remedy, file=solution.folder, **where)
     messages = ()
     if not solution.success:
-        messages = (f"start.from: the result there was refused by its judges: {solution.message}",)
+        messages = (f"start.from: the result there was refused by its checks: {solution.message}",)
     return (_blade(physics, summary), _gains(physics, solution)), messages
 
 

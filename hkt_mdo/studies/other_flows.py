@@ -21,9 +21,9 @@ from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
-from hkt_mdo.run.flight import Flown
-from hkt_mdo.run.judge import most_between
+from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import placed
+from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.uncertainty import Design, flow_given
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
@@ -113,7 +113,7 @@ class Run:
         Simulation
             Sampled densely over the flow.
         """
-        return self.given or self.design.fly(self.inflow)
+        return self.given or self.design.simulate(self.inflow)
 
     @property
     def name(self) -> str:
@@ -136,7 +136,7 @@ class Run:
             In SI units.
         """
         physics, plant = self.design.physics, self.design.plant
-        known = Flown.of(physics, plant, self.simulation, self.design.controller).told
+        known = SimulatedDesign.of(physics, plant, self.simulation, self.design.controller).told
         limits = physics.limits_in(physics.scenarios[0])
         found = {each.name: _told(each, known) for each in limits if not each.bounded}
         for name, load in placed(physics, plant.blade, [known]).items():

@@ -106,7 +106,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     design.refuse_standstill(inflow)
     radius = plant.blade.rotor_radius
 
-    def fly(controller, start, end):
+    def integrated(controller, start, end):
         step = duration / design.physics.case.phase.segments
         return simulate(plant, inflow, controller, start, end - start.time, SAMPLES, step)
 
@@ -114,7 +114,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
         return run_up.speed_at(time) - design.initial_speed(inflow, time)
 
     first = FIRST * float(inflow.speed_at(0.0)) / radius
-    run_up = fly(lambda _, speed: 0.0 * speed, Start(first), duration)
+    run_up = integrated(lambda _, speed: 0.0 * speed, Start(first), duration)
     fast = np.flatnonzero(missing(run_up.time) >= 0.0)
     if not fast.size:
         return StartStop(run_up, None, None, None, 2.0 * radius)
@@ -123,12 +123,12 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     if start >= end:
         return StartStop(run_up, start, None, None, 2.0 * radius)
     speed = float(run_up.speed_at(start))
-    operation = fly(design.controller, design.start(inflow, speed, start), end)
+    operation = integrated(design.controller, design.start(inflow, speed, start), end)
     shut_down = None
     if stop is not None and operation.stopped_at is None:
         most = design.law.torque_limit
         last = Start(float(operation.rotor_speed[-1]), time=stop)
-        shut_down = fly(lambda _, speed: most + 0.0 * speed, last, duration)
+        shut_down = integrated(lambda _, speed: most + 0.0 * speed, last, duration)
     return StartStop(run_up, start, operation, shut_down, 2.0 * radius)
 
 

@@ -193,7 +193,7 @@ class Design:
         FeedbackTorque or RecordedTorque
             Of a feedback law, with the flow speed that it would have as built: an estimate, if the
             law has no sensor of it. Of an open loop, the history that the
-            judges of the run replay, with a feedback that holds the speed of an unstable rotor.
+            checks of the run replay, with a feedback that holds the speed of an unstable rotor.
         """
         if not self.law.is_feedback:
             table = self.solution.trajectory
@@ -271,7 +271,7 @@ class Design:
         update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
         return complete(case.model_copy(update=update)).phase
 
-    def fly(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
+    def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
 
         Parameters
@@ -355,7 +355,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
         folder = design.solution.folder
         raise InputError("open loop reads no sensor", "leave out the noise", file=folder)
     duration = design.physics.case.phase.duration
-    quiet = design.fly(inflow)
+    quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     torque, plant = _Torque(design.plant), design.plant
     n_samples = round(duration * sensor.rate)

@@ -11,7 +11,7 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.run.flight import fly
+from hkt_mdo.run.verification import verify
 from hkt_mdo.start.find import find_start, steady_optimum
 
 QUADRATIC = "{law: quadratic, torque_limit: 700}"
@@ -54,7 +54,7 @@ def optimize(world, setup):
 
 
 def integrate(world, problem):
-    """Return the independent integration of an optimized problem, as a run judges it by."""
+    """Return the independent integration of an optimized problem, by which a run checks it."""
     (scenario,) = world.scenarios
     blade = world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist"))
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(world.gain_units))]
@@ -64,7 +64,7 @@ def integrate(world, problem):
         inertia=float(problem.get_val("inertia")[0]),
         trajectories=(nodes,),
     )
-    return fly(world, result)[0].simulation
+    return verify(world, result)[0].simulation
 
 
 class TimedBEM:

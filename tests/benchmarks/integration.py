@@ -1,4 +1,4 @@
-"""How long the independent integration takes, over the optimization that it judges."""
+"""How long the independent integration takes, over the optimization that it checks."""
 
 import time
 from pathlib import Path
@@ -26,5 +26,5 @@ def integration_over_optimization(case: Path, segments: int, folder: Path) -> fl
         solution = run_case(load_case(case, length), folder, figures=False, records=False)
     design = Design.of(solution)
     began = time.perf_counter()
-    design.fly(design.physics.inflow)
+    design.simulate(design.physics.inflow)
     return (time.perf_counter() - began) / sum(spent)

@@ -200,7 +200,7 @@ def year(found):
 ## A year
 
 The paper's rotor in a Weibull distribution of the flow's speed, blade and controller designed for
-the energy of a year ([year.md](year.md)); processor time of one core, judges included.
+the energy of a year ([year.md](year.md)); processor time of one core, checks included.
 
 {table(header, lines)}"""
 
@@ -239,7 +239,7 @@ LSODA inside and finite differences. Times include building the problem.
 {", ".join(ratios)} segments. The number of iterations is about the same; the
 difference is OpenMDAO's set-up and its passes through the components, milliseconds in every
 evaluation that a compiled graph does not need. Where the blade is fixed, CasADi is the better tool.
-It has no blade design, that is no BEM with its derivatives, and no judges.
+It has no blade design, that is no BEM with its derivatives, and no checks.
 
 Shooting takes {smallest["shooting"][2] / smallest["hkt_mdo"][2]:.0f} times as long as this package
 on the smallest problem: for every gradient it integrates the rotor, whose time constant is
@@ -282,7 +282,7 @@ def memory(found):
 ## A wake with memory
 
 The paper's rotor in the sinusoidal flow, with `inflow_dynamics: oye` and without
-([memory.md](memory.md)); whole runs, judges included, and a simulation of the design of
+([memory.md](memory.md)); whole runs, checks included, and a simulation of the design of
 `sine_quadratic`.
 
 {table(("", "times longer", "without memory", "with"), rows)}"""

@@ -49,8 +49,11 @@ def test_a_simulation_with_memory(full, in_turns, benchmark, tmp_path):
     plain = Design.of(Solution.load(tmp_path / "run"))
     remembering = plain.with_memory()
     flow = plain.physics.inflow
-    fly = {"quasi_steady": lambda: plain.fly(flow), "oye": lambda: remembering.fly(flow)}
-    times = in_turns(fly, 7 if full else 1)
+    simulate = {
+        "quasi_steady": lambda: plain.simulate(flow),
+        "oye": lambda: remembering.simulate(flow),
+    }
+    times = in_turns(simulate, 7 if full else 1)
     benchmark.extra_info["times"] = times
     benchmark.extra_info["ratio"] = times["oye"] / times["quasi_steady"]
     found = in_turns.results

@@ -117,9 +117,9 @@ def test_integration(benchmark, full, in_turns, segments):
         assert ended.success
         integrate(prepared[0], problem)  # what is compiled is compiled here
         began = time.perf_counter()
-        flown = integrate(prepared[0], problem)
+        simulated = integrate(prepared[0], problem)
         times[name]["integration"] = time.perf_counter() - began
-        assert flown.energy == pytest.approx(float(problem.get_val("energy")[0]), rel=2e-4)
+        assert simulated.energy == pytest.approx(float(problem.get_val("energy")[0]), rel=2e-4)
     benchmark.extra_info["times"] = times
     benchmark.pedantic(lambda: integrate(prepared[0], problem), rounds=1, iterations=1)
 
@@ -136,7 +136,7 @@ def test_memory(benchmark, full, in_turns):
         inflow = quiet.physics.inflow
         inflow = inflow if share == 1.0 else inflow.model_copy(update={"scale": share})
         for word, design in (("without", quiet), ("with", quiet.with_memory())):
-            runs[name, word] = lambda design=design, inflow=inflow: design.fly(inflow)
+            runs[name, word] = lambda design=design, inflow=inflow: design.simulate(inflow)
             runs[name, word]()  # what is compiled is compiled here
     times = in_turns(runs, rounds=3 if full else 1)
     for name, word in runs:

@@ -221,7 +221,7 @@ def test_errors_are_one_line(
         (["run", CASE, "--segments", "many"], "integer"),
         (["--extend", "not_here.py", "run", CASE], "not_here.py"),
         (["run"], "CASE"),
-        (["fly"], "fly"),
+        (["verify"], "verify"),
         (["show", "not_here"], "not_here: does not exist"),
         (["plot", "."], "lacks case.yaml"),
     ],

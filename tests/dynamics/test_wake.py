@@ -59,7 +59,7 @@ def plant_of(run, inertia=HEAVY):
     return Plant(design.blade, polar, *about).with_memory(run.tau1)
 
 
-def flown(run, time):
+def simulated(run, time):
     """Return torque (N*m) and thrust (N) of a prescribed run, summed over the span as AeroDyn does.
 
     Loads are linear between the stations, and nothing at hub and tip.
@@ -86,7 +86,7 @@ def flown(run, time):
 def check(run, rows):
     """Hold torque and thrust of a run to AeroDyn's: within 0.3 % of their swing."""
     time, _, _, *theirs = rows.T
-    for own, other in zip(flown(run, time), theirs, strict=True):
+    for own, other in zip(simulated(run, time), theirs, strict=True):
         assert np.max(np.abs(own - other)) < 3e-3 * np.ptp(other)
 
 

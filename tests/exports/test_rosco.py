@@ -71,7 +71,7 @@ def kept(tmp_path_factory):
     return of
 
 
-class Flight(NamedTuple):
+class Verification(NamedTuple):
     """One flow in both programs: what ROSCO's controller does, and the program's own integration.
 
     time, speed and torque have the shape (n_steps,); energy is captured, generated delivered (J).
@@ -85,7 +85,7 @@ class Flight(NamedTuple):
     own: Simulation
 
 
-def fly(solution, tmp_path, step=0.01, duration=None):
+def operate(solution, tmp_path, step=0.01, duration=None):
     """Drive the rotor of a result over its flow by ROSCO's controller."""
     design = solution.design()
     blade, rotor = design.blade, design.physics.rotor.as_built(design.blade)
@@ -124,7 +124,7 @@ def fly(solution, tmp_path, step=0.01, duration=None):
     result = np.load(found)
     speed, torque = result["speed"], result["torque"]
     energy = np.trapezoid(plant.torque(speed, flow) * speed, time)
-    return Flight(time, speed, torque, energy, np.trapezoid(torque * speed, time), own)
+    return Verification(time, speed, torque, energy, np.trapezoid(torque * speed, time), own)
 
 
 def library():
@@ -134,10 +134,12 @@ def library():
     return str(path)
 
 
-def away(flight, begin=0.5):
+def away(operation, begin=0.5):
     """Return the largest difference of the speeds over the mean, from a time (s) on."""
-    later = flight.time >= begin
-    return np.max(np.abs(flight.speed - flight.own.rotor_speed)[later]) / np.mean(flight.speed)
+    later = operation.time >= begin
+    return np.max(np.abs(operation.speed - operation.own.rotor_speed)[later]) / np.mean(
+        operation.speed
+    )
 
 
 def test_table_has_the_coefficients_of_direct_bem(kept):
@@ -233,28 +235,28 @@ def test_files_say_from_where_they_come(kept):
 @pytest.mark.slow
 def test_rosco_flies_the_quadratic_law_as_this_program_does(tmp_path):
     """ROSCO's limit is sharp, the program's smoothed; with a sharp one the energies are equal."""
-    flight = fly(Solution.load(DATA / "paper"), tmp_path)
-    assert flight.energy == pytest.approx(flight.own.energy, rel=1e-4)
-    assert away(flight) < 0.01
+    operation = operate(Solution.load(DATA / "paper"), tmp_path)
+    assert operation.energy == pytest.approx(operation.own.energy, rel=1e-4)
+    assert away(operation) < 0.01
     sharp = (DATA / "paper" / "case.yaml").read_text()
     (tmp_path / "sharp").mkdir()
     control = "{law: quadratic, torque_limit: 700, smoothing: 1e-9}"
     assert "smoothing: 0.001" in sharp
     gain = Solution.load(DATA / "paper").gain
     solution = with_law(tmp_path / "sharp", control, gain, ["N*m*s**2/rad**2"])
-    flight = fly(solution, tmp_path / "sharp")
-    assert flight.energy == pytest.approx(flight.own.energy, rel=1e-6)
-    assert flight.generated == pytest.approx(flight.own.generator_energy, rel=5e-5)
-    assert away(flight) < 1e-3
+    operation = operate(solution, tmp_path / "sharp")
+    assert operation.energy == pytest.approx(operation.own.energy, rel=1e-6)
+    assert operation.generated == pytest.approx(operation.own.generator_energy, rel=5e-5)
+    assert away(operation) < 1e-3
 
 
 @pytest.mark.slow
 def test_rosco_flies_the_rated_law_as_this_program_does(tmp_path):
-    flight = fly(Solution.load(DATA / "river"), tmp_path)
-    assert flight.energy == pytest.approx(flight.own.energy, rel=1e-3)
-    assert away(flight, 2.0) < 0.02
+    operation = operate(Solution.load(DATA / "river"), tmp_path)
+    assert operation.energy == pytest.approx(operation.own.energy, rel=1e-3)
+    assert away(operation, 2.0) < 0.02
     # but for its first two calls, in which it does not know the schedule yet
-    assert np.max(flight.torque[2:]) < 1.02 * np.max(flight.own.control_torque)
+    assert np.max(operation.torque[2:]) < 1.02 * np.max(operation.own.control_torque)
 
 
 @pytest.mark.slow
@@ -262,17 +264,17 @@ def test_rosco_flies_the_rated_law_as_this_program_does(tmp_path):
 def test_rosco_holds_the_schedule_of_a_tracking_law(tmp_path, more):
     """Also where the rotor is to turn slower in a faster flow, and by its own flow estimator."""
     solution = tracking(tmp_path, more)
-    flight = fly(solution, tmp_path, 0.0025, 20.0)
-    assert flight.energy == pytest.approx(flight.own.energy, rel=2e-4)
-    assert flight.generated == pytest.approx(flight.own.generator_energy, rel=2e-4)
-    assert away(flight) < 0.01
-    fastest = np.argmax(flight.own.inflow_speed)
-    assert flight.speed[fastest] < 0.9 * 8.0 * flight.own.inflow_speed[fastest] / 1.4
+    operation = operate(solution, tmp_path, 0.0025, 20.0)
+    assert operation.energy == pytest.approx(operation.own.energy, rel=2e-4)
+    assert operation.generated == pytest.approx(operation.own.generator_energy, rel=2e-4)
+    assert away(operation) < 0.01
+    fastest = np.argmax(operation.own.inflow_speed)
+    assert operation.speed[fastest] < 0.9 * 8.0 * operation.own.inflow_speed[fastest] / 1.4
 
 
 @pytest.mark.slow
 def test_rosco_follows_a_law_of_the_speed_by_its_torque(tmp_path):
     control = "{law: power_law, exponent: 1.5, torque_limit: 700}"
-    flight = fly(with_law(tmp_path, control, 22.0, ["N*m"]), tmp_path)
-    assert flight.energy == pytest.approx(flight.own.energy, rel=2e-4)
-    assert away(flight) < 0.01
+    operation = operate(with_law(tmp_path, control, 22.0, ["N*m"]), tmp_path)
+    assert operation.energy == pytest.approx(operation.own.energy, rel=2e-4)
+    assert away(operation) < 0.01

@@ -265,10 +265,10 @@ def test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque(run)
         fixed = {"control": control, "design": {"blade": "fixed"}}
         found = run(**fixed, limits={"torque_rate": "20 N m/s"})
         assert found.success, found.message
-        told, flown = found.summary.limits["torque_rate"], found.simulation
+        told, simulated = found.summary.limits["torque_rate"], found.simulation
         assert told.binding
         assert told.value == pytest.approx(20.0, rel=1e-3)
-        rates = np.gradient(flown["control_torque_Nm"], flown["time_s"])
+        rates = np.gradient(simulated["control_torque_Nm"], simulated["time_s"])
         assert np.max(np.abs(rates)) <= 20.0 * 1.001
         assert np.min(rates) == pytest.approx(-20.0, rel=1e-3)  # a fall is limited too
         assert "largest torque rate" in texts(found.summary.rows(found.case))

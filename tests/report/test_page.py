@@ -108,7 +108,7 @@ def cells(read: Reader) -> dict[str, list[str]]:
 def test_one_result_shows_all_required_parts(texts, read, folders):
     assert read["one"].headings == [
         *("sine_quadratic", "Figures of merit", "Blade", "Operation", "Limits"),
-        *("Judges", "What is not modelled", "Convergence", "Case and versions"),
+        *("Checks", "What is not modelled", "Convergence", "Case and versions"),
     ]
     rows = cells(read["one"])
     checks = json.loads((folders[0] / "summary.json").read_text())["checks"]
@@ -321,7 +321,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     text = hkt_mdo.report(half, tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
-    assert "No judge has looked at it." in text
+    assert "No check has looked at it." in text
     assert cells(Reader(text))["optimizer"] == cells(Reader(text))["versions"] == ["not recorded"]
 
 

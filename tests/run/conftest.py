@@ -14,36 +14,36 @@ from hkt_mdo.problem.physics import Physics, physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry, PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.flight import Flight, Optimized
-from hkt_mdo.run.judge import judge
+from hkt_mdo.run.checks import checks_of
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.summary import Finished
+from hkt_mdo.run.verification import Optimized, Verification
 from hkt_mdo.start.find import find_start
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What the judges look at."""
+    """What the checks look at."""
 
     physics: Physics
     start: StartingPoint
     optimum: SteadyOptimum
     reference: float
     result: Optimized
-    flights: tuple[Flight, ...]
+    verifications: tuple[Verification, ...]
     on_first_mesh: Physics
     passes: list[PassEntry]
 
     def checks(self) -> dict[str, CheckEntry]:
-        """Return what every judge says, by its name."""
-        parts = self.physics, self.optimum, self.reference, self.result, self.flights
-        return {check.name: check for check in judge(*parts)}
+        """Return what every check says, by its name."""
+        parts = self.physics, self.optimum, self.reference, self.result, self.verifications
+        return {check.name: check for check in checks_of(*parts)}
 
     def finished(self) -> Finished:
         """Return what a summary and the tables are made of."""
-        parts = self.physics, self.optimum, self.start, [], self.result, self.flights
+        parts = self.physics, self.optimum, self.start, [], self.result, self.verifications
         return Finished(*parts, list(self.checks().values()))
 
 
@@ -56,7 +56,7 @@ def _solve(
         start = find_start(world, state.optimum)
         reference = world.objective_at(start)
         end = optimize(state, start, reference)
-    about = end.physics, start, end.optimum, end.reference, end.result, end.flights
+    about = end.physics, start, end.optimum, end.reference, end.result, end.verifications
     return Solved(*about, world, state.passes)
 
 

@@ -12,7 +12,7 @@ from hkt_mdo.dynamics.simulation import Plant, simulate
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.run.certified import _best_power, _inertia_of_heavy, certified_energy
-from hkt_mdo.run.judge import energy_bound
+from hkt_mdo.run.checks import energy_bound
 from hkt_mdo.start.find import steady_optimum
 
 
@@ -27,7 +27,7 @@ def _certified(world):
     return optimum, bound, certified_energy(world, optimum, bound)
 
 
-def _flown(world, blade, torque, speed):
+def _simulated(world, blade, torque, speed):
     """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
     plant = Plant(
         blade, world.polar, world.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
@@ -71,8 +71,8 @@ def test_no_design_and_gain_captures_more(law):
         chord = best.chord * rng.uniform(0.8, 2.0)
         blade = best.with_shape(chord, best.twist + rng.uniform(-0.04, 0.04))
         gains = np.array([gain * rng.uniform(0.7, 1.4)])
-        flown = _flown(world, blade, lambda _, w, k=gains: world.law.torque(w, k), 8.0)
-        assert flown <= certified
+        simulated = _simulated(world, blade, lambda _, w, k=gains: world.law.torque(w, k), 8.0)
+        assert simulated <= certified
 
 
 def test_no_torque_history_captures_more():
@@ -90,7 +90,7 @@ def test_no_torque_history_captures_more():
             wanted = level + swing * np.sin(rate * time) + 150.0 * (speed - 8.0)
             return np.clip(wanted, 0.0, 700.0)
 
-        assert _flown(world, optimum.blade, torque, 8.0) <= certified
+        assert _simulated(world, optimum.blade, torque, 8.0) <= certified
 
 
 def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_than_its_own_bound():
@@ -99,8 +99,8 @@ def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_tha
     passing = Passing.of(world.inflow, np.linspace(0.0, 60.0, 61))
     light = replace(_best_power(world, optimum), inertia=(0.0, 0.0))
     decoupled = certificate(light, passing, world.density, world.blade.rotor_radius, None, 300.0)
-    flown = _flown(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)
-    assert decoupled < flown <= certified <= bound
+    simulated = _simulated(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)
+    assert decoupled < simulated <= certified <= bound
 
 
 def test_a_heavier_blade_than_the_certificate_regards_has_less_power():

@@ -113,12 +113,12 @@ def test_time_constant_by_simulation(law: str) -> None:
     def control(_: float, speed: float) -> float:
         return found.physics.law.torque(speed, found.start.gains)
 
-    def fly(push: float):
+    def moved(push: float):
         flow, span = ConstantInflow(speed=found.mean), 2.0 * constant
         begin = found.steady_speed * push
         return simulate(found.plant, flow, control, begin, span, 41, 0.01 * span, 1e-12)
 
-    pushed, left = fly(1.001), fly(1.0)
+    pushed, left = moved(1.001), moved(1.0)
     assert left.rotor_speed[-1] == pytest.approx(found.steady_speed, rel=1e-6)
     off = pushed.rotor_speed - left.rotor_speed
     rate = -np.polyfit(pushed.time, np.log(off), 1)[0]

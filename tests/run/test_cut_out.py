@@ -68,7 +68,7 @@ def test_summary_tells_the_intervals(solution):
     assert f"({100.0 * still / 20.0:.3g} %)" in told
     (note,) = [note for note in solution.notes if "cut_out" in note]
     assert "standstill" in note
-    # the limit is broken in the gust alone, 5.7 kW, and the judges are asked in each interval
+    # the limit is broken in the gust alone, 5.7 kW, and the checks are asked in each interval
     assert not solution.summary.limits["power"].binding
     names = {check.name for check in solution.summary.checks}
     for name in ("energy_error", "power_between_nodes", "power_at_nodes"):
@@ -121,7 +121,7 @@ def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
 def test_a_simulation_through_a_standstill_is_refused(solution):
     design = Design.of(solution)
     with pytest.raises(InputError, match="stops the machine") as caught:
-        design.fly(solution.case.inflow)
+        design.simulate(solution.case.inflow)
     assert caught.value.key == "control.cut_out"
 
 
@@ -133,9 +133,11 @@ def test_open_loop_with_each_interval_judged_for_itself(solve_physics, objective
     solved = solve_physics(CASE | {"control": control, "objective": objective})
     checks = solved.checks()
     assert all(check.passed for check in checks.values()), checks
-    assert len(solved.flights) == 2
-    for flight, (begin, end) in zip(solved.flights, SPANS, strict=True):
-        np.testing.assert_allclose(flight.trajectory["time"][[0, -1]], [begin, end], rtol=1e-12)
-        change = flight.simulation.kinetic_energy_change
+    assert len(solved.verifications) == 2
+    for verification, (begin, end) in zip(solved.verifications, SPANS, strict=True):
+        np.testing.assert_allclose(
+            verification.trajectory["time"][[0, -1]], [begin, end], rtol=1e-12
+        )
+        change = verification.simulation.kinetic_energy_change
         if objective == "electrical":  # no interval may sell what its rotor has stored
-            assert abs(change) < 1e-6 * flight.simulation.energy
+            assert abs(change) < 1e-6 * verification.simulation.energy

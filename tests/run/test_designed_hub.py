@@ -8,8 +8,8 @@ from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.run.flight import plant_of
 from hkt_mdo.run.iterate import read_iterate
+from hkt_mdo.run.verification import plant_of
 
 GAIN, MOST = 6.0, 4.0
 HELD = {"blade": "fixed", "gain_bounds": [(1 - 1e-6) * GAIN, (1 + 1e-6) * GAIN]}

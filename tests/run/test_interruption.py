@@ -87,7 +87,7 @@ def compiled_code_interrupted(*_, **__):
             raise SystemError("returned a result with an exception set") from error
 
 
-@pytest.mark.parametrize("where", ["make_physics", "_optimize_and_judge"])
+@pytest.mark.parametrize("where", ["make_physics", "_optimize_and_verify"])
 def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch, where):
     monkeypatch.setattr(run, where, compiled_code_interrupted)
     with pytest.raises(KeyboardInterrupt):

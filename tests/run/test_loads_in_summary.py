@@ -207,19 +207,21 @@ def test_an_older_result_is_read(result, tmp_path):
 
 def test_loads_are_computed_once(solve_physics, tmp_path):
     solved = solve_physics(SHORT)
-    flights, calls = solved.flights, []
-    for flight in flights:
-        own = flight.loads
+    verifications, calls = solved.verifications, []
+    for verification in verifications:
+        own = verification.loads
 
         def counted(known, own=own):
             calls.append(known["time"].size)
             return own(known)
 
-        object.__setattr__(flight, "loads", counted)
+        object.__setattr__(verification, "loads", counted)
     finished = solved.finished()
     summarize(finished)
     write_tables(tmp_path, finished)
-    times = [time for each in flights for time in (each.trajectory["time"], each.simulation.time)]
+    times = [
+        time for each in verifications for time in (each.trajectory["time"], each.simulation.time)
+    ]
     assert sorted(calls) == sorted(time.size for time in times)
 
 
@@ -227,7 +229,7 @@ def test_loads_are_computed_once(solve_physics, tmp_path):
 def test_loads_of_a_resolved_blade_are_reported(solve_physics):
     """Nine stations miss a part of the stress that forty have."""
     coarse = solve_physics(SHORT | {"limits": {"stress": "100 MPa"}, "version": 1})
-    told = [each.told for each in coarse.flights]
+    told = [each.told for each in coarse.verifications]
     blade = coarse.result.point.blade
     (resolved,) = loads.resolved(coarse.physics, blade, told)
     change = resolved["stress"][0] / np.max(told[0]["stress"]) - 1.0

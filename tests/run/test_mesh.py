@@ -24,12 +24,12 @@ def solved(solve_physics, law, *sections, limit=700, **more):
 def test_a_gust_between_two_nodes_is_seen(solve_physics, width):
     gust = {"profile": "gust", "amplitude": 1.0, "time": 7.03, "width": width}
     with_gust = solved(solve_physics, "quadratic", FIXED, inflow=gust)
-    (flight,) = with_gust.flights
-    assert flight.scenario.segments > 15
+    (verification,) = with_gust.verifications
+    assert verification.scenario.segments > 15
     # no rotor follows the cube of so short a gust; it captures a part of what passes
     steady = solved(solve_physics, "quadratic", FIXED, inflow={"profile": "constant", "speed": 1.5})
-    gain = flight.simulation.energy / steady.flights[0].simulation.energy - 1.0
-    passing = flight.scenario.inflow.cubes(np.array([0.0, 15.0]))[0] / (15.0 * 1.5**3) - 1.0
+    gain = verification.simulation.energy / steady.verifications[0].simulation.energy - 1.0
+    passing = verification.scenario.inflow.cubes(np.array([0.0, 15.0]))[0] / (15.0 * 1.5**3) - 1.0
     assert 0.2 * passing < gain < passing
     finer = solved(
         solve_physics, "quadratic", FIXED, inflow=gust, phase={"segments": 150, "duration": 15}
@@ -47,7 +47,9 @@ def test_open_loop_is_never_below_feedback_where_a_limit_switches(solve_physics)
     law = solved(solve_physics, "quadratic", limit=500, **FAST)
     assert best.on_first_mesh.scenarios[0].segments < best.physics.scenarios[0].segments
     assert best.result.energy == pytest.approx(fine.result.energy, rel=1e-5)
-    assert best.flights[0].simulation.energy > law.flights[0].simulation.energy * (1.0 - 1e-5)
+    assert best.verifications[0].simulation.energy > law.verifications[0].simulation.energy * (
+        1.0 - 1e-5
+    )
 
 
 @pytest.mark.slow
@@ -57,7 +59,7 @@ def test_open_loop_settles_through_a_gust_much_faster_than_the_rotor(solve_physi
     found = solved(solve_physics, "open_loop", limit=617, inflow=gust)
     lengths = np.diff(found.physics.scenarios[0].edges)
     assert np.max(lengths) > 500.0 * np.min(lengths)
-    torque = found.flights[0].trajectory["control_torque"]
+    torque = found.verifications[0].trajectory["control_torque"]
     assert np.min(torque) < 0.01 * 617.0
     assert np.max(torque) > 0.999 * 617.0
 
@@ -68,7 +70,7 @@ def test_a_run_that_ends_after_a_division_is_judged_on_the_mesh_it_was_solved_on
     monkeypatch.setattr("hkt_mdo.run.passes.MAX_PASSES", 1)
     law = {"law": "open_loop", "torque_limit": 400}
     found = solve_physics(SHORT | FIXED | SINE | {"control": law})
-    nodes = found.flights[0].scenario.node_times.size
+    nodes = found.verifications[0].scenario.node_times.size
     assert found.result.trajectories[0]["time"].size == nodes
     assert "mesh_error" in [name for name, check in found.checks().items() if not check.passed]
 
@@ -82,10 +84,10 @@ def test_stored_energy_does_not_count(solve_physics):
     case = SHORT | SINE | HEAVY | {"control": {"law": "open_loop", "torque_limit": 300}}
     found = solve_physics(case)
     assert all(check.passed for check in found.checks().values())
-    speed = found.flights[0].trajectory["rotor_speed"]
+    speed = found.verifications[0].trajectory["rotor_speed"]
     assert speed[-1] == pytest.approx(speed[0], rel=1e-6)
     # what is captured is delivered then, and no less than where that is asked for
-    assert found.flights[0].simulation.generator_energy == pytest.approx(
+    assert found.verifications[0].simulation.generator_energy == pytest.approx(
         found.result.energy, rel=1e-5
     )
     asked = solved(solve_physics, "open_loop", SINE, HEAVY, limit=300, objective="generator")
@@ -102,8 +104,8 @@ def test_what_the_flow_leaves_in_a_heavy_rotor_is_not_refused(solve_physics, obj
     rising = {"profile": "sine", "angular_frequency": 0.1}
     heavy = {"rotor": {"set_angle": 5, "hub_inertia": 60}, "design": {"blade": "fixed"}}
     found = solved(solve_physics, "quadratic", heavy, inflow=rising, objective=objective)
-    flown = found.flights[0].simulation
-    assert flown.kinetic_energy_change > 0.01 * flown.energy
+    simulated = found.verifications[0].simulation
+    assert simulated.kinetic_energy_change > 0.01 * simulated.energy
     assert ("stored_energy" in found.checks()) == (objective == "captured")
 
 
@@ -126,9 +128,9 @@ def test_what_limits_leave_in_their_segments_tells_the_error_of_the_mesh(
 
 def test_the_generators_energy_is_maximized_over_a_closed_cycle(solve_physics):
     found = solved(solve_physics, "open_loop", SINE, HEAVY, limit=300, objective="generator")
-    (flight,) = found.flights
-    speed = flight.trajectory["rotor_speed"]
+    (verification,) = found.verifications
+    speed = verification.trajectory["rotor_speed"]
     assert speed[-1] == pytest.approx(speed[0], rel=1e-6)
-    flown = flight.simulation
-    assert flown.generator_energy == pytest.approx(flown.energy, rel=1e-5)
-    assert found.result.objective == pytest.approx(flown.generator_energy, rel=1e-5)
+    simulated = verification.simulation
+    assert simulated.generator_energy == pytest.approx(simulated.energy, rel=1e-5)
+    assert found.result.objective == pytest.approx(simulated.generator_energy, rel=1e-5)

@@ -1,4 +1,4 @@
-"""Loads of a blade on many stations: against that blade as a case of its own, and their judge."""
+"""Loads of a blade on many stations: against that blade as a case of its own, and their check."""
 
 import numpy as np
 import pytest

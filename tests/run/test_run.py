@@ -15,7 +15,7 @@ from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.judge import BELOW_START
+from hkt_mdo.run.checks import BELOW_START
 from hkt_mdo.run.run import resume_case, run_case
 from hkt_mdo.solve.threads import one_thread
 

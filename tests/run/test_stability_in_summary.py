@@ -9,7 +9,7 @@ from hkt_mdo import build_problem, load_case, run_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.summary import MemoryEntry
-from hkt_mdo.run.judge import _of_tables
+from hkt_mdo.run.checks import _of_tables
 
 CASE = {"inflow": "sine", "control": "quadratic"}
 MEMORY = ("inflow_dynamics=oye",)
@@ -124,10 +124,10 @@ def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_phy
     found = solve_physics(case)
     assert [name for name, each in found.checks().items() if not each.passed] == []
     assert not any("coarse" in each.why for each in found.passes)
-    (flight,) = found.flights
+    (verification,) = found.verifications
     gap = found.checks()["two_filters_energy"].value
-    assert flight.energy_error < 0.2 * gap < 2e-4
+    assert verification.energy_error < 0.2 * gap < 2e-4
     table = found.result.problem.get_val("loads_phase.thrust").ravel()
-    direct, nodes = flight.loads_at_nodes["thrust"], flight.trajectory
+    direct, nodes = verification.loads_at_nodes["thrust"], verification.trajectory
     np.testing.assert_allclose(direct, table, rtol=2e-4)
-    assert np.max(np.abs(direct / flight.loads(nodes)["thrust"] - 1.0)) > 5e-3
+    assert np.max(np.abs(direct / verification.loads(nodes)["thrust"] - 1.0)) > 5e-3

@@ -1,4 +1,4 @@
-"""Tracking in a whole run: as good as open loop in a slow flow, its loop judged, and resumed."""
+"""Tracking in a whole run: as good as open loop in a slow flow, its loop checked, and resumed."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def test_closed_loop_is_judged(solved):
 
 
 def test_an_unstable_loop_is_refused(solve_physics):
-    """Underspeed needs a proportional part: with one of a tenth the judge sees the growth."""
+    """Underspeed needs a proportional part: with one of a tenth the check sees the growth."""
     data = {
         "inflow": {"profile": "sine"},
         "control": {"law": "tracking", "torque_limit": 700},
@@ -43,12 +43,12 @@ def test_an_unstable_loop_is_refused(solve_physics):
     }
     found = solve_physics(data)
     assert found.checks()["closed_loop"].passed
-    flight, law = found.flights[0], found.physics.law
-    gains = flight.controller.gains.copy()
+    verification, law = found.verifications[0], found.physics.law
+    gains = verification.controller.gains.copy()
     gains[-2] *= -1.0  # pushes the rotor away from its schedule
-    wrong = replace(flight, controller=replace(flight.controller, gains=gains))
+    wrong = replace(verification, controller=replace(verification.controller, gains=gains))
     assert isinstance(law, Tracking)
-    refused = replace(found, flights=(wrong,)).checks()["closed_loop"]
+    refused = replace(found, verifications=(wrong,)).checks()["closed_loop"]
     assert not refused.passed
     assert refused.value > 0.0
 

@@ -396,9 +396,9 @@ def test_turbulence_within_a_bin_is_the_mean_of_a_run_over_time(tmp_path):
 def test_a_year_has_no_course_to_be_simulated_in(year):
     design = Design.of(year)
     with pytest.raises(InputError, match="no flow over time"):
-        design.fly(year.case.inflow)
+        design.simulate(year.case.inflow)
     flow = ConstantInflow(speed=1.4)
-    run_over_time = design.fly(flow)
+    run_over_time = design.simulate(flow)
     assert run_over_time.time[-1] == 60.0
     power = np.interp(1.4, year.year["inflow_speed_m_s"], year.year["captured_power_W"])
     assert run_over_time.energy / 60.0 == pytest.approx(power, rel=1e-4)

@@ -119,7 +119,7 @@ def test_its_radius_is_taken_where_that_is_designed(result):
 
 def test_a_refused_result_is_allowed_and_reported(result):
     _, messages = design_of_result(world(result(success=False)))
-    assert "refused by its judges: the mesh is too coarse" in messages[0]
+    assert "refused by its checks: the mesh is too coarse" in messages[0]
 
 
 @pytest.mark.parametrize("method", ["blade", "quasi_steady"])
@@ -133,7 +133,7 @@ def test_a_check_reports_the_design_that_a_run_begins_with(result, method):
     assert begun.findings.start.gains != plain.findings.start.gains
     turbine = "\n".join(map(str, begun.tables["Turbine"]))
     assert f"design of {folder}" in turbine
-    assert any("refused by its judges" in str(row) for row in begun.notes)
+    assert any("refused by its checks" in str(row) for row in begun.notes)
     assert not any("spline" in str(row) for row in begun.warnings)
 
 

@@ -94,7 +94,7 @@ def test_a_limit_is_kept_up_to_its_bound(quadratic):
 
 def test_a_limit_from_below_and_one_of_both_signs(quadratic):
     flow = SineInflow()
-    run = quadratic.fly(flow)
+    run = quadratic.simulate(flow)
     slowest, at = run.rotor_speed.min(), np.argmin(run.rotor_speed)
     for least, kept in ((0.5 * slowest, True), (1.1 * slowest, False)):
         told = Run(limited(quadratic, SlowestRotor(least=least)), flow).told["slowest_rotor"]
@@ -131,7 +131,7 @@ class _Driving:
 def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
     """Below the speed of the largest torque, a constant torque in a steady flow stops the rotor.
 
-    What the judges of a run add holds the speed instead; a stable rotor needs nothing.
+    What the checks of a run add holds the speed instead; a stable rotor needs nothing.
     """
     assert open_loop.controller.stiffness == 0.0
     plant, flow = open_loop.plant, ConstantInflow(speed=1.5)
@@ -149,7 +149,7 @@ def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
     }
     tables = {"phase": ScenarioTables(table, {}, {})}
     unstable = Design.of(replace(open_loop.solution, tables=tables))
-    held = unstable.fly(flow, 0.99 * speed)
+    held = unstable.simulate(flow, 0.99 * speed)
     assert unstable.controller.stiffness > 0.0
     assert held.stopped_at is None
     assert held.rotor_speed[-1] == pytest.approx(speed, rel=1e-6)
@@ -254,15 +254,17 @@ def test_memory_of_the_wake_lets_the_papers_rotor_run_away(quadratic, tmp_path, 
 def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
     """Thrust, of the torque and loads that the sections have in what the wake induces."""
     (run,) = runs_of(quadratic.solution, "design", None, True, 1.0)
-    flown, plant = run.simulation, run.design.plant
-    seen = plant.wake.sections(flown.rotor_speed, flown.inflow_speed, flown.wake_at(flown.time))
-    blade, pressure = plant.blade, 0.5 * plant.density * flown.inflow_speed**2
+    simulated, plant = run.simulation, run.design.plant
+    seen = plant.wake.sections(
+        simulated.rotor_speed, simulated.inflow_speed, simulated.wake_at(simulated.time)
+    )
+    blade, pressure = plant.blade, 0.5 * plant.density * simulated.inflow_speed**2
     spans = 0.5 * blade.blade_count * (blade.edges[2:] - blade.edges[:-2])
     thrust = pressure * (seen.normal_load @ spans)
     assert run.told["thrust"].value == pytest.approx(np.max(thrust), rel=1e-12)
-    assert run.told["thrust"].time_s == pytest.approx(flown.time[np.argmax(thrust)])
+    assert run.told["thrust"].time_s == pytest.approx(simulated.time[np.argmax(thrust)])
     torque = pressure * (seen.tangential_load @ (spans * blade.r))
-    np.testing.assert_allclose(flown.hydrodynamic_torque, torque, rtol=1e-10)
+    np.testing.assert_allclose(simulated.hydrodynamic_torque, torque, rtol=1e-10)
 
 
 @pytest.mark.parametrize(

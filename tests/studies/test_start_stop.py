@@ -26,7 +26,7 @@ def design(solution):
 def test_after_a_start_the_rotor_works_as_if_it_had_never_stood(design):
     """The law has one equilibrium in operation: what the rotor was before is forgotten."""
     flow = design.physics.inflow
-    parts, never = start_and_stop(design, flow), design.fly(flow)
+    parts, never = start_and_stop(design, flow), design.simulate(flow)
     begin = parts.run_up.rotor_speed[0] * design.plant.blade.rotor_radius / flow.speed_at(0.0)
     assert begin == pytest.approx(FIRST)
     assert 0.05 < parts.started_at < 1.0

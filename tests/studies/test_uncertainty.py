@@ -36,7 +36,7 @@ def paper_flow(design, name):
 
 def test_design_flow_gives_the_simulated_energy_again(quadratic, open_loop):
     for design in (quadratic, open_loop):
-        run = design.fly(design.physics.inflow)
+        run = design.simulate(design.physics.inflow)
         assert run.energy == pytest.approx(design.solution.summary["simulated_energy_J"], rel=1e-7)
 
 
@@ -46,14 +46,14 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
     sensor = Sensor(snr=np.inf, rate=1000.0, cutoff=100.0)
     noisy = fly_noisy(quadratic, inflow, sensor, repeats=1, seed=0)
     assert noisy.noise_deviation == 0.0
-    assert noisy.energy[0] == pytest.approx(quadratic.fly(inflow).energy, rel=1e-5)
+    assert noisy.energy[0] == pytest.approx(quadratic.simulate(inflow).energy, rel=1e-5)
     assert noisy.torque_error < 1e-6
 
 
 @pytest.mark.slow
 def test_a_law_with_states_is_sampled_too(tracking):
     """A fast quiet sensor is none. A held torque makes the loop unstable where kp T / I > 2."""
-    flow, exact = paper_flow(tracking, "B"), tracking.fly(paper_flow(tracking, "B"))
+    flow, exact = paper_flow(tracking, "B"), tracking.simulate(paper_flow(tracking, "B"))
     for rate, error in ((1000.0, 1e-5), (100.0, 1e-3)):
         sampled = fly_noisy(tracking, flow, Sensor(np.inf, rate=rate, cutoff=None), 1, 0)
         assert tracking.gains[-2] / tracking.plant.inertia / rate < 1.5
@@ -70,8 +70,8 @@ def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
     law = tracking.law.model_copy(update={"flow": "estimated"})
     estimating = replace(tracking, physics=replace(tracking.physics, law=law))
     flow, sensor = paper_flow(tracking, "B"), Sensor(np.inf, rate=500.0, cutoff=None)
-    exact = estimating.fly(flow)
-    assert exact.energy == pytest.approx(tracking.fly(flow).energy, rel=1e-6)
+    exact = estimating.simulate(flow)
+    assert exact.energy == pytest.approx(tracking.simulate(flow).energy, rel=1e-6)
     quiet = fly_noisy(estimating, flow, sensor, 1, 0).energy[0]
     assert quiet == pytest.approx(exact.energy, rel=1e-4)
     loud = replace(sensor, snr=30.0, reference="total")
@@ -105,7 +105,7 @@ def test_noise_of_the_flows_sensor_costs_energy(tracking):
 def test_a_steady_rotor_stays_steady(quadratic):
     """The filter starts in steady state at w(0): in a constant flow it brings no transient."""
     flow = ConstantInflow(speed=float(quadratic.physics.inflow.speed_at(0.0)))
-    start = quadratic.fly(flow)
+    start = quadratic.simulate(flow)
     noisy = fly_noisy(quadratic, flow, Sensor(snr=np.inf), repeats=1, seed=0)
     np.testing.assert_allclose(noisy.rotor_speed, start.rotor_speed[-1], rtol=2e-3)
 
@@ -149,9 +149,9 @@ def test_stalled_repeats_are_counted_apart(quadratic):
 
 def test_replayed_open_loop_stops_in_flows_b_and_c_but_not_in_a(open_loop):
     """The paper's finding: torque that fits one flow stalls the rotor in a slower one."""
-    assert open_loop.fly(paper_flow(open_loop, "A")).stopped_at is None
+    assert open_loop.simulate(paper_flow(open_loop, "A")).stopped_at is None
     for name in ("B", "C"):
-        assert open_loop.fly(paper_flow(open_loop, name)).stopped_at is not None
+        assert open_loop.simulate(paper_flow(open_loop, name)).stopped_at is not None
 
 
 def test_wrong_questions_are_refused(quadratic, open_loop):
@@ -168,7 +168,7 @@ def test_a_law_of_constant_power_stalls_under_noise_too(quadratic):
     case = load_case({"inflow": "sine", "control": {"law": "power_law", "torque_limit": 700}})
     asked = replace(quadratic, physics=physics(case), gains=np.array([5000.0, -1.0]))
     flow = asked.physics.inflow
-    assert asked.fly(flow).stopped_at is not None
+    assert asked.simulate(flow).stopped_at is not None
     noisy = fly_noisy(asked, flow, Sensor(snr=20.0, reference="total", cutoff=None), 3, seed=1)
     assert noisy.stalled == 3
     assert np.all(noisy.stopped_at < 60.0)

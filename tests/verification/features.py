@@ -75,6 +75,6 @@ def _error(solution, width) -> float:
     """Return the relative difference of a result's energies from a finer integration."""
     first, design = float(solution.trajectory["rotor_speed_rad_s"][0]), Design.of(solution)
     refined = 200 if width < 0.5 else 20
-    energy = design.fly(design.physics.inflow, first, refined=refined).energy
+    energy = design.simulate(design.physics.inflow, first, refined=refined).energy
     summary = solution.summary
     return max(abs(each / energy - 1.0) for each in (summary.energy_J, summary.simulated_energy_J))

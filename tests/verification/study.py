@@ -388,7 +388,7 @@ def _fly(design, **accuracy):
             return float(driving - design.law.torque(w, design.gains))
 
         speed = brentq(excess, 0.95 * speed, 1.05 * speed, xtol=1e-12)
-    return design.fly(inflow, speed, **accuracy)
+    return design.simulate(inflow, speed, **accuracy)
 
 
 def _real(study):

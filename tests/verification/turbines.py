@@ -79,12 +79,12 @@ class Run:
         if not self.verified:
             return np.nan
         design = Design.of(self.result)
-        flown = design.fly(design.physics.inflow)
+        simulated = design.simulate(design.physics.inflow)
         if design.law.is_feedback:
-            flown = design.fly(design.physics.inflow, float(flown.rotor_speed[-1]))
+            simulated = design.simulate(design.physics.inflow, float(simulated.rotor_speed[-1]))
         if self.result.summary.objective.kind == "electrical":
-            return flown.electrical_energy
-        return flown.energy - flown.kinetic_energy_change
+            return simulated.electrical_energy
+        return simulated.energy - simulated.kinetic_energy_change
 
 
 def _run(study, folder, law, turbine) -> Run:

@@ -1,4 +1,4 @@
-"""The judges of a result: checks that are independent of the optimizer.
+"""The checks of a result, which are independent of the optimizer.
 
 A result is a success only if the optimizer converged and an integration that shares neither torque
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
@@ -34,17 +34,17 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run import loads
 from hkt_mdo.run.certified import certified_energy
-from hkt_mdo.run.flight import (
-    Flight,
+from hkt_mdo.run.memory import stability_of
+from hkt_mdo.run.verification import (
     Optimized,
-    SteadyFlight,
+    SteadyVerification,
+    Verification,
     design_and_result,
     simulated_objective,
     total,
 )
-from hkt_mdo.run.memory import stability_of
 
-# Limits of the judges, as README.md explains them
+# Limits of the checks, as README.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # largest energy stored in the rotor, over the captured energy
@@ -55,26 +55,26 @@ BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its dista
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # of two filters from all stations (docs/memory.md)
-PROBES = 200  # tip speed ratios at which the slope of the mean induction is judged
+PROBES = 200  # tip speed ratios at which the slope of the mean induction is checked
 OVER = "share by which the limit is exceeded,"
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
-def is_false(flights: tuple[Flight, ...]) -> bool:
+def is_false(verifications: tuple[Verification, ...]) -> bool:
     """Tell whether an integration of the model that was optimized contradicts its collocation."""
-    errors = [(each.energy_error, np.max(each.speed_errors)) for each in flights]
+    errors = [(each.energy_error, np.max(each.speed_errors)) for each in verifications]
     return any(energy > ENERGY_ERROR or speed > SPEED_ERROR for energy, speed in errors)
 
 
-def judge(
+def checks_of(
     physics: Physics,
     optimum: SteadyOptimum,
     reference: float,
     result: Optimized,
-    flights: tuple[Flight, ...],
+    verifications: tuple[Verification, ...],
     starts: Sequence[StartRecord] = (),
 ) -> list[CheckEntry]:
-    """Return the checks of all judges, that of the optimizer first.
+    """Return the checks of all checks, that of the optimizer first.
 
     `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
     the quasi-steady start, 0 where that is no measure of the optimum; `starts` are all that the
@@ -82,15 +82,15 @@ def judge(
     """
     status = result.outcome
     checks = [_check("optimizer", not status.success, 0.0, status.message)]
-    for flight, suffix in _suffixed(flights):
-        checks += [_check(name + suffix, *about) for name, *about in _of_flight(flight)]
-    known = _of_design(physics, optimum, reference, result, flights)
+    for verification, suffix in _suffixed(verifications):
+        checks += [_check(name + suffix, *about) for name, *about in _of_flight(verification)]
+    known = _of_design(physics, optimum, reference, result, verifications)
     return checks + [
-        _check(*each) for each in (*known, *_behind_open_loop(physics, flights, starts))
+        _check(*each) for each in (*known, *_behind_open_loop(physics, verifications, starts))
     ]
 
 
-def _behind_open_loop(physics, flights, starts):
+def _behind_open_loop(physics, verifications, starts):
     """Yield how far a law that can follow a schedule is behind the open loops of its search."""
     follows = physics.states or len(physics.gain_units) > MOST_GAINS
     if not follows or physics.start_objective is not physics.objective:
@@ -98,15 +98,15 @@ def _behind_open_loop(physics, flights, starts):
     kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
     ceiling = max(kept, default=0.0)
     if ceiling > 0.0:
-        behind = physics.objective.behind(simulated_objective(physics, flights), ceiling)
+        behind = physics.objective.behind(simulated_objective(physics, verifications), ceiling)
         word = "share by which the objective is below that of an open loop that keeps the limits"
         yield "behind_open_loop", behind, BEHIND_OPEN_LOOP, word
 
 
-def _suffixed(flights):
-    """Yield each flight and the ending of its checks' names; empty if there is one flight."""
-    for flight in flights:
-        yield flight, "" if len(flights) == 1 else f" ({flight.scenario.name})"
+def _suffixed(verifications):
+    """Yield each verification and the ending of its checks' names; empty if there is one."""
+    for verification in verifications:
+        yield verification, "" if len(verifications) == 1 else f" ({verification.scenario.name})"
 
 
 def _check(name, value, limit, detail) -> CheckEntry:
@@ -114,49 +114,53 @@ def _check(name, value, limit, detail) -> CheckEntry:
     return CheckEntry(name=name, value=float(value), limit=limit, passed=passed, detail=detail)
 
 
-def _of_flight(flight: Flight) -> Iterator[tuple[str, float, float, str]]:
+def _of_flight(verification: Verification) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of the checks of a scenario's integration."""
-    flown, nodes, integrated = flight.simulation, flight.trajectory, flight.integrated
-    time, stopped, own = nodes["time"], flown.stopped_at, flight.of_model.integrated
-    if not flight.scenario.steady:
-        yield from _of_flow(flight.scenario)
-    when = flight.scenario.when
+    simulated, nodes, integrated = (
+        verification.simulation,
+        verification.trajectory,
+        verification.integrated,
+    )
+    time, stopped, own = nodes["time"], simulated.stopped_at, verification.of_model.integrated
+    if not verification.scenario.steady:
+        yield from _of_flow(verification.scenario)
+    when = verification.scenario.when
     stops = stopped is not None and f"rotor stops at {when(stopped)}, not generating"
     word = stops or "the rotor generates until the end"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
         word = f"the rotor's motion has no solution after {when(stopped)}"
-    if stopped is not None and flight.scenario.steady:
+    if stopped is not None and verification.scenario.steady:
         word = f"the rotor has no equilibrium in {when(stopped)}"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, own["time"], own["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
     word = "collocated over independently integrated energy, less one; power differs most at "
-    yield "energy_error", flight.energy_error, ENERGY_ERROR, word + when(off)
-    error = flight.speed_errors
+    yield "energy_error", verification.energy_error, ENERGY_ERROR, word + when(off)
+    error = verification.speed_errors
     worst = int(np.argmax(error))
     word = f"collocated over integrated rotor speed, less one, at {when(time[worst])}"
     yield "max_speed_error", error[worst], SPEED_ERROR, word
-    if flight.two_filters is not None:
-        yield from _of_two_filters(flight, flight.two_filters)
-    if isinstance(flight, SteadyFlight) and flight.recorded is None:
-        worst = int(np.argmax(flight.growth))
+    if verification.two_filters is not None:
+        yield from _of_two_filters(verification, verification.two_filters)
+    if isinstance(verification, SteadyVerification) and verification.recorded is None:
+        worst = int(np.argmax(verification.growth))
         word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
-        yield "equilibrium_growth", flight.growth[worst], 0.0, f"{word}{when(time[worst])}"
+        yield "equilibrium_growth", verification.growth[worst], 0.0, f"{word}{when(time[worst])}"
 
 
-def _of_two_filters(flight, reduced):
+def _of_two_filters(verification, reduced):
     """Yield by how much the integration with the filters of all stations differs from the reduced.
 
     The optimizer maximizes the energy of the reduced model: what it misses is at most the sum of
     this difference for the optimized design and for the best one.
     """
-    whole, two = flight.simulation, reduced.simulation
+    whole, two = verification.simulation, reduced.simulation
     gap = abs(two.energy / whole.energy - 1.0) if whole.energy > 0.0 else np.inf
     word = "energy by the optimization's two filters of the wake over that of all stations"
     yield "two_filters_energy", gap, REDUCED_ENERGY, f"{word}, less one"
-    times = flight.trajectory["time"]
+    times = verification.trajectory["time"]
     error = np.abs(two.speed_at(times) / whole.speed_at(times) - 1.0)
-    when = flight.scenario.when(times[np.argmax(error)])
+    when = verification.scenario.when(times[np.argmax(error)])
     yield "two_filters_speed", np.max(error), REDUCED_SPEED, f"the same of the speed, at {when}"
 
 
@@ -169,12 +173,12 @@ def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
     yield "flow_error", np.sum(errors), FLOW_ERROR, word
     missed = scenario.flow_missed
     worst = int(np.argmax(missed))
-    word = "share of the flow's speed missed by the instants at which limits are judged, between "
+    word = "share of the flow's speed missed by the instants at which limits are checked, between "
     word += f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
     yield "flow_missed", missed[worst], FLOW_MISSED, word
 
 
-def _of_design(physics, optimum, reference, result, flights):
+def _of_design(physics, optimum, reference, result, verifications):
     """Yield name, value, limit and place of the checks of the whole result."""
     ratios, errors = curve_errors(physics, result)
     worst = int(np.argmax(errors))
@@ -186,29 +190,33 @@ def _of_design(physics, optimum, reference, result, flights):
         change = "change of the objective on a finer mesh, as far as it is known"
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
-        yield from _recovery(physics, result, flights)
+        yield from _recovery(physics, result, verifications)
     if physics.case.generator.table is not None:
-        known = [(x.trajectory["control_torque"], x.trajectory["rotor_speed"]) for x in flights]
+        known = [
+            (x.trajectory["control_torque"], x.trajectory["rotor_speed"]) for x in verifications
+        ]
         off = max(physics.generator.beyond_table(*each) for each in known)
         word = "how far torque or speed leave generator.table, over its range"
         yield "generator_table", max(off, 0.0), BEYOND, word
     if physics.states:
-        yield _closed_loop(flights)
+        yield _closed_loop(verifications)
     if physics.remembers:
         yield from _of_tables(physics, result)
         found = stability_of(physics, result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
-    yield from _bounds(physics, optimum, flights)
+    yield from _bounds(physics, optimum, verifications)
     captured = isinstance(physics.objective, CapturedEnergy)
     if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
-        stored = total(flights, lambda flight: _stored(physics, result, flight))
-        energy = max(abs(total(flights, lambda flight: flight.simulation.energy)), 1e-9)
+        stored = total(verifications, lambda verification: _stored(physics, result, verification))
+        energy = max(
+            abs(total(verifications, lambda verification: verification.simulation.energy)), 1e-9
+        )
         word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
         yield "stored_energy", stored / energy, STORED, word
-    objective = simulated_objective(physics, flights)
+    objective = simulated_objective(physics, verifications)
     if not captured:
-        known = simulated_objective(physics, tuple(each.of_model for each in flights))
+        known = simulated_objective(physics, tuple(each.of_model for each in verifications))
         error = abs(result.objective - known) / max(abs(known), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
     if reference > 0.0:
@@ -219,11 +227,11 @@ def _of_design(physics, optimum, reference, result, flights):
             "share by which the objective is below that at the start of the run",
         )
     for limit in physics.design_limits:
-        yield _of_design_limit(physics, limit, result, flights)
-    for flight, suffix in _suffixed(flights):
-        for limit in physics.limits_in(flight.scenario):
-            yield from _of_limit(physics, limit, flight, suffix)
-    yield from _resolved(physics, result, flights)
+        yield _of_design_limit(physics, limit, result, verifications)
+    for verification, suffix in _suffixed(verifications):
+        for limit in physics.limits_in(verification.scenario):
+            yield from _of_limit(physics, limit, verification, suffix)
+    yield from _resolved(physics, result, verifications)
 
 
 def _of_tables(physics, result):
@@ -251,11 +259,11 @@ def _of_tables(physics, result):
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
 
 
-def _bounds(physics, optimum, flights):
+def _bounds(physics, optimum, verifications):
     """Yield by how much the energy exceeds the bounds of theory, with a wake in equilibrium."""
     if physics.remembers:  # before the wake follows, a rotor may capture more
         return
-    energy = total(flights, lambda flight: flight.simulation.energy)
+    energy = total(verifications, lambda verification: verification.simulation.energy)
     bound = energy_bound(physics, optimum)
     for name, most, word in (
         ("energy_over_bound", bound, "quasi-steady bound"),
@@ -266,19 +274,21 @@ def _bounds(physics, optimum, flights):
             yield name, energy / most - 1.0, BOUND_MARGIN, detail
 
 
-def _resolved(physics, result, flights):
+def _resolved(physics, result, verifications):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
     if not any(limit.is_of(LOADS) for limit in physics.all_limits):
         return
     found, blade = [], result.point.blade
-    finer = [loads.resolved(physics.of(x.scenario), blade, [x.flown]) for x in flights]
-    for flight, each in (
-        (x, y) for x, several in zip(flights, finer, strict=True) for y in several
+    finer = [loads.resolved(physics.of(x.scenario), blade, [x.simulated]) for x in verifications]
+    for verification, each in (
+        (x, y) for x, several in zip(verifications, finer, strict=True) for y in several
     ):
-        for limit in filter(lambda limit: limit.is_of(LOADS), physics.limits_in(flight.scenario)):
+        for limit in filter(
+            lambda limit: limit.is_of(LOADS), physics.limits_in(verification.scenario)
+        ):
             over = limit.excess(each)
             worst = int(np.argmax(over))
-            when = flight.scenario.when(each["time"][worst])
+            when = verification.scenario.when(each["time"][worst])
             found.append((float(over[worst]), limit.name, when))
     if found:
         over, name, when = max(found)
@@ -286,30 +296,30 @@ def _resolved(physics, result, flights):
         yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
 
 
-def _stored(physics, result, flight) -> float:
+def _stored(physics, result, verification) -> float:
     """Return the kinetic energy that the optimizer stores in a rotor at the end, J.
 
     Open loop chooses the last speed. Under feedback that follows from the flow: only what is gained
     over the scenario and exceeds that at the equilibrium speed of the last flow counts.
     """
-    speed, inertia = flight.simulation.rotor_speed, flight.plant.inertia
+    speed, inertia = verification.simulation.rotor_speed, verification.plant.inertia
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
     if not physics.law.is_feedback:
         return abs(change)
-    net, slowed = (each[-1] for each in _net_torques(physics, result, flight))
+    net, slowed = (each[-1] for each in _net_torques(physics, result, verification))
     slope = (slowed - net) / (SLOWED * speed[-1])
     # without a slope no speed near the last one is a stable equilibrium
     beyond = -inertia * speed[-1] * net / slope if slope > 0.0 else change
     return max(min(change, beyond), 0.0)
 
 
-def _recovery(physics, result, flights):
+def _recovery(physics, result, verifications):
     """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
-    shares = [short_of_recovery(physics, result, flight) for flight in flights]
+    shares = [short_of_recovery(physics, result, verification) for verification in verifications]
     worst = [int(np.argmax(each)) for each in shares]
     share, when = max(
-        (each[place], flight.scenario.when(flight.simulation.time[place]))
-        for each, place, flight in zip(shares, worst, flights, strict=True)
+        (each[place], verification.scenario.when(verification.simulation.time[place]))
+        for each, place, verification in zip(shares, worst, verifications, strict=True)
     )
     word = f"missing share of the least torque that recovers a slowed rotor, at {when}"
     # without a torque curve no distance is required, only that the rotor recovers
@@ -317,53 +327,57 @@ def _recovery(physics, result, flights):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
 
 
-def short_of_recovery(physics: Physics, result: Optimized, flight: Flight) -> np.ndarray:
+def short_of_recovery(
+    physics: Physics, result: Optimized, verification: Verification
+) -> np.ndarray:
     """Return how far the recovery torque of `DistanceFromStall` falls short of its least.
 
     By direct BEM at the times of the integration, as a share of the least: 1 where a slowed rotor
     does not recover, at most 0 where all is well. It is checked where the rotor is `settled`, else
     -inf: in a gust that is faster than the rotor, the integration shows whether it recovers.
     """
-    flown, radius = flight.simulation, flight.scalars["rotor_radius"]
-    unit = TYPICAL * torque_scale(physics.of(flight.scenario).density, radius, flown.inflow_speed)
-    net, slowed = _net_torques(physics, result, flight)
+    simulated, radius = verification.simulation, verification.scalars["rotor_radius"]
+    unit = TYPICAL * torque_scale(
+        physics.of(verification.scenario).density, radius, simulated.inflow_speed
+    )
+    net, slowed = _net_torques(physics, result, verification)
     recovery = (slowed - net) / unit
-    known = settled(flight.integrated | flight.scalars)
+    known = settled(verification.integrated | verification.scalars)
     return np.where(known, 1.0 - recovery / LEAST, -np.inf)
 
 
-def _net_torques(physics, result, flight):
+def _net_torques(physics, result, verification):
     """Return the net torque on a rotor under feedback, N*m, (n_times,), at its speed and slowed.
 
     Slowed is a loss of `SLOWED` of its speed; flow and states of the law are those of its
     integration.
     """
-    flown, law = flight.simulation, physics.of(flight.scenario).law
+    simulated, law = verification.simulation, physics.of(verification.scenario).law
 
     def net(speed):
-        held = flight.plant.generator_torque(speed, flown.inflow_speed)
-        return held - law.torque(speed, result.point.gains, *flown.states)
+        held = verification.plant.generator_torque(speed, simulated.inflow_speed)
+        return held - law.torque(speed, result.point.gains, *simulated.states)
 
-    return net(flown.rotor_speed), net((1.0 - SLOWED) * flown.rotor_speed)
+    return net(simulated.rotor_speed), net((1.0 - SLOWED) * simulated.rotor_speed)
 
 
-def _closed_loop(flights):
+def _closed_loop(verifications):
     """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
     found = []
-    for flight in flights:
-        flown = flight.simulation
-        known = flight.plant, flown.rotor_speed, flown.inflow_speed, *flown.states
-        growth = np.linalg.eigvals(flight.controller.linearized(*known)).real.max(axis=1)
-        when = flight.scenario.when(flown.time[np.argmax(growth)])
+    for verification in verifications:
+        simulated = verification.simulation
+        known = verification.plant, simulated.rotor_speed, simulated.inflow_speed, *simulated.states
+        growth = np.linalg.eigvals(verification.controller.linearized(*known)).real.max(axis=1)
+        when = verification.scenario.when(simulated.time[np.argmax(growth)])
         found.append((np.max(growth), when))
     value, when = max(found)
     word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
     return "closed_loop", value, 0.0, word
 
 
-def _of_design_limit(physics, limit, result, flights):
+def _of_design_limit(physics, limit, result, verifications):
     """Return how far the design, or the whole result, exceeds a limit."""
-    over = limit.excess(design_and_result(flights) | designed(physics, result.point))
+    over = limit.excess(design_and_result(verifications) | designed(physics, result.point))
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
     if limit.place == "span" and over.size == result.point.blade.r.size:
         where = f"r = {result.point.blade.r[worst]:.3f} m"
@@ -372,20 +386,20 @@ def _of_design_limit(physics, limit, result, flights):
     return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"{OVER} at {where}"
 
 
-def _of_limit(physics, limit, flight, suffix):
+def _of_limit(physics, limit, verification, suffix):
     """Yield how far a limit over time is exceeded in a scenario, at and between the nodes."""
-    over = limit.excess(flight.at_nodes)
+    over = limit.excess(verification.at_nodes)
     worst = int(np.argmax(over))
-    place = flight.scenario.when
-    when = f"{OVER} at {place(flight.trajectory['time'][worst])}"
+    place = verification.scenario.when
+    when = f"{OVER} at {place(verification.trajectory['time'][worst])}"
     # an optimization has loads from tables, which are no more exact
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
     if limit.constrains(physics.law):
-        over, when = flight.between_nodes(limit)
+        over, when = verification.between_nodes(limit)
         worst = int(np.argmax(over))
         when = f"{OVER} at {place(when[worst])}"
-        name = "in_equilibrium" if flight.scenario.steady else "between_nodes"
+        name = "in_equilibrium" if verification.scenario.steady else "between_nodes"
         yield f"{limit.name}_{name}{suffix}", over[worst], most_between(limit), when
 
 

@@ -1,4 +1,4 @@
-"""The flights of a result: independent integrations of the optimized design in each scenario.
+"""The verifications of a result: independent integrations of the optimized design in each scenario.
 
 The integration has the torque by direct BEM; it shares neither torque curve nor collocation with
 the result.
@@ -64,7 +64,7 @@ class Optimized:
 
 
 @dataclass(frozen=True, eq=False)
-class Flown:
+class SimulatedDesign:
     """An integration of a design, and what is reported of it."""
 
     simulation: Simulation
@@ -87,23 +87,29 @@ class Flown:
         return cls(simulation, controller, scalars, plant, loads, **others)
 
     @cached_property
-    def loads_flown(self) -> dict[str, np.ndarray]:
+    def simulated_loads(self) -> dict[str, np.ndarray]:
         """All loads of the model, along the integration."""
         return self.loads(self.integrated)
 
     @property
     def told(self) -> dict[str, Any]:
         """The report of the integration: its quantities, all loads, rates and the scalars."""
-        return self.integrated | self.loads_flown | self.rates_flown | self.scalars
+        return self.integrated | self.simulated_loads | self.simulated_rates | self.scalars
 
     @property
-    def rates_flown(self) -> dict[str, np.ndarray]:
+    def simulated_rates(self) -> dict[str, np.ndarray]:
         """All rates, along the integration."""
-        flown = self.simulation
-        friction = self.plant.generator.friction(flown.rotor_speed)
-        net = flown.hydrodynamic_torque - flown.control_torque - friction
+        simulated = self.simulation
+        friction = self.plant.generator.friction(simulated.rotor_speed)
+        net = simulated.hydrodynamic_torque - simulated.control_torque - friction
         acceleration = net / self.plant.inertia
-        known = flown.time, flown.rotor_speed, acceleration, flown.inflow_speed, *flown.states
+        known = (
+            simulated.time,
+            simulated.rotor_speed,
+            acceleration,
+            simulated.inflow_speed,
+            *simulated.states,
+        )
         return {"torque_rate": self.controller.rate(*known)}
 
     @cached_property
@@ -120,24 +126,24 @@ class Flown:
     def integrated(self) -> dict[str, np.ndarray]:
         """The quantities of the integration, by their names in a trajectory."""
         names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
-        flown = (getattr(self.simulation, name) for name in names)
-        known = trajectory_of(*flown, self.scalars["rotor_radius"], self.plant.generator)
+        simulated = (getattr(self.simulation, name) for name in names)
+        known = trajectory_of(*simulated, self.scalars["rotor_radius"], self.plant.generator)
         return known if self.sections is None else known | {"sections": self.sections}
 
 
 @dataclass(frozen=True, eq=False)
-class Flight(Flown):
+class Verification(SimulatedDesign):
     """A scenario of a result: its collocated trajectory and the independent integration."""
 
     scenario: Scenario
     trajectory: dict[str, np.ndarray]
     limits_loads: bool
     """Whether the case limits loads; without, they are computed for the tables only."""
-    two_filters: Flight | None = None
+    two_filters: Verification | None = None
     """If the wake has memory, the integration with the optimization's two filters (`MeanWake`)."""
 
     @property
-    def of_model(self) -> Flight:
+    def of_model(self) -> Verification:
         """The integration of the model that was optimized."""
         return self.two_filters or self
 
@@ -167,17 +173,17 @@ class Flight(Flown):
         return self.trajectory | loads | self.rates_at_nodes | self.scalars
 
     @cached_property
-    def flown(self) -> dict[str, Any]:
+    def simulated(self) -> dict[str, Any]:
         """The inputs of limits along the integration."""
-        loads = self.loads_flown if self.limits_loads else {}
-        return self.integrated | loads | self.rates_flown | self.scalars
+        loads = self.simulated_loads if self.limits_loads else {}
+        return self.integrated | loads | self.simulated_rates | self.scalars
 
     @property
     def energy_error(self) -> float:
         """Relative difference of the collocated from the integrated energy of the same model."""
         collocated = self.scenario.node_weights @ self.trajectory["hydrodynamic_power"]
-        flown = self.of_model.simulation.energy
-        return abs(float(collocated) / flown - 1.0) if flown > 0.0 else np.inf
+        simulated = self.of_model.simulation.energy
+        return abs(float(collocated) / simulated - 1.0) if simulated > 0.0 else np.inf
 
     @property
     def speed_errors(self) -> np.ndarray:
@@ -194,7 +200,7 @@ class Flight(Flown):
 
     def objective(self, objective) -> float:
         """Return the integral of an objective's rate over the integration, in its unit."""
-        rate = objective.rate_of(self.flown)
+        rate = objective.rate_of(self.simulated)
         return float(simpson(rate, x=self.simulation.time))
 
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
@@ -204,8 +210,8 @@ class Flight(Flown):
         torque is cut to the generator's range; all else is that of the integration.
         """
         scenario, recorded = self.scenario, self.recorded
-        flown = self.flown
-        dense, over = flown["time"][1:], limit.excess(flown)[1:]
+        simulated = self.simulated
+        dense, over = simulated["time"][1:], limit.excess(simulated)[1:]
         if recorded is not None and limit.inputs in (("control_torque",), ("torque_rate",)):
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
             torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
@@ -228,14 +234,14 @@ class HeldSpeeds:
 
 
 @dataclass(frozen=True, eq=False)
-class SteadyFlight(Flight):
+class SteadyVerification(Verification):
     """A steady scenario of a result: its equilibria by the optimization and by direct BEM."""
 
     @property
     def rates_at_nodes(self):
         return {"torque_rate": np.zeros(self.scenario.segments)}
 
-    rates_flown = rates_at_nodes
+    simulated_rates = rates_at_nodes
 
     @property
     def told(self):
@@ -253,10 +259,10 @@ class SteadyFlight(Flight):
         return float(self.scenario.node_weights @ values)
 
     def objective(self, objective):
-        return self.integral(objective.rate_of(self.flown))
+        return self.integral(objective.rate_of(self.simulated))
 
     def between_nodes(self, limit):
-        return limit.excess(self.flown), self.scenario.node_times
+        return limit.excess(self.simulated), self.scenario.node_times
 
     @property
     def growth(self) -> np.ndarray:
@@ -292,19 +298,21 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
 
 
 def may_tabulate(physics: Physics) -> bool:
-    """Tell whether the flights of a result are long, and its torque a function of one number."""
+    """Tell whether verifications are long, and the torque depends on the tip speed ratio alone."""
     simple = not (physics.remembers or physics.rotor.follows_reynolds)
     return simple and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
 
-def fly(physics: Physics, result: Optimized, tabulated: bool = False) -> tuple[Flight, ...]:
+def verify(
+    physics: Physics, result: Optimized, tabulated: bool = False
+) -> tuple[Verification, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
     With the wake of the case; if it has memory, with filters at all stations, and again with the
     two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
     to choose a remedy.
     """
-    blade, limited, flights = result.point.blade, bool(physics.load_names), []
+    blade, limited, verifications = result.point.blade, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         own, mesh = physics.of(scenario), scenario.mesh
         inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
@@ -313,8 +321,10 @@ def fly(physics: Physics, result: Optimized, tabulated: bool = False) -> tuple[F
         options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
-            flown = _balanced(plant, scenario, own.law, result.point.gains, nodes, physics.states)
-            flights.append(SteadyFlight.of(own, plant, *flown, **options))
+            simulated = _balanced(
+                plant, scenario, own.law, result.point.gains, nodes, physics.states
+            )
+            verifications.append(SteadyVerification.of(own, plant, *simulated, **options))
             continue
         controller = controller_of(own, result, plant, nodes)
         start = Start(
@@ -325,11 +335,11 @@ def fly(physics: Physics, result: Optimized, tabulated: bool = False) -> tuple[F
         about = scenario, controller, start, mesh.duration / mesh.segments
         if plant.wake is not None:
             mean = plant.with_mean_wake(physics.band(result.setup))
-            flown = _flown(mean, *about)
-            options["two_filters"] = Flight.of(own, mean, flown, controller, **options)
-        flown = _flown(plant, *about)
-        flights.append(Flight.of(own, plant, flown, controller, **options))
-    return tuple(flights)
+            simulated = _simulated(mean, *about)
+            options["two_filters"] = Verification.of(own, mean, simulated, controller, **options)
+        simulated = _simulated(plant, *about)
+        verifications.append(Verification.of(own, plant, simulated, controller, **options))
+    return tuple(verifications)
 
 
 def plant_of(physics: Physics, blade: Blade, inertia: float) -> Plant:
@@ -364,7 +374,7 @@ def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
     ), False
 
 
-def _flown(plant, scenario, controller, start, max_step) -> Simulation:
+def _simulated(plant, scenario, controller, start, max_step) -> Simulation:
     """Integrate a scenario; without a solution to the end, up to there, as if the rotor stopped."""
     first, duration = start.time, scenario.duration
     samples = scenario.dense
@@ -375,7 +385,7 @@ def _flown(plant, scenario, controller, start, max_step) -> Simulation:
     share, failed = 1.0, None
     while True:
         try:
-            flown = until(share * duration, first + share * (samples - first))
+            simulated = until(share * duration, first + share * (samples - first))
         except IntegrationError as error:  # an infinite torque has no integral
             share = (error.time - first) / duration * (1.0 if failed is None else SHORTER)
             failed = failed or error
@@ -383,27 +393,36 @@ def _flown(plant, scenario, controller, start, max_step) -> Simulation:
                 raise
             continue
         if failed is None:
-            return flown
-        return replace(flown, stopped_at=flown.stopped_at or failed.time)
+            return simulated
+        return replace(simulated, stopped_at=simulated.stopped_at or failed.time)
 
 
-def simulated_objective(physics: Physics, flights: tuple[Flight, ...]) -> float:
+def simulated_objective(physics: Physics, verifications: tuple[Verification, ...]) -> float:
     """Return the objective of the integrations, in its unit, less the price of the shaft."""
-    price = physics.price_of(flights[0].plant.blade) if physics.designs_hub else 0.0
+    price = physics.price_of(verifications[0].plant.blade) if physics.designs_hub else 0.0
     if physics.objective.is_rate:
-        return physics.united(flight.objective(physics.objective) for flight in flights) - price
-    return float(physics.objective.value_of(design_and_result(flights))) - price
+        return (
+            physics.united(
+                verification.objective(physics.objective) for verification in verifications
+            )
+            - price
+        )
+    return float(physics.objective.value_of(design_and_result(verifications))) - price
 
 
-def design_and_result(flights: tuple[Flight, ...]) -> dict[str, Any]:
+def design_and_result(verifications: tuple[Verification, ...]) -> dict[str, Any]:
     """Return the quantities of the design and of the whole result, by their names."""
     energies = {
-        name: total(flights, lambda flight, name=name: getattr(flight.simulation, name))
+        name: total(
+            verifications, lambda verification, name=name: getattr(verification.simulation, name)
+        )
         for name in names(over="result")
     }
-    return flights[0].scalars | energies
+    return verifications[0].scalars | energies
 
 
-def total(flights: tuple[Flight, ...], of) -> float:
-    """Return the weighted sum over the scenarios of something of each flight."""
-    return float(sum(flight.scenario.weight * of(flight) for flight in flights))
+def total(verifications: tuple[Verification, ...], of) -> float:
+    """Return the weighted sum over the scenarios of something of each verification."""
+    return float(
+        sum(verification.scenario.weight * of(verification) for verification in verifications)
+    )

@@ -11,7 +11,7 @@ from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.constraints import constraint_of, limited_nodes
 from hkt_mdo.problem.physics import Physics
-from hkt_mdo.run.flight import Optimized
+from hkt_mdo.run.verification import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 
 MORE = 1e-2  # share of the limit for which the worth is reported
@@ -19,7 +19,7 @@ STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
 FAR = 0.05  # relative distance from its bound beyond which the worth of a limit is zero
 
 
-def worths(
+def shadow_prices(
     physics: Physics, result: Optimized, nodes: Collection[dict], scratch: str = ""
 ) -> dict[str, float]:
     """Return by how much the objective (J) of an optimum grows with one per cent more of a limit.

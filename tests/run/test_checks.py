@@ -1,4 +1,4 @@
-"""Each judge refuses alone: results that are doctored in one place, where no other judge looks."""
+"""Each check refuses alone: results that are doctored in one place, where no other check looks."""
 
 from dataclasses import replace
 from typing import Annotated, ClassVar
@@ -14,10 +14,10 @@ from hkt_mdo.dynamics.wide_laws import CurveFeedback
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.flight import SAMPLES, fly, simulated_objective
-from hkt_mdo.run.judge import _behind_open_loop, explain
+from hkt_mdo.run.checks import _behind_open_loop, explain
 from hkt_mdo.run.none_found import none_found
 from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
 
 SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}, "version": 1}
@@ -53,23 +53,23 @@ def open_loop(solve_physics):
 
 
 def with_flight(solved, **changes):
-    """Return a result whose only flight is changed."""
-    (flight,) = solved.flights
-    return replace(solved, flights=(replace(flight, **changes),))
+    """Return a result whose only verification is changed."""
+    (verification,) = solved.verifications
+    return replace(solved, verifications=(replace(verification, **changes),))
 
 
-def at_instant(flight):
+def at_instant(verification):
     """Return the number of the node nearest to `INSTANT`."""
-    return int(np.argmin(np.abs(flight.trajectory["time"] - INSTANT)))
+    return int(np.argmin(np.abs(verification.trajectory["time"] - INSTANT)))
 
 
 def with_node(solved, quantity, change):
-    """Return a result with another value of a quantity at one node, in flight and trajectory."""
-    (flight,) = solved.flights
-    values = flight.trajectory[quantity].copy()
-    place = at_instant(flight)
+    """Return a result with another value of a quantity at one node, in all that has it."""
+    (verification,) = solved.verifications
+    values = verification.trajectory[quantity].copy()
+    place = at_instant(verification)
     values[place] = change(values[place])
-    return with_flight(solved, trajectory={**flight.trajectory, quantity: values})
+    return with_flight(solved, trajectory={**verification.trajectory, quantity: values})
 
 
 def with_blade(solved, change):
@@ -85,12 +85,18 @@ def not_converged(solved):
 
 
 def stopped(solved):
-    return with_flight(solved, simulation=replace(solved.flights[0].simulation, stopped_at=7.25))
+    return with_flight(
+        solved, simulation=replace(solved.verifications[0].simulation, stopped_at=7.25)
+    )
 
 
 def more_power_at_a_node(solved):
-    (flight,) = solved.flights
-    more = 1e-3 * flight.simulation.energy / flight.scenario.node_weights[at_instant(flight)]
+    (verification,) = solved.verifications
+    more = (
+        1e-3
+        * verification.simulation.energy
+        / verification.scenario.node_weights[at_instant(verification)]
+    )
     return with_node(solved, "hydrodynamic_power", lambda power: power + more)
 
 
@@ -101,8 +107,10 @@ def faster_at_a_node(solved):
 def backwards_at_a_node(solved):
     """Collocation and integration agree on a rotor that turns backwards."""
     doctored = with_node(solved, "rotor_speed", lambda speed: -0.5)
-    (flight,) = doctored.flights
-    same = replace(flight.simulation, speed_at=lambda time: flight.trajectory["rotor_speed"])
+    (verification,) = doctored.verifications
+    same = replace(
+        verification.simulation, speed_at=lambda time: verification.trajectory["rotor_speed"]
+    )
     return with_flight(doctored, simulation=same)
 
 
@@ -115,10 +123,10 @@ def generator_that_drives(solved):
 
 
 def torque_above_its_limit_between_nodes(solved):
-    (flight,) = solved.flights
-    torque = flight.trajectory["control_torque"].copy()
-    torque[at_instant(flight)] += 60.0
-    recorded = RecordedTorque(flight.trajectory["time"], torque, 700.0)
+    (verification,) = solved.verifications
+    torque = verification.trajectory["control_torque"].copy()
+    torque[at_instant(verification)] += 60.0
+    recorded = RecordedTorque(verification.trajectory["time"], torque, 700.0)
     return with_flight(solved, controller=recorded)
 
 
@@ -132,7 +140,7 @@ def lower_bound_of_the_energy(solved):
 
 
 def smaller_generator(solved):
-    """The certificate takes the limit from the physics, all other judges from the limits."""
+    """The certificate takes the limit from the physics, all other checks from the limits."""
     law = solved.physics.law
     law = law.with_torque_limit(0.9 * law.torque_limit)
     return replace(solved, physics=replace(solved.physics, law=law))
@@ -143,9 +151,9 @@ def better_start(solved):
 
 
 def with_gust(solved, **gust):
-    (flight,) = solved.flights
-    hidden = SumInflow(parts=(flight.scenario.inflow, GustInflow(**gust)))
-    return with_flight(solved, scenario=replace(flight.scenario, inflow=hidden))
+    (verification,) = solved.verifications
+    hidden = SumInflow(parts=(verification.scenario.inflow, GustInflow(**gust)))
+    return with_flight(solved, scenario=replace(verification.scenario, inflow=hidden))
 
 
 def coarse_mesh(solved):
@@ -154,7 +162,7 @@ def coarse_mesh(solved):
 
 
 def unseen_gust(solved):
-    """The flow has a gust of little energy between the instants at which limits are judged."""
+    """The flow has a gust of little energy between the instants at which limits are checked."""
     return with_gust(solved, time=3.31, width=0.004, amplitude=0.3)
 
 
@@ -164,19 +172,19 @@ def other_mesh(solved):
 
 def wound_up(solved):
     """A heavy rotor whose last speed is so far from equilibrium that it stores two per cent."""
-    (flight,) = solved.flights
-    flown, speed = flight.simulation, flight.simulation.rotor_speed.copy()
-    inertia = 0.02 * flown.energy / (0.01 * speed[-1] ** 2)
+    (verification,) = solved.verifications
+    simulated, speed = verification.simulation, verification.simulation.rotor_speed.copy()
+    inertia = 0.02 * simulated.energy / (0.01 * speed[-1] ** 2)
     speed[0] = speed[-1]
     speed[-1] *= 1.01
-    plant = replace(flight.plant, inertia=inertia)
-    return with_flight(solved, simulation=replace(flown, rotor_speed=speed), plant=plant)
+    plant = replace(verification.plant, inertia=inertia)
+    return with_flight(solved, simulation=replace(simulated, rotor_speed=speed), plant=plant)
 
 
 def near_stall(solved):
     """A plant whose torque falls to that of the generator where the rotor is slowed."""
-    (flight,) = solved.flights
-    speed, gains = flight.simulation.rotor_speed, solved.result.point.gains
+    (verification,) = solved.verifications
+    speed, gains = verification.simulation.rotor_speed, solved.result.point.gains
 
     class Stalls:
         generator = solved.physics.generator
@@ -230,7 +238,7 @@ def larger_gain(solved):
     return replace(solved, result=replace(solved.result, point=point))
 
 
-# judge, whose result, how it is doctored, value, and the words of its explanation
+# name, whose result, how it is doctored, value, and the words of its explanation
 REFUSALS = [
     ("optimizer", "feedback", not_converged, 1.0, ["did not converge", "Restoration_Failed"]),
     (
@@ -290,22 +298,22 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(
-    ("judge", "whose", "doctor", "value", "words"),
+    ("name", "whose", "doctor", "value", "words"),
     REFUSALS,
     ids=[f"{name}: {doctor.__name__}, {whose}" for name, whose, doctor, *_ in REFUSALS],
 )
-def test_one_judge_refuses(request, judge, whose, doctor, value, words):
+def test_one_check_refuses(request, name, whose, doctor, value, words):
     solved = request.getfixturevalue(whose)
     assert all(check.passed for check in solved.checks().values())
     checks = doctor(solved).checks()
-    assert [name for name, check in checks.items() if not check.passed] == [judge]
-    refused = checks[judge]
+    assert [name for name, check in checks.items() if not check.passed] == [name]
+    refused = checks[name]
     assert refused.value == pytest.approx(value, rel=0.1)
     said = explain(refused)
     assert all(word in said for word in words), said
     assert "try " in said
-    if judge not in ("optimizer", "rotor_keeps_turning"):
-        assert said.startswith(f"{judge} = {refused.value:.3g} exceeds {refused.limit:g}, ")
+    if name not in ("optimizer", "rotor_keeps_turning"):
+        assert said.startswith(f"{name} = {refused.value:.3g} exceeds {refused.limit:g}, ")
 
 
 def test_every_judge_is_asked(feedback, open_loop):
@@ -314,35 +322,35 @@ def test_every_judge_is_asked(feedback, open_loop):
 
 def test_a_law_far_behind_the_open_loop_of_its_own_search_is_refused(feedback):
     """A law of many gains can follow its schedule; one that breaks a limit does not count."""
-    energy = simulated_objective(feedback.physics, feedback.flights)
+    energy = simulated_objective(feedback.physics, feedback.verifications)
     kept, broken = (
         StartRecord("blade as given", "", factor * energy, excess, (), law="open_loop")
         for factor, excess in ((1.5, 0.0), (3.0, 0.1))
     )
     curve = replace(feedback.physics, law=CurveFeedback(torque_limit=700.0))
-    ((name, value, most, _),) = _behind_open_loop(curve, feedback.flights, [kept, broken])
+    ((name, value, most, _),) = _behind_open_loop(curve, feedback.verifications, [kept, broken])
     assert name == "behind_open_loop"
     assert value == pytest.approx(1.0 / 3.0)
     assert value > most
-    assert not [*_behind_open_loop(feedback.physics, feedback.flights, [kept])]  # of one gain
-    assert not [*_behind_open_loop(curve, feedback.flights, [broken])]
+    assert not [*_behind_open_loop(feedback.physics, feedback.verifications, [kept])]  # of one gain
+    assert not [*_behind_open_loop(curve, feedback.verifications, [broken])]
 
 
 @pytest.mark.parametrize(
-    ("judge", "value"), [("two_filters_energy", 2e-3), ("two_filters_speed", 2e-2)]
+    ("name", "value"), [("two_filters_energy", 2e-3), ("two_filters_speed", 2e-2)]
 )
-def test_two_filters_that_are_not_those_of_all_stations_are_refused(feedback, judge, value):
+def test_two_filters_that_are_not_those_of_all_stations_are_refused(feedback, name, value):
     """The collocation is held to the integration of its own model, which is as before."""
-    (flight,) = feedback.flights
-    run, share = flight.simulation, 1.0 / (1.0 + value)
+    (verification,) = feedback.verifications
+    run, share = verification.simulation, 1.0 / (1.0 + value)
     other = {"energy": share * run.energy}
-    if judge == "two_filters_speed":
+    if name == "two_filters_speed":
         other = {"speed_at": lambda time: share * run.speed_at(time)}
-    whole = replace(flight, two_filters=flight, simulation=replace(run, **other))
-    checks = replace(feedback, flights=(whole,)).checks()
-    assert [name for name, check in checks.items() if not check.passed] == [judge]
-    assert checks[judge].value == pytest.approx(value, rel=1e-6)
-    assert "more slowly" in explain(checks[judge])
+    whole = replace(verification, two_filters=verification, simulation=replace(run, **other))
+    checks = replace(feedback, verifications=(whole,)).checks()
+    assert [name for name, check in checks.items() if not check.passed] == [name]
+    assert checks[name].value == pytest.approx(value, rel=1e-6)
+    assert "more slowly" in explain(checks[name])
 
 
 @pytest.mark.parametrize(
@@ -350,7 +358,7 @@ def test_two_filters_that_are_not_those_of_all_stations_are_refused(feedback, ju
 )
 def test_a_motion_that_ends_is_refused(feedback, monkeypatch, above, below, words):
     """A torque that jumps with the speed has no solution that any step could follow."""
-    (before,) = feedback.flights
+    (before,) = feedback.verifications
     jump = float(np.median(before.simulation.rotor_speed))
     torque = FeedbackTorque.__call__
 
@@ -358,18 +366,18 @@ def test_a_motion_that_ends_is_refused(feedback, monkeypatch, above, below, word
         return torque(self, time, speed, *states) * np.where(speed < jump, below, above)
 
     monkeypatch.setattr(FeedbackTorque, "__call__", jumping)
-    solved = replace(feedback, flights=fly(feedback.physics, feedback.result))
-    flown = solved.flights[0].simulation
-    assert 0.0 < flown.stopped_at < 15.0
-    assert flown.time[-1] == pytest.approx(flown.stopped_at)
+    solved = replace(feedback, verifications=verify(feedback.physics, feedback.result))
+    simulated = solved.verifications[0].simulation
+    assert 0.0 < simulated.stopped_at < 15.0
+    assert simulated.time[-1] == pytest.approx(simulated.stopped_at)
     refused = solved.checks()["rotor_keeps_turning"]
     assert not refused.passed
-    assert f"{words} t = {flown.stopped_at:.2f} s" in refused.detail
+    assert f"{words} t = {simulated.stopped_at:.2f} s" in refused.detail
 
 
 def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
-    (flight,) = feedback.flights
-    fastest = np.max(flight.trajectory["rotor_speed"]) * 1.45
+    (verification,) = feedback.verifications
+    fastest = np.max(verification.trajectory["rotor_speed"]) * 1.45
     for share, refused in ((1.01, []), (0.99, ["at", "between"])):
         limits = (*feedback.physics.limits, TipSpeedLimit(bound=share * fastest))
         limited = replace(feedback, physics=replace(feedback.physics, limits=limits))
@@ -377,9 +385,11 @@ def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
         assert failed == [f"tip_speed_{place}_nodes" for place in refused]
         if refused:
             continue
-        speed = flight.simulation.rotor_speed.copy()
+        speed = verification.simulation.rotor_speed.copy()
         speed[107] *= 1.1  # a sample of the sixth segment, seven twentieths from its start
-        faster = with_flight(limited, simulation=replace(flight.simulation, rotor_speed=speed))
+        faster = with_flight(
+            limited, simulation=replace(verification.simulation, rotor_speed=speed)
+        )
         checks = faster.checks()
         assert [n for n, c in checks.items() if not c.passed] == ["tip_speed_between_nodes"]
         assert checks["tip_speed_between_nodes"].detail.endswith("exceeded, at t = 5.35 s")
@@ -388,15 +398,15 @@ def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
 @pytest.mark.parametrize("whose", ["feedback", "open_loop"])
 def test_the_rate_of_the_torque_is_judged_at_and_between_the_nodes(request, whose):
     solved = request.getfixturevalue(whose)
-    (flight,) = solved.flights
-    flown = flight.flown
-    largest = np.max(np.abs(flown["torque_rate"]))
-    slopes = np.gradient(flown["control_torque"], flown["time"])
-    number, below = np.arange(slopes.size) % SAMPLES, flown["control_torque"] < 699.9
+    (verification,) = solved.verifications
+    simulated = verification.simulated
+    largest = np.max(np.abs(simulated["torque_rate"]))
+    slopes = np.gradient(simulated["control_torque"], simulated["time"])
+    number, below = np.arange(slopes.size) % SAMPLES, simulated["control_torque"] < 699.9
     inside = below & (number > 1) & (number < SAMPLES - 1)  # of a segment
     assert np.sum(inside) > 100
-    assert np.max(np.abs(flown["torque_rate"] - slopes)[inside]) < 0.01 * largest
-    ends = [largest, np.max(np.abs(flight.at_nodes["torque_rate"]))]
+    assert np.max(np.abs(simulated["torque_rate"] - slopes)[inside]) < 0.01 * largest
+    ends = [largest, np.max(np.abs(verification.at_nodes["torque_rate"]))]
     for bound, refused in ((1.01 * max(ends), []), (0.8 * min(ends), ["at", "between"])):
         limits = (*solved.physics.limits, TorqueRateLimit(bound=bound))
         limited = replace(solved, physics=replace(solved.physics, limits=limits))
@@ -480,7 +490,7 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     checks = solved.checks()
     assert all(check.passed for check in checks.values()), checks
     assert {"energy_error (phase)", "energy_error (step)"} <= set(checks)
-    first, second = solved.flights
+    first, second = solved.verifications
     expected = 0.7 * first.simulation.energy + 0.3 * second.simulation.energy
     assert solved.result.energy == pytest.approx(expected, rel=2e-5)
     finished = solved.finished()
@@ -496,10 +506,10 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
             written = np.genfromtxt(tmp_path / f"{table}{name}.csv", delimiter=",", names=True)
             speed = written["rotor_speed_rad_s"]
             np.testing.assert_allclose(speed, columns["rotor_speed"], rtol=1e-9)
-    # each scenario has a judge of its own
+    # each scenario has a check of its own
     nodes = second.trajectory["rotor_speed"].copy()
     nodes[4] *= 1.02
     doctored = replace(second, trajectory={**second.trajectory, "rotor_speed": nodes})
-    refused = replace(solved, flights=(first, doctored)).checks()
+    refused = replace(solved, verifications=(first, doctored)).checks()
     assert [n for n, c in refused.items() if not c.passed] == ["max_speed_error (step)"]
     assert "phase.segments" in explain(refused["max_speed_error (step)"])
