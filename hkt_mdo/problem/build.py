@@ -42,7 +42,9 @@ BARRIER = 6e-3
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
-# a first mesh, but not for the last digits on a finer one.
+# a first mesh, but not for the last digits on a finer one; and not for a blade of several sections,
+# whose torque is rough (river25_record with quadratic feedback ends after 183 iterations, with few
+# steps not within 1000).
 FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
 
 
@@ -159,8 +161,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True, first=Fal
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
-    steps = None if physics.several_sections else LATER_STEPS
-    steps = FEW_STEPS if first or law.is_feedback else steps
+    steps = FEW_STEPS if first or law.is_feedback else LATER_STEPS
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
@@ -168,7 +169,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True, first=Fal
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
         cautious=physics.several_sections,
-        memory=steps if segments > MANY_SEGMENTS else None,
+        memory=steps if segments > MANY_SEGMENTS and not physics.several_sections else None,
         progress=progress,
     )
 
