@@ -338,12 +338,18 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
 
 
 def _sizes(part: Physics, best: SteadyOptimum) -> tuple[dict[str, int], dict[str, int]]:
-    """Return unknowns and constraints by name of a problem at its start."""
+    """Return unknowns and constraints by name of a problem at its start.
+
+    The model and its derivatives are evaluated once, so that those of the user's own are checked.
+    """
     nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(part, Setup(find_start(part, best, improve=False), nodes))
     problem.final_setup()
     driver = problem.driver
     unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
+    problem.run_model()
+    responses = [*driver.get_objective_values(), *constraints]
+    problem.model.linear_solver.totals(driver, responses).compute()
     problem.cleanup()
     return (
         {name: values.size for name, values in unknowns.items()},

@@ -20,7 +20,7 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
 from hkt_mdo.run.checked import Checked, quasi_steady_reference
-from hkt_mdo.run.checks import curve_errors
+from hkt_mdo.run.checks import curve_errors, is_false
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
 from hkt_mdo.run.refine import Division, divided, division, exceeded, lowered
@@ -62,13 +62,11 @@ class Task:
         How many there were from this start.
     verified : bool or None
         Whether the start's first branch has led to a result that passes; None: this is the first.
-    objective : float
-        Objective of the last pass that converged, J.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
-    optimum : tuple of Physics, Optimized and verifications, or None
-        The last optimum.
+    optimum : tuple of Physics and Optimized, or None
+        The last optimum that its integration and its torque curve do not contradict.
     """
 
     start: StartingPoint
@@ -79,9 +77,8 @@ class Task:
     why: str = ""
     passes: int = 0
     verified: bool | None = None
-    objective: float = np.inf
     coarser: tuple[float, ...] = ()
-    optimum: tuple[Physics, Optimized, tuple[Verification, ...]] | None = None
+    optimum: tuple[Physics, Optimized] | None = None
 
     @classmethod
     def first(cls, physics: Physics, start: StartingPoint, reference: float, **others) -> Task:
@@ -130,9 +127,11 @@ class Pass:
         There it can still operate as before; a law may lose, since a coarse mesh let it exceed a
         limit.
         """
-        if self.physics.law.is_feedback or not (self.converged and self.task.coarser):
+        if self.physics.law.is_feedback or not self.converged or self.task.optimum is None:
             return not self.converged
-        return self.physics.objective.behind(self.result.objective, self.task.objective) > FALLEN
+        physics, before = self.task.optimum
+        fallen = self.physics.objective.behind(self.result.objective, before.objective)
+        return physics is not self.physics and fallen > FALLEN
 
     @cached_property
     def memory(self) -> MemoryEntry | None:
@@ -155,6 +154,17 @@ class Pass:
         """Largest relative error of the torque curve; 0 without one."""
         return float(np.max(curve_errors(self.physics, self.result)[1], initial=0.0))
 
+    @property
+    def coarse_curve(self) -> bool:
+        """Whether the torque curve is not accurate enough for the optimized blade."""
+        return self.curve_error > self.physics.case.hydrodynamics.tolerance
+
+    @property
+    def accurate(self) -> bool:
+        """Whether neither the torque curve nor the integration contradicts an optimum."""
+        off = self.failed or self.runs_away or self.coarse_curve
+        return not off and not is_false(self.verifications)
+
     @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
@@ -163,10 +173,10 @@ class Pass:
     def next(self, why: str, *, physics: Physics | None = None, **changes) -> Task:
         """Return the next optimization, with changes of the setup, or on another mesh."""
         task, setup = self.task, replace(self.task.setup, **changes)
-        optimum, objective = task.optimum, task.objective
-        if not self.failed:
+        optimum = task.optimum
+        if self.accurate:
             result = replace(self.result, mesh_error=self.division.error)
-            optimum, objective = (self.physics, result, self.verifications), result.objective
+            optimum = self.physics, result
         coarser = task.coarser
         if physics is not None:
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
@@ -178,7 +188,6 @@ class Pass:
             setup=setup,
             why=why,
             passes=task.passes + 1,
-            objective=objective,
             coarser=coarser,
             optimum=optimum,
         )
@@ -204,7 +213,7 @@ class Pass:
         """
         task, physics, result, verifications = self.task, self.physics, self.result, None
         if self.failed and task.optimum:
-            physics, result, _ = task.optimum
+            physics, result = task.optimum
             if self.converged:
                 error = abs(self.result.objective / result.objective - 1.0)
                 result = replace(result, mesh_error=max(error, result.mesh_error))
@@ -253,8 +262,7 @@ def refine(this: Pass) -> Task | None:
         return None
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
-    coarse_curve = physics.has_curve and this.curve_error > most
-    if coarse_curve:
+    if this.coarse_curve:
         reasons.append(f"error of the torque curve {this.curve_error:.2g}, allowed {most:.2g}")
     # an open loop whose wake has memory would pulse faster on a finer mesh
     if not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer):
@@ -267,7 +275,7 @@ def refine(this: Pass) -> Task | None:
     if not reasons:
         return None
     start = point_of(finer or physics, this.result.problem)
-    if coarse_curve:
+    if this.coarse_curve:
         nodes = curve_nodes(finer or physics, start, finer=True)
     why = "; ".join(reasons)
     return this.next(why, physics=finer, start=start, nodes=nodes, shares=shares)
