@@ -9,11 +9,11 @@ STAMP = $(VENV)/.installed
 run: $(STAMP)-run
 	$(BIN)/hkt run cases/examples/first_turbine.yaml --out results/first_turbine --force
 
-# what is fast (under four minutes on two cores)
+# fast tests (under four minutes on two cores)
 test: $(STAMP)-test
 	$(BIN)/python -m pytest -n 2 -m "not slow"
 
-# what is slower: installed package, commands of the documentation, benchmarks in small; and lint
+# slow tests: installed package, commands of the documentation, benchmarks in small; then lint
 check: $(STAMP)-test lint
 	$(BIN)/python -m pytest -n 2 -m slow --ignore tests/benchmarks
 	$(BIN)/python -m pytest tests/benchmarks

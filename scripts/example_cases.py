@@ -429,7 +429,7 @@ def write_files(folder):
 def files():
     """Return the lines of each file by its name."""
     hub, blade = 0.12, read_blade("river")
-    rows = [(hub, blade.chord[0], blade.twist[0])]  # carried on unchanged to the root
+    rows = [(hub, blade.chord[0], blade.twist[0])]  # continued unchanged to the root
     rows += zip(blade.r, blade.chord, blade.twist, strict=True)
     dat = [
         "! AeroDyn 15 blade file: the shipped river turbine, a design on paper, in another format",

@@ -140,7 +140,7 @@ def compare(
     results to which another result of the same turbine in the same flow is superior: it keeps the
     limits of their case and has a better objective.
     """
-    from hkt_mdo.results.nesting import beaten, ranked
+    from hkt_mdo.results.nesting import dominated, ranked
     from hkt_mdo.results.words import texts
 
     for_program = parts.one_form(as_json, as_csv)
@@ -157,7 +157,7 @@ def compare(
     finished = [each for each in solutions if each.finished]
     if len({each.case.objective.kind for each in finished}) > 1:
         echo("note: the objectives differ: results are in the order given", err=for_program)
-    for line in beaten(finished):
+    for line in dominated(finished):
         echo(f"note: {line}", err=for_program)
     for each in solutions:
         if not each.finished:

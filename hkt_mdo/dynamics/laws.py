@@ -162,7 +162,7 @@ class FeedbackLaw(Law):
             factor = min(factor, self.farthest)
         return np.sort((gains / factor, gains * factor), axis=0)
 
-    def eased(self, gains, share):
+    def scaled_gains(self, gains, share):
         """Return gains whose torque is a share of that with other gains, if possible."""
         return share * gains
 

@@ -89,7 +89,7 @@ class PowerLawFeedback(FeedbackLaw):
         ends[:, 1:] = gains[1:] + np.array([[1.0 - factor], [factor - 1.0]])
         return ends
 
-    def eased(self, gains, share):
+    def scaled_gains(self, gains, share):
         return np.append(share * gains[:1], gains[1:])
 
 
@@ -138,7 +138,7 @@ class RatedFeedback(FeedbackLaw):
         gain = np.median(torque[below] / speed[below] ** 2)
         return np.array([gain, power][: len(self.gain_units)])
 
-    def eased(self, gains, share):
+    def scaled_gains(self, gains, share):
         return np.append(share * gains[:1], gains[1:])
 
 
@@ -244,7 +244,7 @@ class CurveFeedback(FeedbackLaw):
         high[:-1] = np.minimum(high[:-1], torques[:-1] * closer)
         return np.array(((*speeds, *low), (*speeds, *high)))
 
-    def eased(self, gains, share):
+    def scaled_gains(self, gains, share):
         return np.append(gains[: self.knots], share * gains[self.knots :])
 
 

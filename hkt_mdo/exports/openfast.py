@@ -17,7 +17,7 @@ from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.inertia import carried
+from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.strength import Structure, place_weights
 from hkt_mdo.sections import Quantity, Section
@@ -205,7 +205,7 @@ class _Rotor:
             (x - 0.25) * blade.chord,
             *[zero] * 5,
         ]
-        rows = np.column_stack((blade.edges - blade.hub_radius, *map(carried, columns)))
+        rows = np.column_stack((blade.edges - blade.hub_radius, *map(extended_to_ends, columns)))
         rows[[0, -1], 6] = len(self._kinds) + 1
         return rows
 
@@ -230,7 +230,7 @@ class _Rotor:
         stiffness = [modulus * fine(moment) * chord**4 for moment in (structure.xx, structure.yy)]
         r = np.concatenate(([blade.hub_radius], r, [blade.tip_radius]))
         columns = np.rad2deg(twist), mass * chord**2, *stiffness
-        return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(carried, columns)))
+        return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))
 
     def airfoil_files(self, words: dict[str, Any]) -> dict[str, str]:
         """Return the texts of the airfoil files by their names."""

@@ -20,7 +20,7 @@ from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
-from hkt_mdo.rotor.inertia import carried
+from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.sections import Quantity
 
@@ -109,7 +109,7 @@ def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, 
     """Return axis and outer shape; chord, twist and thickness are constant towards hub and tip."""
     blade = design.blade
     grid = _grid(design)
-    chord = carried(blade.chord)
+    chord = extended_to_ends(blade.chord)
     length = blade.tip_radius - blade.hub_radius
     return {
         "reference_axis": {
@@ -118,8 +118,8 @@ def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, 
         },
         "outer_shape": {
             "chord": _curve(grid, chord),
-            "twist": _curve(grid, np.rad2deg(carried(blade.twist))),
-            "rthick": _curve(grid, np.round(carried(design.thickness), DIGITS)),
+            "twist": _curve(grid, np.rad2deg(extended_to_ends(blade.twist))),
+            "rthick": _curve(grid, np.round(extended_to_ends(design.thickness), DIGITS)),
             "section_offset_y": _curve(grid, stacking * chord),
             "airfoils": positions,
         },
@@ -132,7 +132,7 @@ def _structure(design: Design) -> dict[str, Any]:
     half = 0.5 * design.thickness
     share = half if wall is None else np.minimum(half, wall)
     ends = {name: {"anchor": {"name": "skin", "handle": name}} for name in ARCS}
-    shell = _curve(_grid(design), carried(share * blade.chord))
+    shell = _curve(_grid(design), extended_to_ends(share * blade.chord))
     places = {name: _curve([0.0, 1.0], 2 * [at]) for name, at in zip(ARCS, (0.0, 1.0), strict=True)}
     return {
         "anchors": [{"name": "skin"} | places],

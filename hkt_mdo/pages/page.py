@@ -19,7 +19,7 @@ from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.table import make_folder, read_text, write_files
 from hkt_mdo.pages import rendered
 from hkt_mdo.results.charts import labelled
-from hkt_mdo.results.nesting import beaten, ranked
+from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import CheckEntry, Summary, unasked
@@ -111,7 +111,9 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         measured=measured,
         limits=_limits(order),
         differences=_differences([each.case for each in order]),
-        beaten=[printable(str(line)) for line in beaten(each for each in order if each.finished)],
+        dominated=[
+            printable(str(line)) for line in dominated(each for each in order if each.finished)
+        ],
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=[printable(reason) for reason in reasons],
         picture=base64.b64encode(blade.picture(found)).decode() if found else "",

@@ -24,7 +24,7 @@ OWN = {"name", "control", "limits", "design", "start", "driver", "hydrodynamics"
 """Sections of a case in which two cases of one turbine in one flow may differ."""
 
 
-class Beaten(NamedTuple):
+class Dominated(NamedTuple):
     """A result, and the best of the others that its case allows, which is better.
 
     Attributes
@@ -45,7 +45,7 @@ class Beaten(NamedTuple):
         return f"{self.result.folder} {how}: {self.by.folder} keeps its limits{better}"
 
 
-def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
+def dominated(solutions: Iterable[Solution]) -> list[Dominated]:
     """Return the results that another one beats in their own case.
 
     Parameters
@@ -55,8 +55,8 @@ def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
 
     Returns
     -------
-    list of Beaten
-        One for each result that is beaten, with the best of those that beat it.
+    list of Dominated
+        One for each result that is dominated, with the best of those that beat it.
     """
     known, found = list(solutions), []
     verified = [each for each in known if each.success]
@@ -65,7 +65,7 @@ def beaten(solutions: Iterable[Solution]) -> list[Beaten]:
         if others:
             best = max(others, key=lambda other: _gain(result, other))
             gain = _gain(result, best) if result.success else np.inf
-            found += [Beaten(result, best, gain)] if gain > BETTER else []
+            found += [Dominated(result, best, gain)] if gain > BETTER else []
     return found
 
 

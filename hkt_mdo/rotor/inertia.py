@@ -33,7 +33,7 @@ def between(values):
     return values[..., None, :-1] + SHARES * np.diff(values)[..., None, :]
 
 
-def carried(values):
+def extended_to_ends(values):
     """Return values at hub, stations and tip; the first and last station's hold at hub and tip.
 
     Parameters
@@ -80,8 +80,10 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
         thickness = np.real(blade.thickness)
         step = 1j * np.imag(blade.thickness) if np.iscomplexobj(blade.thickness) else 0.0
         section_area = section_area(thickness) + step * section_area(thickness, 1)
-    shape = carried(np.broadcast_to(section_area, np.shape(section_area)[:-1] + blade.r.shape))
-    area = between(shape) * between(carried(blade.chord)) ** 2
+    shape = extended_to_ends(
+        np.broadcast_to(section_area, np.shape(section_area)[:-1] + blade.r.shape)
+    )
+    area = between(shape) * between(extended_to_ends(blade.chord)) ** 2
     line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * area
     arm = between(blade.edges) * np.cos(blade.cone)
     both = (-2, -1)  # points of Gauss's rule, and intervals
@@ -111,9 +113,9 @@ def water_inertia(blade, density, thickness=0.0):
     float
         In kg*m**2.
     """
-    chord, twist = between(carried(blade.chord)), between(carried(blade.twist))
+    chord, twist = between(extended_to_ends(blade.chord)), between(extended_to_ends(blade.twist))
     shape = np.shape(thickness)[:-1] + blade.r.shape
-    thickness = between(carried(np.broadcast_to(thickness, shape)))
+    thickness = between(extended_to_ends(np.broadcast_to(thickness, shape)))
     arm = between(blade.edges) * np.cos(blade.cone)
     across = chord**2 * (np.sin(twist) ** 2 + (thickness * np.cos(twist)) ** 2)
     line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * 0.25 * np.pi * across

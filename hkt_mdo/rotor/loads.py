@@ -12,7 +12,7 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, carried
+from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, extended_to_ends
 from hkt_mdo.rotor.strength import (
     EXPONENT,
     Structure,
@@ -256,7 +256,9 @@ class LoadModel:
         weights = place_weights(blade.r.size)
         edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
         area = np.broadcast_to(structure.area, len(weights))
-        r, chord, area = map(between, (edges, carried(weights @ blade.chord), carried(area)))
+        r, chord, area = map(
+            between, (edges, extended_to_ends(weights @ blade.chord), extended_to_ends(area))
+        )
         moment = np.sum(WEIGHTS * np.diff(edges) * area * chord**2 * (r - blade.hub_radius))
         return float(GRAVITY * (structure.density - self.water_density) * moment)
 
@@ -321,7 +323,7 @@ class LoadModel:
         r = between(edges).ravel()
 
         def spread(values):
-            return between(carried(np.broadcast_to(values, len(weights)))).ravel()
+            return between(extended_to_ends(np.broadcast_to(values, len(weights)))).ravel()
 
         chord, twist = spread(weights @ blade.chord), spread(weights @ blade.twist)
         numbers = {name: spread(getattr(structure, name)) for name in ("xx", "yy", "xy")}
@@ -485,7 +487,7 @@ def _outboard(blade, area, r, chord, powers=(1, 2)):
     derivatives by the chord and by the area at the places.
     """
     n, edges = r.size, np.append(r, blade.tip_radius)
-    s, local, areas = map(between, (edges, carried(chord)[1:], carried(area)[1:]))
+    s, local, areas = map(between, (edges, extended_to_ends(chord)[1:], extended_to_ends(area)[1:]))
     unit = WEIGHTS * np.diff(edges)
     weight, unit = (
         np.stack([factor * s**power for power in powers]) for factor in (unit * areas, unit)

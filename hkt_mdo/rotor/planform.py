@@ -8,7 +8,7 @@ from hkt_mdo.rotor.blade import Blade
 def area_weights(blade: Blade) -> np.ndarray:
     """Return the weights of the chords in the planform area of all blades, m, (n_stations,).
 
-    The chord is linear between the stations, and carried unchanged to hub and tip.
+    The chord is linear between the stations, and continued unchanged to hub and tip.
 
     Parameters
     ----------

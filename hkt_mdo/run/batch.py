@@ -9,7 +9,7 @@ from pathlib import Path
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete
-from hkt_mdo.results.nesting import beaten
+from hkt_mdo.results.nesting import dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.engine import in_processes, why_failed
@@ -64,7 +64,7 @@ def _pass_on(found, cases, jobs, done, run) -> None:
     tried: set[tuple[Path, Path]] = set()
     folders = {found[folder].folder: folder for folder in cases if found[folder]}
     while True:
-        known = beaten(filter(None, found.values()))
+        known = dominated(filter(None, found.values()))
         pairs = {folders[each.result.folder]: each.by.folder for each in known}
         pairs = {key: value for key, value in pairs.items() if (key, value) not in tried}
         if not pairs:

@@ -26,7 +26,7 @@ class Outcome:
     iterations: int
     """Iterations, or gradient evaluations for pyoptsparse, which does not report iterations."""
     package: str
-    """Package that carried the optimizer."""
+    """Package that carries the optimizer."""
     optimizer: str
     """Name of the optimizer."""
 

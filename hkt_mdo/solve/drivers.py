@@ -68,7 +68,7 @@ def make_driver(
     Parameters
     ----------
     package : str
-        Package that carries the optimizer, or auto for the first of `CARRIERS` that is installed.
+        Package that carried the optimizer, or auto for the first of `CARRIERS` that is installed.
     optimizer : str
         One of `CARRIERS`.
     tolerance : float

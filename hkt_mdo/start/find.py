@@ -267,11 +267,11 @@ class Search:
         if self.physics.law.is_static:
             problem, table = self._quasi_steady(blade), self._table(blade)
             for share in SHARES if gains is None else (1.0,):  # near the peak it may stall
-                eased = self.physics.law.eased(point.gains, share)
-                operation = problem.operate(table, eased)
-                if operation.running and problem.recovers(table, eased, operation):
+                scaled_gains = self.physics.law.scaled_gains(point.gains, share)
+                operation = problem.operate(table, scaled_gains)
+                if operation.running and problem.recovers(table, scaled_gains, operation):
                     break
-            point = replace(point, gains=eased, operation=operation)
+            point = replace(point, gains=scaled_gains, operation=operation)
         self.tried.append((self.physics.law.law, point))
         return point
 

@@ -204,7 +204,7 @@ def test_a_fit_recovers_the_gains_of_its_own_torque(law, gains):
 )
 def test_eased_gains_demand_a_share(law, gains):
     gains, speed = np.array(gains), np.array([5.0, 6.0])
-    share = law.demand(speed, law.eased(gains, 0.7)) / law.demand(speed, gains)
+    share = law.demand(speed, law.scaled_gains(gains, 0.7)) / law.demand(speed, gains)
     np.testing.assert_allclose(share, 0.7, rtol=1e-3)
 
 

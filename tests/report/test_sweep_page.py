@@ -90,7 +90,7 @@ def test_a_click_opens_the_report_of_a_run(folder, browser, capsys):  # noqa: F8
     tab.wait_for_selector("body[data-ready]")
     assert "<b>its worker died</b>" in tab.locator("table").inner_text()
     front = tab.evaluate("document.getElementById('front').data[1]")
-    assert (front["x"], front["y"]) == ([2.0, 4.0], [301.0, 302.0])  # the first is beaten
+    assert (front["x"], front["y"]) == ([2.0, 4.0], [301.0, 302.0])  # the first is dominated
     for chart, trace, point in (("front", 1, 0), ("map", 0, 2)):
         run = tab.evaluate(f"document.getElementById('{chart}').data[{trace}].customdata[{point}]")
         with tab.expect_navigation():

@@ -94,7 +94,7 @@ def test_kink_is_split_into_the_two_curves_that_make_it():
     right = upper_curve >= lower_curve
     assert np.array_equal(parts[0][right], upper_curve[right])
     assert np.array_equal(parts[1][~right], lower_curve[~right])
-    near = np.abs(ALPHA) < 4.0  # carried on with the right slope, too
+    near = np.abs(ALPHA) < 4.0  # continued with the right slope, too
     assert np.allclose(parts[0][near], upper_curve[near], atol=0.15)
     assert np.allclose(parts[1][near], lower_curve[near], atol=0.15)
     assert np.all(np.diff(parts[0][~right]) > 0.0)

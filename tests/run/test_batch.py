@@ -8,7 +8,7 @@ import pytest
 
 from hkt_mdo.case import load_case, read_case
 from hkt_mdo.problem.physics import complete
-from hkt_mdo.results.nesting import allows, beaten
+from hkt_mdo.results.nesting import allows, dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import finished_result, run_batch
 from hkt_mdo.run.digest import digest
@@ -202,17 +202,17 @@ def test_a_case_allows_what_asks_more_of_its_turbine(nested):
 
 
 def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
-    assert beaten(nested.values()) == []
+    assert dominated(nested.values()) == []
     best, other = nested["open_loop"], nested["quadratic"]
     objective = best.summary.objective.model_copy(
         update={"simulated": 0.99 * other.summary.objective.simulated}
     )
     worse = best.summary.model_copy(update={"objective": objective})
-    (found,) = beaten([replace(best, summary=worse), other])
+    (found,) = dominated([replace(best, summary=worse), other])
     assert found.by is other
     assert found.gain == pytest.approx(0.01)
     refused = replace(best, summary=best.summary.model_copy(update={"success": False}))
-    (found,) = beaten([refused, other])
+    (found,) = dominated([refused, other])
     assert "was refused" in str(found)
     assert str(other.folder) in str(found)
 
@@ -232,12 +232,12 @@ def test_a_batch_passes_a_better_design_on(tmp_path):
     told = []
     second = run_batch(cases, 2, lambda folder, word: told.append((folder.name, word)),
                        records=False, pass_on=True)  # fmt: skip
-    assert beaten(second.values()) == []
+    assert dominated(second.values()) == []
     for folder, each in second.items():
         before, after = (x.summary.objective.simulated for x in (first[folder], each))
         assert each.success
         assert after >= before or not first[folder].success
-    if beaten(first.values()):
+    if dominated(first.values()):
         assert any(word == "better from another's design" for _, word in told)
     assert [word for _, word in told if word == "reused"] == ["reused"] * 2
     # what was begun from another's design is the case's result
