@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cached_property, wraps
-from inspect import getattr_static, signature
+from inspect import signature
 from traceback import extract_tb
 from types import FunctionType
 from typing import Any
@@ -20,25 +20,24 @@ import numpy as np
 
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.formulas import STEP, Formula
+from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.quantities import is_over_time
 
 _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
-OPTIONAL = "length", "highest_frequency", "bound"
-"""Properties that may be None."""
-NUMBERS = *OPTIONAL, "mean_speed", "last_time"
-ROWS = "features", "lower", "upper", "rows", "fit", "best_unknowns"
-"""Methods and properties that may have results of any length."""
-INFINITE = "lower", "upper", "features", "last_time"
+MAY_BE_NONE = "length", "highest_frequency", "bound"
+MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
 COMPLEX = (
     "let it take complex numbers, for derivatives by complex step: np.abs, math, float() and .real "
     "drop the imaginary part; write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of "
     "openmdao.utils.cs_safe"
 )
-DIFFERENTIATED = "demand", "rates", "speed_at", "rate", "rows", "value", "speed_at_rest"
-CONSTANT = "shares", "inflow_speed"
-"""Arguments of these by which no derivatives are taken."""
+SLOPES: dict[str, tuple[str, ...]] = {
+    **{"demand": (), "rates": (), "speed_at": (), "rate": (), "rows": ("shares",)},
+    **{"value": ("shares",), "speed_at_rest": ("inflow_speed",)},
+}
+"""Methods with derivatives by complex step, and the arguments by which none are taken."""
 POINTS = 8  # calls of a method whose derivatives are compared with differences
 MOVE, OFF, SMALL = 1e-6, 1e-3, 1e-10  # of an argument, of a difference and of the value, relatively
 
@@ -64,33 +63,38 @@ def guard(kind: Any, source: str) -> Any:
         What messages call the extension, where the class has no file.
     """
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or source
-    for name in dir(kind):
-        method = value = getattr_static(kind, name)
-        if isinstance(value, property):
-            method = value.fget
-        elif isinstance(value, cached_property):
-            method = value.func
-        own = isinstance(method, FunctionType) and not name.startswith("_")
-        if not own or method.__module__.startswith(("hkt_mdo.", "pydantic.")):
+    seen: set[str] = set()
+    for base in kind.__mro__:
+        if base.__module__.partition(".")[0] in ("hkt_mdo", "pydantic", "builtins", "typing"):
             continue
-        if hasattr(method, "__wrapped__"):  # guarded already, as a method of a base
-            continue
-        guarded = _guard(method, file, f"{kind.__name__}.{name}")
-        made = guarded if method is value else type(value)(guarded)
-        setattr(kind, name, made)
-        if isinstance(made, cached_property):
-            made.__set_name__(kind, name)
+        for name, value in list(vars(base).items()):
+            if name.startswith("_") or name in seen:
+                continue
+            seen.add(name)
+            how = _HOW.get(type(value))
+            if how and callable(of := how[0](value)) and not hasattr(of, "__wrapped__"):
+                made = how[1](_guard(of, file, f"{kind.__name__}.{name}"))
+                setattr(kind, name, made)
+                if isinstance(made, cached_property):
+                    made.__set_name__(kind, name)
     return kind
+
+
+_HOW: dict[type, tuple[Callable, Callable]] = {
+    FunctionType: (lambda method: method, lambda method: method),
+    property: (lambda value: value.fget, property),
+    cached_property: (lambda value: value.func, cached_property),
+}
+"""By type of an attribute: the function that is guarded, and what wraps the guarded one again."""
 
 
 def _guard(method: Callable, file: str, place: str) -> Callable:
     """Return a method of an extension whose errors and bad results are reported with its place."""
-    left, name, parameters = [True] * POINTS, method.__name__, [*signature(method).parameters][1:]
+    left = [True] * POINTS
 
     @wraps(method)
-    def guarded(self: Any, *args: Any, **quantities: Any) -> Any:
-        given = dict(zip(parameters, args, strict=False)) | quantities
-        has_complex = any(map(np.iscomplexobj, given.values()))
+    def told(self, *args, **quantities):
+        given = (*args, *quantities.values())
         try:
             result = method(self, *args, **quantities)
         except InputError:
@@ -98,81 +102,55 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         except Exception as error:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
-            remedy = COMPLEX if has_complex else "correct the method"
+            remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "correct the method"
             problem = f"raises {one_line(error)}{line}"
             raise InputError(problem, remedy, file=file, key=place) from error
-        problem, result = _checked(self, name, given, result)
-        if problem:
-            raise InputError(problem, "correct the method", file=file, key=place)
-        if left and name in DIFFERENTIATED and not has_complex:
+        shape = _shape(self, method.__name__, args, quantities)
+        if shape is not None and not (result is None and method.__name__ in MAY_BE_NONE):
+            infinite = method.__name__ in MAY_BE_INFINITE
+            problem, result = _checked(result, shape, given, infinite)
+            if problem:
+                raise InputError(problem, "correct the method", file=file, key=place)
+        if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
-            if problem := _wrong_slope(method, self, given):
+            if problem := _wrong_slope(method, self, args, quantities):
                 raise InputError(problem, COMPLEX, file=file, key=place)
         return result
 
-    return guarded
+    return told
 
 
-def _checked(kind: Any, name: str, given: dict[str, Any], result: Any) -> tuple[str, Any]:
-    """Return what is wrong with a result, empty if nothing, and the result in its shape.
-
-    A formula has one value for each instant if it takes anything over time.
-    """
-    shape: tuple | None = None  # of any length
-    if name in ("speed_at", "demand"):
-        shape = np.shape(next(iter(given.values())))
-    elif isinstance(kind, Formula) and name in ("value", "rate"):
-        times = [np.shape(value) for each, value in given.items() if is_over_time(each)]
-        shape = times[0] if times else None if isinstance(kind, Limit) else ()
-    elif name in NUMBERS or (isinstance(kind, Aggregate) and name == "value"):
-        shape = ()
-    elif name not in ROWS:
-        return "", result
-    if result is None and name in OPTIONAL:
-        return "", result
-    try:
-        found = np.asarray(result)
-    except ValueError:  # rows of several lengths
-        found = np.asarray(None)
-    if found.dtype.kind not in "biufc":
-        return f"returns {show(result)}, which is not a number or an array of numbers", result
-    if name == "features" and found.size and found.shape[-1] != 3:
-        return f"returns {show(result)} in place of rows of 3 numbers", result
-    if shape is not None and found.shape != shape:
-        if found.ndim:
-            wanted = f"the shape {shape}" if shape else "one number"
-            return f"returns an array of the shape {found.shape} in place of {wanted}", result
-        result = found + np.zeros(shape)
-    wrong = np.isnan(found.real) | (np.isinf(found.real) & (name not in INFINITE))
-    finite = all(np.all(np.isfinite(np.real(value))) for value in given.values())
-    if _FINITE.get() and np.any(wrong) and finite:
-        return f"returns {found.real[wrong].flat[0]:g}", result
-    return "", result
-
-
-def _wrong_slope(method: Callable, kind: Any, given: dict[str, Any]) -> str:
+def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> str:
     """Return by which argument a derivative by complex step is wrong; empty if by none.
 
     It lies between the differences to both sides, which are apart at a kink.
     """
-    for name, value in given.items():
+    names, given = [*signature(method).parameters][1:], dict(enumerate(args)) | quantities
+
+    def at(key: Any, value: Any) -> np.ndarray:
+        moved = given | {key: value}
+        first = [moved.pop(place) for place in range(len(args))]
+        return np.ravel(method(kind, *first, **moved))
+
+    for key, value in given.items():
+        name = key if isinstance(key, str) else names[min(key, len(names) - 1)]
         size = np.abs(value)
-        if name in CONSTANT or size.dtype.kind not in "iuf" or not size.size:
+        if name in SLOPES[method.__name__] or size.dtype.kind not in "iuf" or not size.size:
             continue
         step = MOVE * np.maximum(size, 1e-3 * np.max(size) or 1.0)
-        moved = [value + by * step for by in (0.0, -1.0, 1.0, 1j * STEP)]
         try:
-            found = [np.ravel(method(kind, **given | {name: each})) for each in moved]
+            here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
+            slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
         except Exception as error:
             return f"raises {one_line(error)} for a complex {name}"
-        here, lower, upper, aside = found
-        slope, sides = np.imag(aside) / STEP, np.stack((here - lower, upper - here))
+        sides = np.stack((here - lower, upper - here))
         noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
         off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise
-        for worst in np.flatnonzero(off > 0.0)[:1]:
+        if np.any(off > 0.0):
+            worst = np.argmax(off)
             unit = np.resize(step, off.size)[worst]
-            by_step, by_difference = slope[worst] / unit, np.mean(sides[:, worst]) / unit
-            told = f"{by_step:.4g} by complex step and {by_difference:.4g} by differences"
+            both = slope[worst] / unit, np.mean(sides[:, worst]) / unit
+            told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
             return f"has a derivative by {name} of {told}"
     return ""
 
@@ -180,3 +158,48 @@ def _wrong_slope(method: Callable, kind: Any, given: dict[str, Any]) -> str:
 def one_line(error: BaseException) -> str:
     """Return an error's class and text, on one line of limited length."""
     return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
+    """Return the shape that a method's result must have, ... for any length; None: any shape.
+
+    A formula has one value for each instant if it takes anything over time.
+    """
+    if name in ("speed_at", "demand"):
+        return np.shape(args[0])
+    if name in (*MAY_BE_NONE, "mean_speed", "last_time"):
+        return ()
+    if name in ("features", "lower", "upper"):
+        return (..., 3) if name == "features" else (...,)
+    if isinstance(kind, FeedbackLaw) and name == "fit":
+        return (len(kind.gain_units),)
+    if isinstance(kind, Aggregate):
+        unknowns = (...,) if kind.n_unknowns is None else (kind.n_unknowns,)
+        known = {"value": (), "rows": (...,), "best_unknowns": unknowns}
+        return known.get(name)
+    if isinstance(kind, Formula) and name in ("value", "rate"):
+        times = [np.shape(x) for each, x in quantities.items() if is_over_time(each)]
+        return times[0] if times else (...,) if isinstance(kind, Limit) else ()
+    return None
+
+
+def _checked(result: Any, shape: tuple, given: tuple, infinite: bool) -> tuple[str, Any]:
+    """Return what is wrong with a result, empty if nothing, and the result in its shape."""
+    try:
+        found = np.asarray(result)
+    except ValueError:  # rows of several lengths
+        found = np.asarray(None)
+    if found.dtype.kind not in "biufc":
+        return f"returns {show(result)}, which is not a number or an array of numbers", result
+    if shape[:1] == (...,):
+        if found.size and found.ndim and shape[1:] not in ((), found.shape[-1:]):
+            return f"returns {show(result)} in place of rows of {shape[1]} numbers", result
+    elif found.ndim and found.shape != shape:
+        wanted = f"the shape {shape}" if shape else "one number"
+        return f"returns an array of the shape {found.shape} in place of {wanted}", result
+    elif found.shape != shape:
+        result = found + np.zeros(shape)
+    wrong = np.isnan(found.real) | (np.isinf(found.real) & (not infinite))
+    if _FINITE.get() and np.any(wrong) and all(np.all(np.isfinite(np.real(x))) for x in given):
+        return f"returns {found.real[wrong].flat[0]:g}", result
+    return "", result

@@ -127,7 +127,9 @@ def _flaws_of_units(kind: Any) -> Iterator[tuple[str, str]]:
 
     about = (each for field in kind.model_fields.values() for each in field.metadata)
     given = [each.unit for each in about if isinstance(each, Quantity)]
-    given += [getattr(kind, "unit", None), *getattr(kind, "gain_units", ())]
+    own, gains = getattr(kind, "unit", None), getattr(kind, "gain_units", ())
+    # where they are properties they depend on the case
+    given += [own] * isinstance(own, str) + [*gains] * isinstance(gains, tuple)
     for unit in filter(None, given):
         if not (isinstance(unit, str) and units.valid_units(unit)):
             remedy = "write one such as m/s, N*m or kg*m**2, or None for a plain number"

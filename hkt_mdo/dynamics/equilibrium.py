@@ -64,7 +64,9 @@ def equilibria(
     some = np.flatnonzero(running)
     if some.size:
         ends = ratios[place[some]], ratios[place[some] + 1]
-        found[some] = find_root(net, ends, args=(flow[some],)).x
+        root = find_root(net, ends, args=(flow[some],))
+        # rounding may give both ends of a bracket one sign: the root is at its end
+        found[some] = np.where(root.success, root.x, ends[0])
     return found * unit, running
 
 

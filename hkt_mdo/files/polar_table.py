@@ -29,8 +29,8 @@ PRESSURE_RANGE = -60.0, 1.0
 SURFACES = "cpmin_upper", "cpmin_lower"
 """Columns of the smallest pressure coefficient of each surface; `cpmin` is that of both."""
 
-ANGLES = "alpha", "alpha_deg", "alpha_rad"
-"""Names of a column of angles of attack; without a unit they are in degrees."""
+ANGLES = "alpha_deg", "alpha_rad", "alpha"
+"""Names of a column of angles of attack, the first of which counts; without a unit in degrees."""
 
 _CIRCLE_EDGE = 1e-3
 """How far an end of a full circle may be from 180 deg, deg; files write 3.1416 rad."""
@@ -198,7 +198,7 @@ def polar_of_rows(
     InputError
         If a row has more or fewer cells than `names`, a cell is no number, or as of `polar_table`.
     """
-    angle = next(name for name in names if name in ANGLES)
+    angle = next(name for name in ANGLES if name in names)
     wanted = angle, "cl", "cd", "cm", "cpmin", *SURFACES
     columns = number_columns(rows, names, file, wanted, parse=parse)
     values = {name: column.values for name, column in columns.items()}

@@ -79,7 +79,7 @@ class Span(_Entry):
 
 
 class CheckEntry(_Entry):
-    """One check of a check: a value, the limit that it must not exceed, what it is and where."""
+    """One check of a result: a value, the limit that it must not exceed, what it is and where."""
 
     name: str
     value: _Number = Field(default=None, allow_inf_nan=True)

@@ -119,10 +119,18 @@ def take_if_better(before: Solution, after: Solution, least: float = 0.0) -> boo
 def begun(folder: Path, case: Case) -> bool:
     """Tell whether a folder has a result of an equal case, finished or not."""
     try:
-        found = load_case(folder / "case.yaml", extensions=case.extensions)
-        return found == complete(case)
+        return _is(case, load_case(folder / "case.yaml", extensions=case.extensions))
     except InputError:
         return False
+
+
+def _is(case: Case, written: Case) -> bool:
+    """Tell whether a case is one that a run has written, with what that took from its files."""
+    case = complete(case)
+    if case.design.chord_bounds is None:
+        design = case.design.model_copy(update={"chord_bounds": written.design.chord_bounds})
+        case = case.model_copy(update={"design": design})
+    return case == written
 
 
 def finished_result(folder: Path, case: Case) -> Solution | None:
@@ -133,10 +141,11 @@ def finished_result(folder: Path, case: Case) -> Solution | None:
     """
     try:
         solution = Solution.load(folder, extensions=case.extensions)
-        case = complete(case)  # as a run writes it
+        source = solution.case.start.from_
+        cases = case, *([passed_on(case, source)] if source else [])
+        same = any(_is(each, solution.case) for each in cases)
+        made_of = digest(complete(case))
     except InputError:
         return None
-    source = solution.case.start.from_
-    same = solution.case == case or (source and solution.case == passed_on(case, source))
     ended = solution.summary.checks is not None
-    return solution if ended and same and solution.summary.digest == digest(case) else None
+    return solution if ended and same and solution.summary.digest == made_of else None

@@ -44,7 +44,7 @@ from hkt_mdo.run.verification import (
     total,
 )
 
-# Limits of the checks, as README.md explains them
+# Limits of the checks, as docs/theory.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # largest energy stored in the rotor, over the captured energy
@@ -74,7 +74,7 @@ def checks_of(
     verifications: tuple[Verification, ...],
     starts: Sequence[StartRecord] = (),
 ) -> list[CheckEntry]:
-    """Return the checks of all checks, that of the optimizer first.
+    """Return all checks of a result, that of the optimizer first.
 
     `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
     the quasi-steady start, 0 where that is no measure of the optimum; `starts` are all that the
@@ -83,7 +83,7 @@ def checks_of(
     status = result.outcome
     checks = [_check("optimizer", not status.success, 0.0, status.message)]
     for verification, suffix in _suffixed(verifications):
-        checks += [_check(name + suffix, *about) for name, *about in _of_flight(verification)]
+        checks += [_check(name + suffix, *about) for name, *about in _of_scenario(verification)]
     known = _of_design(physics, optimum, reference, result, verifications)
     return checks + [
         _check(*each) for each in (*known, *_behind_open_loop(physics, verifications, starts))
@@ -114,7 +114,7 @@ def _check(name, value, limit, detail) -> CheckEntry:
     return CheckEntry(name=name, value=float(value), limit=limit, passed=passed, detail=detail)
 
 
-def _of_flight(verification: Verification) -> Iterator[tuple[str, float, float, str]]:
+def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of the checks of a scenario's integration."""
     simulated, nodes, integrated = (
         verification.simulation,
@@ -302,6 +302,8 @@ def _stored(physics, result, verification) -> float:
     Open loop chooses the last speed. Under feedback that follows from the flow: only what is gained
     over the scenario and exceeds that at the equilibrium speed of the last flow counts.
     """
+    if verification.scenario.steady:
+        return 0.0
     speed, inertia = verification.simulation.rotor_speed, verification.plant.inertia
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
     if not physics.law.is_feedback:

@@ -1,6 +1,7 @@
 """The result of a run that fails: the best of its end, its best iterate and its start.
 
-Each is integrated and checked; the number of failed checks counts before the objective.
+Each is integrated and checked; fewer large failures rank first, then fewer failures, then the
+objective.
 """
 
 from __future__ import annotations

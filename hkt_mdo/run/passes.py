@@ -20,10 +20,10 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
 from hkt_mdo.run.checked import Checked, quasi_steady_reference
-from hkt_mdo.run.checks import curve_errors, is_false
+from hkt_mdo.run.checks import curve_errors, is_false, most_between
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.refine import Division, divided, division, exceeded, lowered
+from hkt_mdo.run.refine import Division, divided, division, exceeded, held, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, may_tabulate, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -82,8 +82,13 @@ class Task:
 
     @classmethod
     def first(cls, physics: Physics, start: StartingPoint, reference: float, **others) -> Task:
-        """Return the first optimization from a start; a designed hub makes its loop stable."""
-        setup = Setup(start, curve_nodes(physics, start), least_hub=first_hub(physics, start))
+        """Return the first optimization from a start; a designed hub makes its loop stable.
+
+        The torque of several sections is rough: their curve has twice the nodes, since its
+        accuracy for the blade of the start says little of others (iea3_4 needed five passes).
+        """
+        nodes = curve_nodes(physics, start, finer=physics.several_sections)
+        setup = Setup(start, nodes, least_hub=first_hub(physics, start))
         return cls(start, reference, physics, setup, **others)
 
 
@@ -124,8 +129,8 @@ class Pass:
     def failed(self) -> bool:
         """Whether the optimizer failed, or lost much of an open loop's objective on a finer mesh.
 
-        There it can still operate as before; a law may lose, since a coarse mesh let it exceed a
-        limit.
+        There an optimum that keeps its limits can still be operated; a law may lose, since a coarse
+        mesh let it exceed a limit.
         """
         if self.physics.law.is_feedback or not self.converged or self.task.optimum is None:
             return not self.converged
@@ -161,9 +166,17 @@ class Pass:
 
     @property
     def accurate(self) -> bool:
-        """Whether neither the torque curve nor the integration contradicts an optimum."""
-        off = self.failed or self.runs_away or self.coarse_curve
-        return not off and not is_false(self.verifications)
+        """Whether neither the torque curve nor the integration contradicts an optimum.
+
+        One that exceeds a limit between its nodes may have more than the case allows.
+        """
+        if self.failed or self.runs_away or self.coarse_curve or is_false(self.verifications):
+            return False
+        return not any(
+            np.max(each.between_nodes(limit)[0]) > most_between(limit)
+            for each in self.verifications
+            for limit in held(self.physics, each.scenario)
+        )
 
     @cached_property
     def division(self) -> Division:
@@ -224,13 +237,13 @@ class Pass:
 
 
 def begin_again(this: Pass) -> Task | None:
-    """Begin again from the last iterate of an optimization that did not converge, once.
+    """Begin again from the last iterate of an optimization that did not converge.
 
-    That of the Hessian begins anew, at a torque curve of the iterate's blade.
+    The approximation of the Hessian begins anew, at a torque curve of the iterate's blade, and all
+    iterations that the case allows may be made. What fails then as well has failed.
     """
-    last, start = this.state.last, this.task.setup.start
-    worse = last is None or last.operation.energy <= start.operation.energy
-    if this.converged or worse or this.task.name == "begin again":
+    last = this.state.last
+    if this.converged or last is None or this.task.name == "begin again":
         return None
     why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
     return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
@@ -343,7 +356,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
     Returns
     -------
     Checked
-        The end, on its mesh: of the branches of the start, the best that passes.
+        The end, on its mesh: of the branches of the start the best that passes, else the first.
     """
     task: Task | None = Task.first(state.first, start, reference)
     ends = []

@@ -84,7 +84,7 @@ class Finished:
     verifications : tuple of Verification
         The integration of each scenario of the problem.
     checks : list of CheckEntry
-        The checks of the checks.
+        The checks of the result.
     remedy : str
         What to try if the optimizer failed.
     shadow_prices : mapping of float

@@ -242,20 +242,20 @@ class Search:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].worth[0]:
                         followed.add(digits)
-        found.sort(key=MERIT if law.is_feedback else self._less_stall, reverse=True)
+        rank = MERIT if law.is_feedback else self._less_stall
+        found.sort(key=rank, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
-        best = (self._heaviest([end for end in found if end.branch == name]) for name in branches)
+        best = [self._heaviest([x for x in found if x.branch == name], rank) for name in branches]
         return list(map(self._over_time, best))
 
-    def _heaviest(self, found: list[StartingPoint]) -> StartingPoint:
-        """Return the heaviest rotor of the optima that tie with the first.
+    def _heaviest(self, found: list[StartingPoint], rank) -> StartingPoint:
+        """Return the heaviest rotor of the optima that tie with the first, by their rank.
 
         Inertia has no effect without time. Over time it keeps limits in gusts: of three blades that
         tie under a limit of the power in turbulence, the heaviest leads to 5 % more energy.
         """
-        kept, value = found[0].merit
-        least = kept, value - TIE * abs(value)
-        ties = [end for end in found if end.merit >= least]
+        kept, value = rank(found[0])
+        ties = [found[0], *(x for x in found if rank(x) >= (kept, value - TIE * abs(value)))]
         return max(ties, key=lambda end: self.physics.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:

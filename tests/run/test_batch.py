@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from hkt_mdo.case import load_case, read_case
-from hkt_mdo.problem.physics import complete
+from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.nesting import allows, dominated
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.batch import finished_result, run_batch
+from hkt_mdo.run.batch import begun, finished_result, run_batch
 from hkt_mdo.run.digest import digest
 
 CASE = """
@@ -126,6 +126,18 @@ def test_another_summary_is_not_finished(finished, change):
 def test_a_corrupt_result_is_not_finished(finished, name, content):
     (finished / name).write_bytes(content.encode("utf-8", "surrogatepass"))
     assert not finished_result(finished, case())
+
+
+def test_bounds_that_a_run_takes_from_its_blade_are_no_change(tmp_path):
+    """A run writes the bounds of the chord that a case does not give."""
+    given = load_case({"rotor": {"blade": "river"}, "inflow": "sine", "control": "quadratic"})
+    written = physics(given).case
+    assert given.design.chord_bounds is None
+    assert written.design.chord_bounds is not None
+    (tmp_path / "case.yaml").write_text(written.to_yaml(), encoding="utf-8")
+    assert begun(tmp_path, given)
+    bounds = given.design.model_copy(update={"chord_bounds": (0.05, 0.3)})
+    assert not begun(tmp_path, given.model_copy(update={"design": bounds}))
 
 
 def test_a_changed_file_is_not_reused(tmp_path):
