@@ -158,8 +158,7 @@ class FeedbackLaw(Law):
         return np.linalg.lstsq(columns.T, torque, rcond=None)[0]
 
     def moves(self, gains, factor):
-        if np.isfinite(factor):
-            factor = min(factor, self.farthest)
+        factor = min(factor, self.farthest)
         return np.sort((gains / factor, gains * factor), axis=0)
 
     def scaled_gains(self, gains, share):

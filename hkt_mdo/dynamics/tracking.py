@@ -69,7 +69,7 @@ class Tracking(FeedbackLaw):
         "integral_torque": ("N*m", "integral part of the generator torque"),
         "sensed_flow": ("m/s", "inflow speed as read by the sensor"),
     }
-    farthest: ClassVar[float] = 1.2  # factor, over time as well; the rotor follows its schedule
+    farthest: ClassVar[float] = 1.2  # factor; the rotor follows its schedule
     estimates_flow = property(lambda self: self.flow == "estimated")  # type: ignore[assignment]
     gain_units = property(  # type: ignore[assignment]
         lambda self: ("rad/s",) * self.knots + ("N*m*s/rad", "N*m/rad")
@@ -93,7 +93,7 @@ class Tracking(FeedbackLaw):
         return self
 
     def moves(self, gains, factor):
-        ends = super().moves(gains, min(factor, self.farthest))
+        ends = super().moves(gains, factor)
         own = self.proportional_bounds, self.integral_bounds
         for place, bounds in zip((-2, -1), own, strict=True):
             held = bounds or 2 * (gains[place],)
