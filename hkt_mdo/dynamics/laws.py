@@ -83,7 +83,7 @@ class Law(Section):
     def moves(self, gains, factor):
         """Return the lower and upper bounds, (n_gains,), of one step of a search from some gains.
 
-        They are apart by a factor, which may be infinite. A gain with equal bounds is fixed.
+        They are apart by a factor, at most `farthest` of a law. A gain with equal bounds is fixed.
         """
         return np.stack((gains, gains))
 
@@ -122,7 +122,7 @@ class FeedbackLaw(Law):
 
     is_feedback: ClassVar[bool] = True
     farthest: ClassVar[float] = np.inf
-    """Largest finite factor by which gains change in one step of a search."""
+    """Largest factor by which gains change in one optimization."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation (paper, eq. 4); without a torque limit it has no effect."""
