@@ -503,11 +503,11 @@ class Physics:
         """Return the inertia (kg*m**2) of the water that a blade accelerates, by both models."""
         models = "plate", "ellipse"
         plate, ellipse = (float(self.rotor.water_inertia(blade, x)) for x in models)
-        return float(plate), float(ellipse)
+        return plate, ellipse
 
     def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
-        mass, inertia, *_ = self.rotor.mass_and_inertia(blade)
+        mass, inertia = self.rotor.mass_and_inertia(blade)
         return float(mass), float(inertia)
 
 

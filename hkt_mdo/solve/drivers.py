@@ -199,7 +199,7 @@ class _ReportEachEvaluation(ReportingDriver):
         super()._run_solve_nonlinear()
         self._report(self.result.model_evals)
 
-    def _judge(self, converged: bool, message: str) -> bool:
+    def _fails(self, converged: bool, message: str) -> bool:
         """Return whether the run failed; a converged run fails if its design is infeasible."""
         self._message = message
         # SLSQP may report success where it stalled far from feasible.
@@ -227,7 +227,7 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
         self._objfunc(result.x)
         if self._exc_info is not None:
             self._reraise()
-        return self._judge(result.success, result.message)
+        return self._fails(result.success, result.message)
 
     def _compute_totals(self, of=None, wrt=None, return_format="array", driver_scaling=True):
         if self._sparse is not None and of == self._rows:
@@ -252,7 +252,7 @@ class _PyOptSparseDriver(_ReportEachEvaluation, om.pyOptSparseDriver):
         # OpenMDAO counts IPOPT's 'acceptable' and more of SLSQP's codes as success.
         inform = self.pyopt_solution.optInform
         converged = 1 if self.options["optimizer"] == "SNOPT" else 0
-        return self._judge(inform["value"] == converged, inform["text"])
+        return self._fails(inform["value"] == converged, inform["text"])
 
     def _objfunc(self, design: dict) -> tuple[dict, int]:
         return self._unless_interrupted(super()._objfunc(design))

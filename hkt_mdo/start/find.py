@@ -255,7 +255,8 @@ class Search:
         tie under a limit of the power in turbulence, the heaviest leads to 5 % more energy.
         """
         kept, value = rank(found[0])
-        ties = [found[0], *(x for x in found if rank(x) >= (kept, value - TIE * abs(value)))]
+        least = kept, value - TIE * abs(value)
+        ties = [found[0], *(each for each in found[1:] if rank(each) >= least)]
         return max(ties, key=lambda end: self.physics.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
