@@ -1,5 +1,6 @@
 """What several test modules share."""
 
+import json
 import os
 import signal
 from functools import cache
@@ -155,6 +156,18 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
     }
     write_json(folder / "summary.json", summary)
     return folder
+
+
+def edit_summary(folder: Path, **changes: object) -> None:
+    """Change entries of the summary of a result folder."""
+    path = folder / "summary.json"
+    write_json(path, json.loads(path.read_text(encoding="utf-8")) | changes)
+
+
+@pytest.fixture
+def own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command changes the environment of its process; let that end with the test."""
+    monkeypatch.setattr(os, "environ", os.environ.copy())
 
 
 @pytest.fixture
