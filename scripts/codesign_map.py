@@ -1,4 +1,4 @@
-"""When does co-design beat sequential design? Runs the map, and writes docs/codesign_map.md.
+"""When does co-design beat sequential design? Writes docs/studies/codesign_map.md.
 
 python scripts/codesign_map.py --out results/codesign
 
@@ -27,8 +27,9 @@ from hkt_mdo.run.batch import run_batch
 from hkt_mdo.start.find import steady_optimum
 
 ROOT = Path(__file__).parent.parent
-DATA, PAGE = ROOT / "docs" / "data" / "codesign_map.csv", ROOT / "docs" / "codesign_map.md"
-IMAGE = "images/codesign_map.png"
+DATA = ROOT / "docs" / "data" / "codesign_map.csv"
+PAGE = ROOT / "docs" / "studies" / "codesign_map.md"
+IMAGE = "../images/codesign_map.png"
 MEAN, AMPLITUDE, PERIOD = 1.5, 0.3, 10.0  # m/s, m/s, s
 SWING = AMPLITUDE / MEAN
 SHARES = {"torque": (0.7, 2.3), "power": (0.8, 2.6)}  # of the limit: its range over the map
@@ -249,7 +250,7 @@ Q̄ and P̄ be torque and power at the mean flow v̄, ω̄ = λ* v̄ / R the spe
 $$
 \\begin{aligned}
 v(t) &= \\bar v\\,(1 + a \\sin\\varphi), \\qquad \\varphi = w t, \\\\
-T &= J \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
+T &= I \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
 \\end{aligned}
 $$
 
@@ -259,7 +260,7 @@ at λ* is dQ/dω = -Q̄/ω̄. β is the time constant times the bandwidth of the
 
 The energy of any blade and any control over a closed cycle is at most that of the largest power
 coefficient at every instant. The sequential blade reaches it if its rotor keeps λ* throughout, so
-that ω = λ* v / R. From J dω/dt = Q - u this takes the generator torque and power
+that ω = λ* v / R. From I dω/dt = Q - u this takes the generator torque and power
 
 $$
 \\begin{aligned}

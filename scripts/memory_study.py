@@ -1,6 +1,6 @@
-"""What a wake with memory changes: stability, energies, loads; writes docs/memory.md's tables.
+"""What a wake with memory changes; writes the tables of docs/studies/memory.md.
 
-python scripts/memory_study.py --out results/memory --page docs/memory.md
+python scripts/memory_study.py --out results/memory --page docs/studies/memory.md
 
 Cases without a result in --out are run (about ten minutes); finished ones are used again. With
 --limited, results of cases/limits in another folder are simulated, too. What stands in the page
@@ -60,7 +60,7 @@ REAL = {  # kg m², radius in m
     "Reference Model 1": (92_169.0, 10.0),
     "with its generator": (484_000.0, 10.0),
 }
-MAP, SHARES = "images/memory_map.png", (1.0, 0.98, 0.95, 0.9, 0.8, 0.7, 0.6)
+MAP, SHARES = "../images/memory_map.png", (1.0, 0.98, 0.95, 0.9, 0.8, 0.7, 0.6)
 MOST_STATIONS = 20  # of a rotor that runs away: its simulation takes minutes with more
 PULSES = 0.002, 0.01, 0.03
 VARIED = {  # what is varied in the model of the wake: name: constant, its value
@@ -84,7 +84,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/memory"))
     parser.add_argument("--limited", type=Path, default=None, help="results of cases/limits")
-    parser.add_argument("--page", type=Path, default=Path("docs/memory.md"))
+    parser.add_argument("--page", type=Path, default=Path("docs/studies/memory.md"))
     arguments = parser.parse_args()
     out = arguments.out
     folders = [solved(out / name, name) for name in PAPER]
@@ -211,7 +211,7 @@ def the_map(reference, other, image):
     )  # fmt: skip
     names = ", ".join(f"{name} {value:.2g}" for name, value in drive.items())
     return [
-        f"![least inertia over the limit](images/{image.name})",
+        f"![least inertia over the limit](../images/{image.name})",
         "",
         f"Inertias of real drive trains over ρR⁵: {names}.",
         "",

@@ -1,4 +1,4 @@
-"""What Reynolds-dependent polars do to the paper's conclusions: writes docs/reynolds.md.
+"""What Reynolds-dependent polars do to the paper's conclusions: writes docs/studies/reynolds.md.
 
 python scripts/reynolds_study.py --out results/reynolds
 """

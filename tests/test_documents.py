@@ -137,7 +137,7 @@ def test_blades_of_the_how_to_are_one_blade(tmp_path):
     np.testing.assert_allclose(csv.thickness, [0.21, 0.15])
 
 
-ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+ARCHITECTURE = (ROOT / "docs" / "dev" / "architecture.md").read_text(encoding="utf-8")
 EXTENSION = ROOT / "tests" / "data" / "extension.py"
 
 

@@ -33,7 +33,8 @@ def test_example_is_whole_and_says_what_it_is(path):
     assert case.phase.segments >= 60
     speed = world.inflow.speed_at(np.linspace(0.0, case.phase.duration, 2001))
     assert np.all(speed > 0.0)
-    assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
+    for page in ("shipped_cases", "studies/examples"):
+        assert f"{path.stem}.yaml" in (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
 
 
 LIMITED_CASES = sorted((ROOT / "cases" / "limits").glob("*.yaml"))
@@ -78,6 +79,8 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
     assert find_case("cases/limits/all_oloc.yaml") == ROOT / "cases" / "limits" / "all_oloc.yaml"
     assert find_case("cases/river_gust.yaml") == Path("cases/river_gust.yaml")  # not its folder
     assert load_case("own_files").name == "own_files"
+    (tmp_path / "river_gust").mkdir()  # of results, say
+    assert find_case("river_gust") == EXAMPLES / "river_gust.yaml"
     (tmp_path / "sine_oloc").write_text("inflow: {profile: sine}\ncontrol: {law: linear}\n")
     assert load_case("sine_oloc").control.law == "linear"
     for name in ("sine", "mine/sine_oloc.yaml", "files", "../sine_oloc"):

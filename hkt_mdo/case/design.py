@@ -75,7 +75,7 @@ class Design(Section):
     hub_inertia_bounds: _Inertias | None = None
     """Bounds on `rotor.hub_inertia`, [lower, upper], which is then the start, or the nearer bound;
     null: it is not designed. Where the wake has memory, a run raises the lower bound to the inertia
-    from which the loop is stable (docs/memory.md)."""
+    from which the loop is stable (docs/studies/memory.md)."""
     hub_inertia_price: Annotated[float, Quantity("J/(kg*m**2)", ge=0)] = 0.0
     """Price of the designed `hub_inertia`, subtracted from the objective, which must be an energy.
     The energies of a result are without it; the objective is what remains."""
@@ -172,7 +172,7 @@ class InflowDynamics(Section):
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
     """`quasi_steady`: without delay; `oye`: with memory, by the two filters of Oye, in the
     optimization,
-    in the independent simulation and in the checks (docs/memory.md)."""
+    in the independent simulation and in the checks (docs/studies/memory.md)."""
     tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
     """Time constant of the slow filters of `oye`; null: by the induction a in equilibrium at 0.7 R,
     1.1 R / ((1 - 1.3 a) v), where a is at most 0.5."""

@@ -207,7 +207,7 @@ class Case(Section):
     def _spell_out(cls, data: Any) -> Any:
         """Write out a kind that is given by its bare name, and the stations of a resolved blade.
 
-        That is one of splines, or whose operation is limited (docs/stations.md).
+        That is one of splines, or whose operation is limited (docs/studies/stations.md).
         """
         if not isinstance(data, dict):
             return data
@@ -569,7 +569,7 @@ def load_case(
     a file as a dict. `overrides` are texts such as ``rotor.radius=2``; the text after the first
     ``=`` is YAML. `check_files` says whether the files that the case names must exist. `extensions`
     are Python files, modules or classes that define further kinds of flow, law, limit or objective
-    (docs/architecture.md); a file is executed, so give only files that you trust.
+    (docs/dev/architecture.md); a file is executed, so give only files that you trust.
     """
     if isinstance(source, Mapping):
         data = deepcopy(dict(source))

@@ -1,6 +1,6 @@
 """Aggregates: how the scenarios of a case are combined into one objective.
 
-An aggregate of your own is a subclass of `Aggregate` (docs/architecture.md).
+An aggregate of your own is a subclass of `Aggregate` (docs/dev/architecture.md).
 """
 
 from typing import Annotated, Any, ClassVar, Literal

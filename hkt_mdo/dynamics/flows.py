@@ -2,7 +2,7 @@
 
 A profile is its keys in a case's section `inflow` together with its formula. Formulas stand here
 (constant, step, sine, tide, gust), flows through samples in `hkt_mdo.dynamics.sampled`. A profile
-of your own is a subclass of `Inflow` (docs/architecture.md).
+of your own is a subclass of `Inflow` (docs/dev/architecture.md).
 """
 
 from __future__ import annotations

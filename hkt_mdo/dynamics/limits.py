@@ -1,7 +1,7 @@
 """Limits on a design and its operation, each defined once.
 
 Optimization, checks, `hkt check`, summary and figures get its value from the limit; nothing else
-knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
+knows the formula. A limit of your own is a subclass of `Limit` (docs/dev/architecture.md).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Objectives, which the optimization maximizes or minimizes.
 
-An objective of your own is a subclass of `Objective` (docs/architecture.md).
+An objective of your own is a subclass of `Objective` (docs/dev/architecture.md).
 """
 
 from typing import Any, ClassVar, Literal

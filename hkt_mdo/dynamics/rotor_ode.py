@@ -260,9 +260,8 @@ class RememberingComp(_NodeComp):
         tau1 x' = (1 - k) w_s - x,    tau2 w' = x + k w_s - w;
 
     The tip speed ratio of the wake, tsr_w, follows from v a(tsr_w) = w; the torque is a table over
-    both ratios (`Band`, docs/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the axial
-    induction in
-    equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
+    both ratios (`Band`, docs/studies/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the
+    axial induction in equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
 
     Inputs are those of `needs` and the tables of `Band`.
     """
