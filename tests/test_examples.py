@@ -14,7 +14,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
-from tests.verification.study import LIMITED
+from studies.verification.study import LIMITED
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "cases" / "examples"

@@ -121,7 +121,10 @@ FORMLESS = "class A(FeedbackLaw):\n    law: Literal['mine'] = 'mine'\n"
         ("", "defines no kind; write a subclass of FeedbackLaw, Inflow, Limit, Obj"),
         (f"{HEAD}class Base(FeedbackLaw):\n    pass\n", "defines no kind"),
         (f"{HEAD}class A(FeedbackLaw):\n    law: str = 'mine'\n", "subclass of .* with its name"),
-        (f"{HEAD}{FORMLESS}", "A: has no method demand; write demand as in docs/dev/architecture.md"),
+        (
+            f"{HEAD}{FORMLESS}",
+            "A: has no method demand; write demand as in docs/dev/architecture.md",
+        ),
         ("a = 1\n\nb = a / 0\n", "line 3: cannot be run: ZeroDivisionError: division by"),
         ("import json\njson.loads('{')\n", "line 2: cannot be run: JSONDecodeError"),
         ("a = 1\nb = (\n", "line 2: cannot be run: SyntaxError: '[(]' was never closed"),
