@@ -14,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from hkt_mdo.case import load_case, read_case
+from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import write_csv, write_json
 
@@ -162,6 +163,16 @@ def edit_summary(folder: Path, **changes: object) -> None:
     """Change entries of the summary of a result folder."""
     path = folder / "summary.json"
     write_json(path, json.loads(path.read_text(encoding="utf-8")) | changes)
+
+
+def refused(read, path: Path, **options: object) -> str:
+    """Return what is said of a file that is refused, without its path: one printable line."""
+    with pytest.raises(InputError) as caught:
+        read(path, **options)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert message.isprintable()
+    return message.removeprefix(f"{path}: ")
 
 
 @pytest.fixture

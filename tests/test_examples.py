@@ -141,7 +141,6 @@ def test_the_first_turbine_could_be_built(solve):
     [
         ("rm1_set_angle", ()),
         ("river_gust", ()),
-        ("river_gust", ("design={blade: fixed}",)),
         ("river_gust", ("design={blade: fixed}", "control.law=quadratic")),
     ],
 )
