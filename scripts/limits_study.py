@@ -298,7 +298,7 @@ def constant_torque(solution):
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
         "determines such a gain, so other starts end at others. Stability at a constant torque is "
-        "shown only for quasi-steady induction (docs/theory.md)."
+        "shown only for quasi-steady induction ([dynamic inflow](../dynamic_inflow.md))."
     )
 
 
@@ -414,10 +414,10 @@ def branches_text(found):
         rows,
         (
             "With a limit of the power, overspeed has the larger thrust, and underspeed is close",
-            "to stall: as an open loop it is unstable (docs/theory.md). Overspeed at the limit is",
-            "stable only with induction in equilibrium: with a wake that needs seconds it needs a",
-            "heavier shaft or a controller of the speed ([memory.md](memory.md)). Under all limits",
-            "the slow",
+            "to stall: as an open loop it is unstable ([theory.md](../theory.md#limits)).",
+            "Overspeed at the limit is stable only with induction in equilibrium: with dynamic",
+            "inflow it needs a heavier shaft or a controller of the speed",
+            "([memory.md](memory.md)). Under all limits the slow",
             f"branch is {100.0 * (1.0 - min(start) / max(start)):.0f} % below the fast one in",
             "quasi-steady operation; an optimization from there is refused.",
         ),

@@ -44,7 +44,7 @@ def test_every_number_of_the_table_is_on_the_page_that_it_names():
 
 
 def test_the_numbers_below_the_picture_are_those_of_the_reproduction():
-    page = (ROOT / "docs" / "reproduction.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "validation.md").read_text(encoding="utf-8")
     for name in ("README.md", "docs/index.md"):
         text = " ".join((ROOT / name).read_text(encoding="utf-8").split())
         (below,) = re.findall(r"\*One flow, one torque limit(.*?)\*(?= )", text)
@@ -71,7 +71,7 @@ def test_it_says_that_stability_with_a_wake_is_not_shown():
     stability = "a light rotor is stable at a torque limit or at constant power"
     assert f"So energies and trajectories do not show whether {stability}" in text
     assert "hkt simulate RESULT --inflow-dynamics oye" in text
-    for page in ("studies/laws", "controllers", "theory"):
+    for page in ("studies/laws", "controllers", "dynamic_inflow", "checks"):
         text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
         assert "ight rotor" in text
         assert re.search(r"\((studies/)?memory\.md\)", text)

@@ -172,7 +172,7 @@ class InflowDynamics(Section):
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
     """`quasi_steady`: without delay; `oye`: with memory, by the two filters of Oye, in the
     optimization,
-    in the independent simulation and in the checks (docs/studies/memory.md)."""
+    in the independent simulation and in the checks (docs/dynamic_inflow.md)."""
     tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
     """Time constant of the slow filters of `oye`; null: by the induction a in equilibrium at 0.7 R,
     1.1 R / ((1 - 1.3 a) v), where a is at most 0.5."""

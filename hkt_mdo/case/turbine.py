@@ -195,7 +195,7 @@ class Rotor(Section):
     added_inertia: Literal["none", "plate", "ellipse"] = "none"
     """The water that the blades accelerate when their speed changes, as part of the moment of
     inertia: `none`; `plate`, that of flat plates of the sections' chord; `ellipse`, that of
-    ellipses of their chord and thickness (docs/theory.md)."""
+    ellipses of their chord and thickness (docs/rotor_model.md)."""
 
     @model_validator(mode="before")
     @classmethod

@@ -8,7 +8,7 @@ including friction,
                          + [(1 - theta) I w² / 2] from 0 to T,
 
 and the supremum of the integrand over speed and blade, at each instant, is a bound. theta is one at
-both ends, where the last term then vanishes. See docs/theory.md.
+both ends, where the last term then vanishes. See docs/dev/numerics.md.
 """
 
 from dataclasses import dataclass

@@ -219,7 +219,7 @@ class _Stress(Quantity):
 
 
 class StressLimit(Limit):
-    """Largest stress in a blade, from its first station outwards (docs/theory.md)."""
+    """Largest stress in a blade, from its first station outwards (docs/rotor_model.md)."""
 
     name: ClassVar[str] = "stress"
     unit: ClassVar[str | None] = "Pa"
@@ -246,7 +246,7 @@ class StressLimit(Limit):
 
 
 class CavitationLimit(Limit):
-    """No section reaches the vapour pressure at the top of its turn (docs/theory.md).
+    """No section reaches the vapour pressure at the top of its turn (docs/rotor_model.md).
 
     The value is the suction times the margin, over the difference of static and vapour pressure; at
     most 1.

@@ -37,7 +37,7 @@ class RotorODE(om.Group):
     - open loop in torque: u is an input, dw/dt an output;
     - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output.
       The rotor is differentially flat in w, which turns a singular control into a regular one
-      (docs/theory.md).
+      (docs/dev/numerics.md).
     """
 
     def initialize(self):

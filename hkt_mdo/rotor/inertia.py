@@ -97,7 +97,7 @@ def water_inertia(blade, density, thickness=0.0):
     per length, rho pi c²/4 of water across its chord and rho pi t²/4 along it (Lamb, Hydrodynamics,
     art. 71). The rotor's acceleration w' r has the share sin(twist) across the chord, and of the
     force as much acts about the axis: I = B integral of rho pi/4 (c² sin² + t² cos²) (r cos(cone))²
-    dr (docs/theory.md). Chord, twist and thickness are linear between stations.
+    dr (docs/rotor_model.md). Chord, twist and thickness are linear between stations.
 
     Parameters
     ----------

@@ -118,7 +118,7 @@ def test_stiff_limit_follows_the_slow_solution(blade, polar, rate):
 
 
 def test_a_rotor_in_equilibrium_stays_there(plant):
-    """K2 = 0.5 rho pi R^5 Cp / tsr^3 holds the optimum in steady flow (docs/theory.md)."""
+    """K2 = 0.5 rho pi R^5 Cp / tsr^3 holds the optimum in steady flow (docs/checks.md)."""
     optimum = best_operation(plant.blade, Hydrodynamics(plant.polar))
     gain = 0.5 * DENSITY * np.pi * 1.4**5 * optimum.power_coefficient / optimum.tip_speed_ratio**3
     speed = optimum.tip_speed_ratio * 1.5 / 1.4
