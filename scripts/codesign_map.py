@@ -250,7 +250,7 @@ Q̄ and P̄ be torque and power at the mean flow v̄, ω̄ = λ* v̄ / R the spe
 $$
 \\begin{aligned}
 v(t) &= \\bar v\\,(1 + a \\sin\\varphi), \\qquad \\varphi = w t, \\\\
-T &= I \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
+T &= J \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
 \\end{aligned}
 $$
 
@@ -260,7 +260,7 @@ at λ* is dQ/dω = -Q̄/ω̄. β is the time constant times the bandwidth of the
 
 The energy of any blade and any control over a closed cycle is at most that of the largest power
 coefficient at every instant. The sequential blade reaches it if its rotor keeps λ* throughout, so
-that ω = λ* v / R. From I dω/dt = Q - u this takes the generator torque and power
+that ω = λ* v / R. From J dω/dt = Q - u this takes the generator torque and power
 
 $$
 \\begin{aligned}

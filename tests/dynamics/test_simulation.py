@@ -45,7 +45,7 @@ def constant_torque_coefficient(value):
 
 
 def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
-    """With Q and u constant, w = w0 + (Q - u) t / I and the energies are parabolas."""
+    """With Q and u constant, w = w0 + (Q - u) t / J and the energies are parabolas."""
     coefficient, control, inertia, duration = 0.05, 300.0, 40.0, 5.0
     plant = Plant(blade, polar, inertia, DENSITY, constant_torque_coefficient(coefficient))
     torque = 0.5 * DENSITY * 1.5**2 * np.pi * 1.4**3 * coefficient
@@ -58,7 +58,7 @@ def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
 
 
 def test_friction_slows_the_rotor_as_in_closed_form(blade, polar):
-    """I w' = Q - u - F - c w with Q and u constant: w approaches (Q - u - F) / c like e^(-ct/I)."""
+    """J w' = Q - u - F - c w with Q and u constant: w approaches (Q - u - F) / c like e^(-ct/J)."""
     inertia, control, rubs = 40.0, 300.0, Generator(shaft_friction=50.0, shaft_friction_slope=8.0)
     coefficients = constant_torque_coefficient(0.05)
     plant = Plant(blade, polar, inertia, DENSITY, coefficients, rubs)
