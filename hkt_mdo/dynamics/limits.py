@@ -265,8 +265,8 @@ class CavitationLimit(Limit):
 class Taper(Limit):
     """Radius over tip radius outboard of which the chord must not grow, for manufacture.
 
-    The value is the chord of each station over that of the next station inboard, at most 1; it is
-    reported as zero inboard of that radius. The chord is linear between stations.
+    The value is the chord of a station over that of the next one inboard, at most 1, and 0 inboard
+    of that radius.
     """
 
     name: ClassVar[str] = "taper_from"

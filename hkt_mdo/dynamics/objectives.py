@@ -94,11 +94,7 @@ class GeneratorEnergy(_Energy):
 
 
 class ElectricalEnergy(_Energy):
-    """The energy that the generator delivers, the integral of u w less its losses.
-
-    The section `generator` defines the losses; where they exceed the shaft's power, energy is drawn
-    from the grid and subtracted.
-    """
+    """The energy that the generator delivers, the integral of u w less its losses (`generator`)."""
 
     closes: ClassVar[bool] = True
 
