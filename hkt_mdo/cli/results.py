@@ -311,11 +311,7 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
     memory = name == names[1]
     for other, asked, why in (
         ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
-        (
-            "--start-up",
-            start,
-            "which begins where the wake model is not valid (docs/dynamic_inflow.md)",
-        ),
+        ("--start-up", start, "which begins where the model is not valid (docs/dynamic_inflow.md)"),
     ):
         if memory and asked:
             problem = f"does not go with {other}, {why}"
