@@ -347,7 +347,7 @@ def shadow_prices(found):
     return section(
         "What one per cent more would give",
         (),
-        ("case", "limit", "binds", "of the time", "1 % more gives", "of the energy"),
+        ("case", "limit", "bound", "active", "gain per +1 % of it", "relative"),
         rows,
         (
             "The worth follows from the multipliers of the optimum, to first order;",
@@ -370,7 +370,7 @@ def fronts_text(found, free):
             ratio = solution.summary.tip_speed_ratio.mean
             cost = change(captured, free["oloc"])
             rows.append((name, told(captured), cost, binding(solution), f"{ratio:.2f}"))
-        head = "energy, kJ", "cost", "binding (1 % more gives, J)", "tip speed ratio"
+        head = "energy, kJ", "cost", "binding (gain per +1 %, J)", "tip speed ratio"
         yield from section(f"Energy against {part}", (), (f"{part}, {unit}", *head), rows, ())
     yield f"![Energy against thrust and stress]({IMAGE})"
     yield ""
@@ -498,7 +498,7 @@ def turbine(solution):
         rows.append((name, *cells, f"{100.0 * each.share_of_time:.1f} %", gain))
     told = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
     return section(
-        title, [told], ("limit", "value", "bound", "of the time", "1 % more gives"), rows, ()
+        title, [told], ("limit", "value", "bound", "active", "gain per +1 % of it"), rows, ()
     )
 
 

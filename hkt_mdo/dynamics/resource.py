@@ -2,7 +2,7 @@
 
 A resource is a kind of flow that a case names under `resource`. The rotor is then in equilibrium at
 each speed, and the energy of a year is a sum over the speeds, each with its hours. Bins, mean speed
-of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/year.md).
+of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/studies/year_checked.md).
 """
 
 from __future__ import annotations
