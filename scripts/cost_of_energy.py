@@ -1,4 +1,4 @@
-"""Cost of energy of RM1's plant, of its blade and as an objective; for docs/cost.md.
+"""Cost of energy of RM1's plant, of its blade and as an objective; for docs/studies/cost.md.
 
 python scripts/cost_of_energy.py    # seconds
 """
