@@ -78,6 +78,8 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
     assert find_case("cases/limits/all_oloc.yaml") == ROOT / "cases" / "limits" / "all_oloc.yaml"
     assert find_case("cases/river_gust.yaml") == Path("cases/river_gust.yaml")  # not its folder
     assert load_case("own_files").name == "own_files"
+    (tmp_path / "river_gust").mkdir()  # of results, say
+    assert find_case("river_gust") == EXAMPLES / "river_gust.yaml"
     (tmp_path / "sine_oloc").write_text("inflow: {profile: sine}\ncontrol: {law: linear}\n")
     assert load_case("sine_oloc").control.law == "linear"
     for name in ("sine", "mine/sine_oloc.yaml", "files", "../sine_oloc"):

@@ -34,7 +34,7 @@ def find_case(path: str | Path) -> Path:
     """
     path = Path(path)
     name = path.relative_to("cases") if path.parts[:1] == ("cases",) else path
-    if name.parent.as_posix() in _FOLDERS and not path.exists():
+    if name.parent.as_posix() in _FOLDERS and not path.is_file():
         inside = _FOLDERS if name == path and name.parent == Path() else (name.parent,)
         for folder in (shipped_cases() / each for each in inside):
             for file in (name.name, f"{name.name}.yaml"):
