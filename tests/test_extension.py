@@ -12,10 +12,11 @@ import yaml
 
 from hkt_mdo import InputError, Solution, load_case, run_case
 from hkt_mdo.cli import main
+from tests.conftest import NINE
 
 EXTENSION = Path(__file__).parent / "data" / "extension.py"
 SHORT = {"inflow": "sine", "control": "quadratic", "phase": {"segments": 30, "duration": 30}}
-SHORT |= {"version": 1}  # on nine stations, with limits and without
+SHORT |= {"rotor": {"stations": NINE}}  # on nine stations, with limits and without
 
 
 @pytest.fixture(scope="module")
