@@ -18,7 +18,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 from scipy.spatial import Delaunay
-from study_common import markdown_table, with_blade
+from study_common import NINE, markdown_table, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
@@ -72,8 +72,7 @@ def case(limits, hub_inertia, segments=SEGMENTS):
     """Return the paper's rotor under open loop over one closed cycle of a sine."""
     return load_case(
         {
-            "version": 1,
-            "rotor": {"set_angle": 5, "hub_inertia": hub_inertia},
+            "rotor": {"stations": NINE, "set_angle": 5, "hub_inertia": hub_inertia},
             "inflow": {
                 "profile": "sine",
                 "mean": MEAN,

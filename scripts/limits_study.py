@@ -17,7 +17,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
-from study_common import markdown_table, percent, with_blade
+from study_common import NINE, markdown_table, percent, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
@@ -88,7 +88,7 @@ def main():
 
 def plan():
     """Return file and overrides of every run that needs no other's result, by its folder."""
-    resolved, own = "rotor.station_count=40", "version=1"  # as with limits; the blade's own
+    resolved, own = "rotor.station_count=40", f"rotor.stations={NINE}"
     runs = {f"free/{law}": (f"sine_limited_{law}.yaml", [resolved]) for law in LAWS}
     for limit in ("thrust", "stress", "cavitation", "all"):
         runs[f"nine/{limit}"] = f"limits/{limit}_oloc.yaml", [own]
@@ -318,9 +318,9 @@ def unresolved(found):
         (
             "Under limits a blade has 40 stations unless the case gives others, and",
             "`loads_resolved` refuses a result whose loads on 120 stations exceed a limit by more",
-            "than 1 %. The paper's nine stations (`version: 1`) keep the limits at these nine; the",
-            "same blades, with chord and twist linear between them, have larger loads on 120",
-            "stations:",
+            "than 1 %. The paper's nine stations, given as `rotor.stations`, keep the limits",
+            "at these nine; the same blades, with chord and twist linear between them, have larger",
+            "loads on 120 stations:",
         ),
         ("limit", "on 120 stations", "judged", "nine stations, kJ", "40 stations, kJ"),
         rows,

@@ -13,7 +13,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import page_data
-from study_common import markdown_table, percent
+from study_common import NINE, markdown_table, percent
 
 from hkt_mdo.case import load_case
 from hkt_mdo.run.batch import run_batch
@@ -37,8 +37,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/tracking"))
     out = parser.parse_args().out
+    nine = f"rotor.stations={NINE}"
     cases = {
-        out / re.sub(r"\W+", "_", f"{row}_{law}"): load_case(CASE, ["version=1", *limits, *changes])
+        out / re.sub(r"\W+", "_", f"{row}_{law}"): load_case(CASE, [nine, *limits, *changes])
         for row, limits in ROWS.items()
         for law, changes in LAWS.items()
     }

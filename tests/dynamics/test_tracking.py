@@ -21,7 +21,7 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.find import find_start
-from tests.conftest import CASES
+from tests.conftest import CASES, NINE
 
 KNOTS, INERTIA = 5, 4.0
 LAW = Tracking(knots=KNOTS, flow_range=(1.2, 1.8))
@@ -147,8 +147,9 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
 
     A law of the speed alone that does so has u = P / w and falls where Q rises.
     """
-    limited = "limits.power=4 kW", "version=1", "start.branch=underspeed", "design.blade=fixed"
-    world, run, start = following(*limited, "control={law: tracking, knots: 20, lag: 0.02}")
+    limited = f"rotor.stations={NINE}", "limits.power=4 kW", "start.branch=underspeed"
+    fixed = "design.blade=fixed"
+    world, run, start = following(*limited, fixed, "control={law: tracking, knots: 20, lag: 0.02}")
     assert start.branch == "underspeed"
     assert np.max(run.control_torque * run.rotor_speed) < 4100.0
     quick = run.inflow_speed > 1.6
