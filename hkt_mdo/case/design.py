@@ -167,7 +167,7 @@ class InflowDynamics(Section):
 
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
     """`quasi_steady`: without delay; `oye`: with the two filters of Oye, in optimization,
-    independent simulation and checks (docs/studies/memory.md)."""
+    independent simulation and checks (docs/dynamic_inflow.md)."""
     tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
     """Time constant of the slow filters of `oye`; null: 1.1 R / ((1 - 1.3 a) v) with the induction
     a in equilibrium at 0.7 R, at most 0.5."""

@@ -43,12 +43,20 @@ from hkt_mdo.sections import Quantity, Section, refusal
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
-VERSION = 2  # of the keys of a case; `Case.version` says what version 1 means
+VERSION = 2  # of the keys of a case
 
 
 def _known_version(version: int) -> int:
-    """Return a version of the keys; refuse one that this program does not know."""
-    if not 1 <= version <= VERSION:
+    """Return a version of the keys; refuse one that this program does not read."""
+    if version == 1:
+        problem = "is not read any more: two defaults have changed since"
+        remedy = (
+            "remove it; to keep the results, give design.chord_bounds: [0.01, 1] if the blade is "
+            "designed, and rotor.stations, those of the blade's file, if the case has limits and "
+            "neither stations nor control points"
+        )
+        raise refusal(problem, remedy)
+    if version != VERSION:
         problem = f"is unknown: this program reads version {VERSION}"
         raise refusal(problem, "install a newer hkt_mdo, or write the case for this one")
     return version
@@ -187,8 +195,7 @@ class Case(Section):
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
-    """Version of the keys. Under version 1 a blade with limits keeps the stations of its file, and
-    `design.chord_bounds` is [0.01, 1] by default."""
+    """Version of the keys that the file is written with."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """The kinds that cases of this class may name."""
@@ -215,8 +222,7 @@ class Case(Section):
             data = data | {"inflow": data["inflow"].model_dump()}
         rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
         if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
-            limited = _is_limited(data) and data.get("version", VERSION) != 1
-            if limited or _is_splined(data.get("design")):
+            if _is_limited(data) or _is_splined(data.get("design")):
                 return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
 

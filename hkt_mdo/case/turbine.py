@@ -187,7 +187,7 @@ class Rotor(Section):
     """Moment of inertia about the shaft of everything that turns except the blades."""
     added_inertia: Literal["none", "plate", "ellipse"] = "none"
     """The water that the blades accelerate, as part of the inertia: `none`; `plate`, of flat plates
-    of the sections' chord; `ellipse`, of ellipses of chord and thickness (docs/theory.md)."""
+    of the sections' chord; `ellipse`, of ellipses of chord and thickness (docs/rotor_model.md)."""
 
     @model_validator(mode="before")
     @classmethod

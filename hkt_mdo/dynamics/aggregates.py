@@ -32,7 +32,7 @@ class Aggregate(Section):
     """Whether each rate is divided by an upper bound of its own (its ceiling), so that the slowest
     flow is not the worst only because it is slow. The rates are then multiplied by the scenarios'
     mean ceiling over their own,
-    and keep their unit (docs/theory.md)."""
+    and keep their unit (docs/dev/equations.md)."""
 
     def value(self, rates: Any, shares: np.ndarray, unknowns: Any) -> Any:
         """Return the measure, a number in the unit of the rates."""

@@ -60,7 +60,7 @@ class Objective(Formula):
         """Return an upper bound, J, over a closed cycle if it `closes`; None: none is known.
 
         `captured` is the bound on the captured energy, J, by quasi-steady operation
-        (docs/theory.md).
+        (docs/checks.md).
         """
         return None
 

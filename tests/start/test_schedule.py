@@ -11,9 +11,10 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
+from tests.conftest import NINE
 from tests.verification.study import random_start
 
-SINE = {"inflow": "sine", "version": 1}  # on nine stations, with limits and without
+SINE = {"inflow": "sine", "rotor": {"stations": NINE}}  # on nine stations, with limits and without
 
 
 @cache
