@@ -174,7 +174,10 @@ def test_page_in_docs_is_what_the_command_prints(capsys):
 
 # The how-to ---------------------------------------------------------------------------------------
 
-HOW_TO = (ROOT / "docs" / "own_turbine.md").read_text(encoding="utf-8")
+HOW_TO = "\n".join(
+    (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    for page in ("own_turbine", "flows", "generator_limits")
+)
 
 
 def blocks(kind):
