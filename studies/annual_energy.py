@@ -136,7 +136,7 @@ Written by `python studies/annual_energy.py`; the data are in
   at 2.1 m/s.
 - With HARP_Opt's blade at HARP_Opt's rotor speeds, power here differs by {region:+.2f} % from that
   of WT_Perf between 0.9 and 1.9 m/s, where the tip speed ratio is constant. WT_Perf sums over
-  elements, this program integrates between stations ([bem.md](../bem.md)).
+  elements, this program integrates between stations ([bem.md](bem.md)).
 - HARP_Opt stopped at its limit of 20 iterations, after 273 evaluations.
 
 ![Power, energy by bins, chord and twist](../images/annual_energy.png)

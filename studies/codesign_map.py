@@ -18,7 +18,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 from scipy.spatial import Delaunay
-from study_common import markdown_table, with_blade
+from study_common import NINE, markdown_table, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
@@ -72,8 +72,7 @@ def case(limits, hub_inertia, segments=SEGMENTS):
     """Return the paper's rotor under open loop over one closed cycle of a sine."""
     return load_case(
         {
-            "version": 1,
-            "rotor": {"set_angle": 5, "hub_inertia": hub_inertia},
+            "rotor": {"stations": NINE, "set_angle": 5, "hub_inertia": hub_inertia},
             "inflow": {
                 "profile": "sine",
                 "mean": MEAN,
@@ -250,7 +249,7 @@ Q̄ and P̄ be torque and power at the mean flow v̄, ω̄ = λ* v̄ / R the spe
 $$
 \\begin{aligned}
 v(t) &= \\bar v\\,(1 + a \\sin\\varphi), \\qquad \\varphi = w t, \\\\
-T &= I \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
+T &= J \\bar\\omega / \\bar Q, \\qquad \\beta = T w.
 \\end{aligned}
 $$
 
@@ -260,7 +259,7 @@ at λ* is dQ/dω = -Q̄/ω̄. β is the time constant times the bandwidth of the
 
 The energy of any blade and any control over a closed cycle is at most that of the largest power
 coefficient at every instant. The sequential blade reaches it if its rotor keeps λ* throughout, so
-that ω = λ* v / R. From I dω/dt = Q - u this takes the generator torque and power
+that ω = λ* v / R. From J dω/dt = Q - u this takes the generator torque and power
 
 $$
 \\begin{aligned}

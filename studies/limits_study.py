@@ -17,7 +17,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
-from study_common import markdown_table, percent, with_blade
+from study_common import NINE, markdown_table, percent, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
@@ -88,7 +88,7 @@ def main():
 
 def plan():
     """Return file and overrides of every run that needs no other's result, by its folder."""
-    resolved, own = "rotor.station_count=40", "version=1"  # as with limits; the blade's own
+    resolved, own = "rotor.station_count=40", f"rotor.stations={NINE}"
     runs = {f"free/{law}": (f"sine_limited_{law}.yaml", [resolved]) for law in LAWS}
     for limit in ("thrust", "stress", "cavitation", "all"):
         runs[f"nine/{limit}"] = f"limits/{limit}_oloc.yaml", [own]
@@ -298,7 +298,7 @@ def constant_torque(solution):
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
         "determines such a gain, so other starts end at others. Stability at a constant torque is "
-        "shown only for quasi-steady induction (docs/theory.md)."
+        "shown only for quasi-steady induction ([dynamic inflow](../dynamic_inflow.md))."
     )
 
 
@@ -318,9 +318,9 @@ def unresolved(found):
         (
             "Under limits a blade has 40 stations unless the case gives others, and",
             "`loads_resolved` refuses a result whose loads on 120 stations exceed a limit by more",
-            "than 1 %. The paper's nine stations (`version: 1`) keep the limits at these nine; the",
-            "same blades, with chord and twist linear between them, have larger loads on 120",
-            "stations:",
+            "than 1 %. The paper's nine stations, given as `rotor.stations`, keep the limits",
+            "at these nine; the same blades, with chord and twist linear between them, have larger",
+            "loads on 120 stations:",
         ),
         ("limit", "on 120 stations", "judged", "nine stations, kJ", "40 stations, kJ"),
         rows,
@@ -347,7 +347,7 @@ def shadow_prices(found):
     return section(
         "What one per cent more would give",
         (),
-        ("case", "limit", "binds", "of the time", "1 % more gives", "of the energy"),
+        ("case", "limit", "bound", "active", "gain per +1 % of it", "relative"),
         rows,
         (
             "The worth follows from the multipliers of the optimum, to first order;",
@@ -370,7 +370,7 @@ def fronts_text(found, free):
             ratio = solution.summary.tip_speed_ratio.mean
             cost = change(captured, free["oloc"])
             rows.append((name, told(captured), cost, binding(solution), f"{ratio:.2f}"))
-        head = "energy, kJ", "cost", "binding (1 % more gives, J)", "tip speed ratio"
+        head = "energy, kJ", "cost", "binding (gain per +1 %, J)", "tip speed ratio"
         yield from section(f"Energy against {part}", (), (f"{part}, {unit}", *head), rows, ())
     yield f"![Energy against thrust and stress]({IMAGE})"
     yield ""
@@ -414,10 +414,10 @@ def branches_text(found):
         rows,
         (
             "With a limit of the power, overspeed has the larger thrust, and underspeed is close",
-            "to stall: as an open loop it is unstable (docs/theory.md). Overspeed at the limit is",
-            "stable only with induction in equilibrium: with a wake that needs seconds it needs a",
-            "heavier shaft or a controller of the speed ([memory.md](memory.md)). Under all limits",
-            "the slow",
+            "to stall: as an open loop it is unstable ([theory.md](../theory.md#limits)).",
+            "Overspeed at the limit is stable only with induction in equilibrium: with dynamic",
+            "inflow it needs a heavier shaft or a controller of the speed",
+            "([memory.md](memory.md)). Under all limits the slow",
             f"branch is {100.0 * (1.0 - min(start) / max(start)):.0f} % below the fast one in",
             "quasi-steady operation; an optimization from there is refused.",
         ),
@@ -498,7 +498,7 @@ def turbine(solution):
         rows.append((name, *cells, f"{100.0 * each.share_of_time:.1f} %", gain))
     told = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
     return section(
-        title, [told], ("limit", "value", "bound", "of the time", "1 % more gives"), rows, ()
+        title, [told], ("limit", "value", "bound", "active", "gain per +1 % of it"), rows, ()
     )
 
 

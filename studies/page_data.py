@@ -30,7 +30,6 @@ FOLDERS = ("", "studies", "dev")  # of docs, in which pages of results are
 RENDERED = {  # pages that are written from the results in their data, and by which script
     "annual_energy": "annual_energy",
     "bem": "compare_ccblade",
-    "controllers": "tracking_table",
     "cost": "cost_of_energy",
     "examples": "example_cases",
     "hour": "turbulent_hour",
@@ -39,6 +38,7 @@ RENDERED = {  # pages that are written from the results in their data, and by wh
     "robust": "robust_study",
     "sensitivity": "sensitivity",
     "stations": "station_study",
+    "tracking": "tracking_table",
 }
 SENTENCE = 60  # characters from which a cell of a table is a sentence
 LINE = 100  # characters of a list that is written in one line

@@ -41,10 +41,10 @@ PAGE = """# Reynolds-dependent polars
 
 The paper assumes Reynolds invariance: one polar, at Re = 2·10⁵, for every station at every speed.
 With `rotor.reynolds: local` a station's lift and drag follow its own Reynolds number, chord times
-relative speed over viscosity (docs/theory.md), in the flow of the instant. Here the paper's
-sinusoidal cases are optimized both ways, and the invariant designs are then simulated with local
-polars. Written by `studies/reynolds_study.py`; every run converged and was verified unless the
-table says no. Kinematic viscosity 10⁻⁶ m²/s.
+relative speed over viscosity ([rotor_model.md](../rotor_model.md#blade)), in the flow of the
+instant. Here the paper's sinusoidal cases are optimized both ways, and the invariant designs are
+then simulated with local polars. Written by `studies/reynolds_study.py`; every run converged and
+was verified unless the table says no. Kinematic viscosity 10⁻⁶ m²/s.
 
 ## The paper's turbine (R = 1.4 m)
 

@@ -92,8 +92,8 @@ Written by `python studies/robust_study.py`: the paper's rotor on 40 stations wi
 is designed in one minute of turbulence (seed 1), the others in ten minutes (seeds 1 to 10) of the
 calm river: for their mean power (*expected*), for the mean of the worst fifth (*CVaR*) and for the
 worst of them (*worst*), each minute's mean power over its ceiling
-([theory.md](../theory.md#several-flows)). One more counts every minute twice, as new and with
-fouled sections, which have 0.9 times the lift and 1.5 times the drag.
+([equations.md](../dev/equations.md#several-flows)). One more counts every minute twice, as new and
+with fouled sections, which have 0.9 times the lift and 1.5 times the drag.
 
 The *calm* river is von Karman's turbulence, 1.5 m/s, 10 %; the *rough* one Kaimal's, 1.4 m/s, 16 %;
 both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in other, *unseen*,

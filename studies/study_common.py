@@ -6,12 +6,15 @@ from pathlib import Path
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.cases import shipped_cases
+from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.problem.turbine import build_turbine
 
 LAWS = ("oloc", "linear", "quadratic")
 SCENARIOS = ("step", "sine", "sine_limited")
 CODESIGN = tuple(f"{scenario}_{law}" for scenario in SCENARIOS for law in LAWS)
 """The shipped cases in which blade and controller are designed together."""
+NINE = shipped_rotor("bahaj2007")["stations"]
+"""r/R of the paper's stations; a case with limits has 40 stations unless it gives these."""
 
 
 def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> Case:

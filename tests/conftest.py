@@ -19,6 +19,8 @@ from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import write_csv, write_json
 
 CASES = Path(__file__).parent.parent / "cases"
+# r/R of the paper's stations: a case with limits has 40 stations unless it gives these
+NINE = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999]
 
 # `make test` tries the same examples on every machine, and no time decides; `make fuzz` others
 settings.register_profile(

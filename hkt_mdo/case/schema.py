@@ -43,12 +43,20 @@ from hkt_mdo.sections import Quantity, Section, refusal
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
 MAX_CASE_BYTES = 1024**2  # of a file that is read
-VERSION = 2  # of the keys of a case; `Case.version` says what version 1 means
+VERSION = 2  # of the keys of a case
 
 
 def _known_version(version: int) -> int:
-    """Return a version of the keys; refuse one that this program does not know."""
-    if not 1 <= version <= VERSION:
+    """Return a version of the keys; refuse one that this program does not read."""
+    if version == 1:
+        problem = "is not read any more: two defaults have changed since"
+        remedy = (
+            "remove it; to keep the results, give design.chord_bounds: [0.01, 1] if the blade is "
+            "designed, and rotor.stations, those of the blade's file, if the case has limits and "
+            "neither stations nor control points"
+        )
+        raise refusal(problem, remedy)
+    if version != VERSION:
         problem = f"is unknown: this program reads version {VERSION}"
         raise refusal(problem, "install a newer hkt_mdo, or write the case for this one")
     return version
@@ -79,34 +87,31 @@ class FlowScenario(Section):
     """Name of the scenario and of its tables: up to 40 letters and digits and `_` that begin with a
     letter; null: `flow_1`, and so on."""
     inflow: SerializeAsAny[Inflow] | None = None
-    """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
+    """Flow, as `inflow` of the case."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed, in place of the scenario's `inflow`; given as `resource` of
-    the case."""
+    """Hours of each speed in place of `inflow`, as `resource` of the case."""
     steady: bool = False
-    """Whether the order of the flow's speeds is ignored: the rotor is in equilibrium at each of
-    them.
-    A resource always does."""
+    """Whether the rotor is in equilibrium at each of the flow's speeds, without their order, as
+    with a resource."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
-    """Share of time, over the sum of all weights. A scenario of weight 0 is a load case: it counts
-    in no energy and in no measure of `robustness`, and its limits hold."""
+    """Share of time, over the sum of all weights. With weight 0 the scenario is a load case: its
+    limits hold, and it counts in no energy and no measure of `robustness`."""
     realizations: Annotated[int, Strict(), Field(ge=1, le=200)] | None = None
-    """Number of flows that differ by their seeds: `inflow.seed`, the next whole number, and so on.
-    They share the weight, and are scenarios of their own: `NAME_1`, `NAME_2`, and so on."""
+    """Number of flows with the seeds `inflow.seed` and the next ones. They share the weight, and
+    are scenarios `NAME_1`, `NAME_2`, and so on."""
     duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: `phase.segments`, or as many as the flow needs."""
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits over time, given as `limits` of the case. They hold in this scenario besides those of
-    the case, or in place of those under the same names."""
+    """Limits over time, as `limits` of the case: besides those of the case, or in place of those of
+    the same name."""
     density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] | None = None
     """Density of the water; null: `fluid.density`."""
     condition: Condition | None = None
-    """The turbine as it is in this scenario, given as `condition` of the case; null: that."""
+    """The turbine in this scenario, as `condition` of the case."""
     spread: Spread | None = None
-    """How far `condition` and `density` vary from one realization to the next; null: they do not.
-    """
+    """Variation of `condition` and `density` from one realization to the next."""
 
     def realized(self, case: Case, key: str) -> list[FlowScenario]:
         """Return one scenario for each realization of a case's scenario, called `key`.
@@ -176,8 +181,7 @@ class Case(Section):
     """Several flows, for which one blade and one controller are designed.
 
     A feedback law has the same gains in all of them, open loop a trajectory for each. The objective
-    is the mean power times `phase.duration`, where each scenario counts with its share of time.
-    Without entries there is one flow, `inflow`."""
+    is the mean power over all scenarios times `phase.duration`."""
     robustness: SerializeAsAny[Aggregate] = Expected()
     """How the scenarios' mean powers are combined into one objective; `measure` says which way."""
 
@@ -191,8 +195,7 @@ class Case(Section):
     driver: Driver = Driver()
 
     version: Annotated[int, Strict(), AfterValidator(_known_version)] = VERSION
-    """Version of the keys that the file is written with. Under version 1, a blade whose operation
-    is limited keeps the stations of its file, and `design.chord_bounds` is [0.01, 1] by default."""
+    """Version of the keys that the file is written with."""
 
     kinds: ClassVar[Kinds] = BUILT_IN
     """The kinds that cases of this class may name."""
@@ -219,8 +222,7 @@ class Case(Section):
             data = data | {"inflow": data["inflow"].model_dump()}
         rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
         if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
-            limited = _is_limited(data) and data.get("version", VERSION) != 1
-            if limited or _is_splined(data.get("design")):
+            if _is_limited(data) or _is_splined(data.get("design")):
                 return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
 

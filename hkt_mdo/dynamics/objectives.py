@@ -60,7 +60,7 @@ class Objective(Formula):
         """Return an upper bound, J, over a closed cycle if it `closes`; None: none is known.
 
         `captured` is the bound on the captured energy, J, by quasi-steady operation
-        (docs/theory.md).
+        (docs/checks.md).
         """
         return None
 
@@ -94,11 +94,7 @@ class GeneratorEnergy(_Energy):
 
 
 class ElectricalEnergy(_Energy):
-    """The energy that the generator delivers, the integral of u w less its losses.
-
-    The section `generator` defines the losses; where they exceed the shaft's power, energy is drawn
-    from the grid and subtracted.
-    """
+    """The energy that the generator delivers, the integral of u w less its losses (`generator`)."""
 
     closes: ClassVar[bool] = True
 

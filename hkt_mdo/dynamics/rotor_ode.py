@@ -30,14 +30,14 @@ def _meta(name):
 
 
 class RotorODE(om.Group):
-    """Speed dynamics of a rigid rotor, I dw/dt = Q - u.
+    """Speed dynamics of a rigid rotor, J dw/dt = Q - u.
 
     Three ways to close it, by what is unknown:
     - a feedback law: u follows from w;
     - open loop in torque: u is an input, dw/dt an output;
-    - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output.
+    - open loop in speed: w and its rate are inputs, u = Q - J dw/dt an output.
       The rotor is differentially flat in w, which turns a singular control into a regular one
-      (docs/theory.md).
+      (docs/dev/numerics.md).
     """
 
     def initialize(self):
@@ -418,7 +418,7 @@ class FeedbackComp(_NodeComp):
 
 
 class ShaftComp(_NodeComp):
-    """Rigid shaft, I dw/dt = Q - u - F(w), solved for the acceleration or for the torque.
+    """Rigid shaft, J dw/dt = Q - u - F(w), solved for the acceleration or for the torque.
 
     That is the paper's eq. 6 with the friction F of the shaft (`Generator.friction`).
 

@@ -314,7 +314,7 @@ def simulate(
     max_step: float | None = None,
     tolerance: float = 1e-9,
 ) -> Simulation:
-    """Integrate I dw/dt = Q(w, v(t)) - u(t, w) - F(w) (paper eq. 6) and the energies.
+    """Integrate J dw/dt = Q(w, v(t)) - u(t, w) - F(w) (paper eq. 6) and the energies.
 
     F is the friction of the shaft, if any.
 

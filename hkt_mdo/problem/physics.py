@@ -804,7 +804,7 @@ def _with_chord_bounds(case: Case, blade: Blade) -> Case:
     is_paper = rotor.blade == PAPER_BLADE and rotor.chord is None
     is_paper = is_paper and np.isclose(rotor.radius, shipped_rotor(PAPER_BLADE)["radius"], 1e-9, 0)
     bounds: tuple[float, ...] = PAPER_CHORD_BOUNDS
-    if not is_paper and case.version != 1:
+    if not is_paper:
         ends = CHORD_FACTORS[0] * np.min(blade.chord), CHORD_FACTORS[1] * np.max(blade.chord)
         bounds = tuple(float(f"{end:.3g}") for end in ends)
     design = case.design.model_copy(update={"chord_bounds": bounds})

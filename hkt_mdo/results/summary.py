@@ -164,7 +164,7 @@ class MemoryEntry(_Entry):
     """Stability of the loop of rotor and controller if the wake has memory.
 
     By its eigenvalues at instants along the integration, with Oye's filters at every station
-    (docs/studies/memory.md): `growth` (1/s) is the largest real part at any of them,
+    (docs/dynamic_inflow.md): `growth` (1/s) is the largest real part at any of them,
     `frozen_growth` that in an unchanged wake. `tau1_s` is the wake's time constant where the growth
     is largest.
     Time and flow are those of the first instant that is unstable, or of the least stable one.
@@ -464,7 +464,7 @@ class Summary(_Entry, Mapping[str, Any]):
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = None
     """Relative difference between the simulated energy and an upper bound that includes the torque
-    limit and the control law (docs/theory.md). It does not include a limit of the power."""
+    limit and the control law (docs/checks.md). It does not include a limit of the power."""
     bound_power_coefficient: _Number = None
     bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None

@@ -44,7 +44,7 @@ from hkt_mdo.run.verification import (
     total,
 )
 
-# Limits of the checks, as docs/theory.md explains them
+# Limits of the checks, as docs/checks.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # largest energy stored in the rotor, over the captured energy

@@ -334,7 +334,7 @@ def bem_alone(found):
     return f"""
 ## BEM alone
 
-One core, the fastest of several calls. [bem.md](../bem.md) says what is computed and how.
+One core, the fastest of several calls. [bem.md](../studies/bem.md) says what is computed and how.
 
 {table(header, rows)}"""
 

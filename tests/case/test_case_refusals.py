@@ -20,6 +20,8 @@ SECTIONS = [
     ("design: {radius_bounds: [2, 3]}", "rotor.radius", "1.4", "design.radius_bounds"),
     ("rotor: {radios: 2}", "rotor.radios", "2", "did you mean radius?"),
     ("gain: 7", "gain", "7", "did you mean control.gain?"),
+    ("version: 1", "version", "1", "give design.chord_bounds: [0.01, 1]"),
+    ("version: 3", "version", "3", "install a newer hkt_mdo"),
     ("rotor: {stations: [0.2, 0.5, 0.4]}", "rotor.stations[2]", "0.4", "sort the stations"),
     ("rotor: {stations: [0.2, 0.5]}", "rotor.stations", "[0.2, 0.5]", "at least 3 values"),
     ("rotor: {stations: [0.125, 0.5, 0.9]}", "rotor.stations[0]", "0.125", "hub_radius_fraction"),

@@ -21,7 +21,7 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.find import find_start
-from tests.conftest import CASES
+from tests.conftest import CASES, NINE
 
 KNOTS, INERTIA = 5, 4.0
 LAW = Tracking(knots=KNOTS, flow_range=(1.2, 1.8))
@@ -65,7 +65,7 @@ def following(*overrides):
 
 @pytest.mark.parametrize("ratio", [4.0, 7.0, 9.0])
 def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
-    """I s² + (kp - dQ/dw) s + ki = 0, and the sensor's -1/lag (no torque limit)."""
+    """J s² + (kp - dQ/dw) s + ki = 0, and the sensor's -1/lag (no torque limit)."""
     gains, speed, torque, slope = steady(LAW, plant, 1.5, ratio)
     states = [np.array([each]) for each in LAW.at_rest(torque, 1.5)]
     flow, loop = np.array([1.5]), FeedbackTorque(LAW, gains)
@@ -77,7 +77,7 @@ def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
 def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds_the_flows_slope():
     """With x saturated to u: where kp du/dx > dQ/dw, for every ki > 0; beyond it, as far as
 
-    kp du/dx > dQ/dw - I (1 - du/dx) ki / kp  and  kp du/dx > (1 - du/dx) dQ/dw.
+    kp du/dx > dQ/dw - J (1 - du/dx) ki / kp  and  kp du/dx > (1 - du/dx) dQ/dw.
     """
     limit, rng = 700.0, np.random.default_rng(1)
     law, count = LAW.model_copy(update={"torque_limit": limit}), 400
@@ -147,8 +147,9 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
 
     A law of the speed alone that does so has u = P / w and falls where Q rises.
     """
-    limited = "limits.power=4 kW", "version=1", "start.branch=underspeed", "design.blade=fixed"
-    world, run, start = following(*limited, "control={law: tracking, knots: 20, lag: 0.02}")
+    limited = f"rotor.stations={NINE}", "limits.power=4 kW", "start.branch=underspeed"
+    fixed = "design.blade=fixed"
+    world, run, start = following(*limited, fixed, "control={law: tracking, knots: 20, lag: 0.02}")
     assert start.branch == "underspeed"
     assert np.max(run.control_torque * run.rotor_speed) < 4100.0
     quick = run.inflow_speed > 1.6

@@ -17,6 +17,7 @@ from hkt_mdo.dynamics.limits import (
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
+from tests.conftest import NINE
 
 CASE = {"inflow": "sine", "control": "open_loop"}
 SHORT = CASE | {"phase": {"segments": 20, "duration": 20}}
@@ -220,7 +221,7 @@ def test_the_worse_unknown_of_a_limited_rate_is_reported(unknown):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     def solve(**sections):
-        case = load_case(SHORT | {"version": 1} | sections)  # on nine stations
+        case = load_case(SHORT | {"rotor": {"stations": NINE}} | sections)  # on nine stations
         return run_case(case, tmp_path_factory.mktemp("run") / "out", figures=False, records=False)
 
     return solve

@@ -255,7 +255,6 @@ def test_what_does_not_fit_together_is_reported(keys, told, turbine):
         ("rotor: {radius: 14}", None),
         ("rotor: {blade: rm1}", None),
         ("rotor: {blade: river, radius: 1.6}", None),
-        ("version: 1, rotor: {blade: rm1}", (0.01, 1.0)),
         ("rotor: {blade: rm1}, design: {chord_bounds: [0.3, 2.5]}", (0.3, 2.5)),
         ("rotor: {blade: rm1}, design: {blade: fixed}", None),
     ],

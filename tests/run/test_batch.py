@@ -12,6 +12,7 @@ from hkt_mdo.results.nesting import allows, dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import begun, finished_result, run_batch
 from hkt_mdo.run.digest import digest
+from tests.conftest import NINE
 
 CASE = """
 name: batch
@@ -173,8 +174,8 @@ SHORT = {"duration": 15, "segments": 15}
 
 def fixed(**sections):
     """Return a case of a few seconds; the blade is kept unless `design` is given."""
-    base = {"inflow": "sine", "phase": SHORT, "design": {"blade": "fixed"}, "version": 1}
-    return load_case(base | {"rotor": {"set_angle": 5}} | sections)
+    base = {"inflow": "sine", "phase": SHORT, "design": {"blade": "fixed"}}
+    return load_case(base | {"rotor": {"stations": NINE, "set_angle": 5}} | sections)
 
 
 @pytest.fixture(scope="module")
@@ -233,7 +234,7 @@ def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
 def test_a_batch_passes_a_better_design_on(tmp_path):
     """From the given blade alone a law ends far below what the search for a start finds."""
     case = ROOT / "cases" / "limits" / "power_quadratic.yaml"
-    short = ["phase.duration=15", "phase.segments=15", "version=1"]
+    short = ["phase.duration=15", "phase.segments=15", f"rotor.stations={NINE}"]
     cases = {
         tmp_path / "searched": load_case(case, [*short, "control.torque_limit=650"]),
         tmp_path / "local": load_case(

@@ -19,8 +19,10 @@ from hkt_mdo.run.none_found import none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
+from tests.conftest import NINE
 
-SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}, "version": 1}
+SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}}
+SHORT |= {"rotor": {"stations": NINE}}  # with limits and without
 # bounds that are active at the optimum: a step across them hardly changes the blade
 DESIGNED = SHORT | {
     "control": {"law": "quadratic", "torque_limit": 700},
@@ -34,7 +36,7 @@ DESIGNED = SHORT | {
 TURNED = SHORT | {
     "control": {"law": "open_loop", "torque_limit": 700},
     "objective": "generator",
-    "rotor": {"set_angle": 5},
+    "rotor": {"stations": NINE, "set_angle": 5},
     "design": {"blade": "fixed", "set_angle_bounds": [0, 5.5]},
 }
 INSTANT = 5.5  # s, of the middle node of a segment

@@ -10,6 +10,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.run.checks import _of_tables
+from tests.conftest import NINE
 
 CASE = {"inflow": "sine", "control": "quadratic"}
 MEMORY = ("inflow_dynamics=oye",)
@@ -119,8 +120,9 @@ def test_a_case_with_memory_is_optimized_and_judged_with_it(tmp_path):
 @pytest.mark.slow
 def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_physics):
     """Filters of all stations that differ from the two do not divide the mesh."""
-    case = {"inflow": "sine", "control": "linear", "inflow_dynamics": "oye", "version": 1}
-    case |= {"phase": {"duration": 20, "segments": 20}, "limits": {"thrust": 8200}}
+    case = {"inflow": "sine", "control": "linear", "inflow_dynamics": "oye"}
+    case |= {"rotor": {"stations": NINE}, "limits": {"thrust": 8200}}
+    case |= {"phase": {"duration": 20, "segments": 20}}
     found = solve_physics(case)
     assert [name for name, each in found.checks().items() if not each.passed] == []
     assert not any("coarse" in each.why for each in found.passes)

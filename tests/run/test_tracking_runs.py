@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.dynamics.tracking import Tracking
+from tests.conftest import NINE
 
 TORQUE = "control={law: tracking, torque_limit: 700}"
 
@@ -73,7 +74,7 @@ def test_power_limit_is_kept_by_overspeed(solve):
     is found. That with open loop's blade is the same with all of them, and one of the designs here.
     """
     tracking = "control={law: tracking, torque_limit: 700}"
-    power = "limits.power=5 kW", "start.branch=overspeed", "version=1"
+    power = "limits.power=5 kW", "start.branch=overspeed", f"rotor.stations={NINE}"
     best, found = solve("sine_oloc", *power), solve("sine_oloc", tracking, *power)
     chord, twist = (best.blade[name].tolist() for name in ("chord_m", "twist_deg"))
     fixed = f"rotor.chord={chord}", f"rotor.twist={twist}", "design.blade=fixed"
@@ -87,7 +88,7 @@ def test_power_limit_is_kept_by_overspeed(solve):
 def test_power_limit_is_kept_by_underspeed(solve):
     """Within half a per cent of open loop, which no law of the speed alone can."""
     tracking = "control={law: tracking, knots: 12, proportional_gain: 300, integral_gain: 6000}"
-    power = "limits.power=5 kW", "start.branch=underspeed", "version=1"
+    power = "limits.power=5 kW", "start.branch=underspeed", f"rotor.stations={NINE}"
     found, best = solve("sine_oloc", tracking, *power), solve("sine_oloc", *power)
     assert energy(found) == pytest.approx(energy(best), rel=5e-3)
     assert along(found) < -0.5

@@ -12,6 +12,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.check import check_case
 from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
 from hkt_mdo.start.result import design_of_result
+from tests.conftest import NINE
 
 RESULT = "design of a result"
 TRACKING = load_case({"inflow": "sine", "control": "tracking"})
@@ -77,7 +78,7 @@ def test_the_best_of_all_is_kept(result):
 @pytest.mark.parametrize("limits", [{}, {"power": "5 kW"}])
 def test_with_the_blade_s_method_it_is_taken_as_it_is(result, limits):
     control = {"law": "quadratic", "torque_limit": 700.0}
-    case = world(result(gain=12.0), control, "blade", limits=limits, version=1)
+    case = world(result(gain=12.0), control, "blade", limits=limits, rotor={"stations": NINE})
     start = begin(case)
     np.testing.assert_allclose(start.blade.chord, 0.9 * case.blade.chord)
     np.testing.assert_allclose(start.blade.twist, case.blade.twist + np.deg2rad(1.0))

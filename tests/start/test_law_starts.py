@@ -8,6 +8,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import START_EXCESS, physics
 from hkt_mdo.start.find import find_start, steady_optimum
+from tests.conftest import NINE
 
 
 @cache
@@ -15,7 +16,7 @@ def start(law, limits="{}", torque_limit=None):
     control = {"law": law} if isinstance(law, str) else dict(law)
     case = load_case(
         {"inflow": "sine", "control": control | {"torque_limit": torque_limit}},
-        [f"limits={limits}", "version=1"],
+        [f"limits={limits}", f"rotor.stations={NINE}"],
     )
     world = physics(case)
     found = find_start(world, steady_optimum(world, world.blade))

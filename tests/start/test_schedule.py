@@ -12,8 +12,9 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
 from studies.verification.study import random_start
+from tests.conftest import NINE
 
-SINE = {"inflow": "sine", "version": 1}  # on nine stations, with limits and without
+SINE = {"inflow": "sine", "rotor": {"stations": NINE}}  # on nine stations, with limits and without
 
 
 @cache

@@ -30,6 +30,7 @@ from hkt_mdo.results.solution import ScenarioTables, Solution
 from hkt_mdo.results.summary import FAST
 from hkt_mdo.studies.other_flows import Run, largest, runs_of
 from hkt_mdo.studies.uncertainty import Design, flow_given, seeded
+from tests.conftest import NINE
 
 TURBULENCE = "{profile: turbulence, mean: 1.5, intensity: 0.1, cutoff: 0.3}"
 
@@ -210,7 +211,7 @@ def folder(quadratic, tmp_path_factory):
     text = (folder / "case.yaml").read_text(encoding="utf-8")
     changed = text.replace("\n  thrust: null\n", "\n  thrust: 8 kN\n")
     assert changed != text
-    changed = changed.replace("\nversion: 2\n", "\nversion: 1\n")  # its stations stay nine
+    changed = changed.replace("\n  stations: null\n", f"\n  stations: {NINE}\n")
     (folder / "case.yaml").write_text(changed, encoding="utf-8")
     return folder
 
