@@ -40,7 +40,7 @@ _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
 _DYNAMICS = (
     "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
-    "filters at every station (docs/dynamic_inflow.md)."
+    "filters at every station; see docs/dynamic_inflow.md."
 )
 _TAU1 = (
     "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
