@@ -124,6 +124,11 @@ def fit_to_site(app, docname, source):
     source[0] = text
 
 
+def without_signature(app, what, name, obj, options, signature, result):
+    """Leave out the signature of a class whose members are not shown: it would be all of them."""
+    return ("", result) if name.rpartition(".")[2] in COLLAPSED else None
+
+
 def leave_out_of_search(app, doctree):
     """Leave the text of studies and of pages for developers out of the search, not their titles."""
     if app.env.docname.startswith(("studies/", "dev/")):
@@ -138,3 +143,4 @@ def setup(app):
     (folder / "api.md").write_text(api_page(), encoding="utf-8")
     app.connect("source-read", fit_to_site)
     app.connect("doctree-read", leave_out_of_search)
+    app.connect("autodoc-process-signature", without_signature)

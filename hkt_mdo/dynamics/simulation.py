@@ -76,7 +76,7 @@ class Plant:
     def tabulated(self, ratios):
         """Return the same rotor with the torque coefficient as a spline over tip speed ratios.
 
-        Without memory of the wake, and of sections that do not depend on the Reynolds number. A
+        Without dynamic inflow, and of sections that do not depend on the Reynolds number. A
         long integration evaluates the spline a hundred times faster than BEM.
         """
         curve = CubicSpline(ratios, self.coefficients(self.blade, self.polar, ratios).torque)

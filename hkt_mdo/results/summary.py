@@ -623,7 +623,7 @@ class Summary(_Entry, Mapping[str, Any]):
         asked = [(x.row(name), unasked(name, x.value, case)) for name, x in loads.items()]
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable
-        loop = [] if stable else [f"with memory of the wake, {self.memory.text}"]
+        loop = [] if stable else [f"with dynamic inflow, {self.memory.text}"]
         return [*self.breaks(case), *loop, *large, *(self.doubts or ())]
 
     def breaks(self, case: Case) -> list[str]:
@@ -656,7 +656,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("verdict", self.verdict(case))
         yield Row("message", self.message)
         if self.memory is not None:
-            yield Row("stability with memory of the wake", self.memory.text)
+            yield Row("stability with dynamic inflow", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
         yield Row("energy of the generator", self.generator_energy_J, "J")

@@ -155,7 +155,7 @@ def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
     assert "<script>alert" not in texts["both"]
     assert "&lt;script&gt;alert(1)" in texts["both"]
     assert panels.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
-    told = "sine_linear: with memory of the wake, UNSTABLE from t = 4.90 s"
+    told = "sine_linear: with dynamic inflow, UNSTABLE from t = 4.90 s"
     assert told in texts["both"].partition("<nav>")[0]
     assert "UNSTABLE" not in texts["one"]
 
