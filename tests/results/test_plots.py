@@ -411,3 +411,18 @@ def test_unknown_formats_and_figures_are_refused(solution, tmp_path) -> None:
     assert list(solution.plot("convergence")) == ["convergence"]
     with pytest.raises(InputError, match="unknown figure; known: blade"):
         solution.plot("blades")
+
+
+@pytest.mark.parametrize("count", [1, 6])
+def test_nothing_is_cut_off(solution: Solution, count: int) -> None:
+    """Every label and legend lies within its figure."""
+    name = "a" * 30
+    cases = [solution.case.model_copy(update={"name": f"{name}_{i}"}) for i in range(count)]
+    several = [replace(solution, case=case) for case in cases]
+    for name in FIGURES:
+        figure = figure_of(several, name)
+        figure.draw_without_rendering()
+        box = figure.get_tightbbox()
+        assert min(box.x0, box.y0) >= 0.0
+        assert box.x1 <= figure.get_figwidth()
+        assert box.y1 <= figure.get_figheight()
