@@ -164,7 +164,7 @@ class Findings:
       the file, which splines may have left, or of the result that `start.from` names; `best`: its
       largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
-      quantities then (`Physics.on_start`) and all loads, by scenario; `working`: the tip speed
+      quantities then (`on_start`) and all loads, by scenario; `working`: the tip speed
       ratios, `MARGIN` round the best one if it does not turn; `captured`: its energy over that at
       `best` throughout.
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip

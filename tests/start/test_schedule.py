@@ -37,7 +37,7 @@ def start(law="open_loop", **limits):
 
 
 def test_power_is_kept_by_turning_faster_or_slower():
-    (known,) = world(power="5 kW").on_start(start(power="5 kW"))
+    (known,) = on_start(world(power="5 kW"), start(power="5 kW"))
     kept = known["generator_power"]
     assert start(power="5 kW").excess < 1e-4
     assert np.max(kept) == pytest.approx(5000.0, rel=2e-4)
@@ -52,7 +52,7 @@ def test_power_is_kept_by_turning_faster_or_slower():
     assert sorted(sides) == sorted(names)
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
         side = next(x for x in start(power="5 kW").branches if x.branch == branch)
-        (known,) = world(power="5 kW").on_start(side)
+        (known,) = on_start(world(power="5 kW"), side)
         order = np.argsort(known["inflow_speed"])
         change = np.diff(known["tip_speed_ratio"][order[[0, -1]]])
         assert change[0] * sign > 1.0
