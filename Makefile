@@ -43,12 +43,12 @@ cases: $(STAMP)-run
 	$(BIN)/python scripts/run_all_cases.py --out results/cases
 
 # the verification study or a PART of it, in hours; goes on where it was interrupted, and writes
-# docs/verification.md and results/verification/report.html: make verify PART=limits COUNT=20 SEED=0
+# docs/studies/verification.md and results/verification/report.html: make verify PART=limits COUNT=20 SEED=0
 verify: $(STAMP)-test
 	$(BIN)/python -m tests.verification $(PART) $(COUNT:%=--count %) $(SEED:%=--seed %)
 	$(BIN)/python scripts/page_data.py verification
 
-# speed and growth, against CCBlade, CasADi and SciPy; writes docs/performance.md (about ten minutes)
+# speed and growth, against CCBlade, CasADi and SciPy; writes docs/dev/performance.md (about ten minutes)
 bench: export OPENBLAS_NUM_THREADS = 1
 bench: $(STAMP)-test
 	mkdir -p results

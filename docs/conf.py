@@ -1,4 +1,4 @@
-"""How Sphinx builds the documentation site; docs/site.md says why it is built like this."""
+"""How Sphinx builds the documentation site; docs/dev/site.md says why it is built like this."""
 
 import os
 import re
@@ -103,11 +103,16 @@ def api_page():
 
 def fit_to_site(app, docname, source):
     """Change what a page needs on GitHub and a site does not have, or the other way round."""
+    page = DOCS / f"{docname}.md"
+
+    def shown(folder):
+        return f"`{folder.replace('../', '')}`"
+
     text = source[0].replace("../hkt_mdo/files/data/README.md", "reference/data.md")
     # of a folder a site has nothing to show; a file is offered for download
     text = re.sub(
         r"\[([^]]+)\]\((\.\./[^)#]+)\)",
-        lambda link: f"`{link[2][3:]}`" if (DOCS / link[2]).is_dir() else link[0],
+        lambda link: shown(link[2]) if (page.parent / link[2]).is_dir() else link[0],
         text,
     )
     # a file's name as the text of a link is its name on GitHub, and its title here
@@ -119,6 +124,17 @@ def fit_to_site(app, docname, source):
     source[0] = text
 
 
+def without_signature(app, what, name, obj, options, signature, result):
+    """Leave out the signature of a class whose members are not shown: it would be all of them."""
+    return ("", result) if name.rpartition(".")[2] in COLLAPSED else None
+
+
+def leave_out_of_search(app, doctree):
+    """Leave the text of studies and of pages for developers out of the search, not their titles."""
+    if app.env.docname.startswith(("studies/", "dev/")):
+        app.env.metadata[app.env.docname]["nosearch"] = True
+
+
 def setup(app):
     """Write the generated pages before Sphinx looks for pages."""
     folder = DOCS / "reference"
@@ -126,3 +142,5 @@ def setup(app):
     (folder / "commands.md").write_text(commands_page(), encoding="utf-8")
     (folder / "api.md").write_text(api_page(), encoding="utf-8")
     app.connect("source-read", fit_to_site)
+    app.connect("doctree-read", leave_out_of_search)
+    app.connect("autodoc-process-signature", without_signature)

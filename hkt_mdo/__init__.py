@@ -4,7 +4,7 @@
     solution = run_case(load_case("first_turbine"), "results/mine")
 
 The names below are the whole public interface: cases, problems, runs and results, and the base
-classes of extensions (docs/architecture.md). Each is imported when it is first used.
+classes of extensions (docs/dev/architecture.md). Each is imported when it is first used.
 """
 
 from importlib import import_module

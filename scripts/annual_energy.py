@@ -1,4 +1,4 @@
-"""A year of HARP_Opt's shipped turbine: writes docs/annual_energy.md and its figure.
+"""A year of HARP_Opt's shipped turbine: writes docs/studies/annual_energy.md and its figure.
 
 python scripts/annual_energy.py --out results/annual_energy
 
@@ -122,8 +122,8 @@ energy of a year by a pattern search or a genetic algorithm on WT_Perf. Its ship
 fixed pitch and a variable speed, `Output/test_VSFP`, is a rotor of 20 m with two blades and 550 kW
 in the flow of Admiralty Inlet. Here its blade is scored by this program, and designed again.
 Written by `python scripts/annual_energy.py`; the data are in
-[tests/data/harp_opt](../tests/data/harp_opt), with their licence. How a year is computed:
-[year.md](year.md).
+[tests/data/harp_opt](../../tests/data/harp_opt), with their licence. How a year is computed:
+[year.md](../year.md).
 
 | | energy a year / kWh | to HARP_Opt's blade here | success | processor time / s |
 |---|---|---|---|---|
@@ -140,7 +140,7 @@ Written by `python scripts/annual_energy.py`; the data are in
   elements, this program integrates between stations ([bem.md](bem.md)).
 - HARP_Opt stopped at its limit of 20 iterations, after 273 evaluations.
 
-![Power, energy by bins, chord and twist](images/annual_energy.png)
+![Power, energy by bins, chord and twist](../images/annual_energy.png)
 
 ## What is the same, and what is not
 

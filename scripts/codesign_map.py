@@ -1,4 +1,4 @@
-"""When does co-design beat sequential design? Runs the map, and writes docs/codesign_map.md.
+"""When does co-design beat sequential design? Writes docs/studies/codesign_map.md.
 
 python scripts/codesign_map.py --out results/codesign
 
@@ -27,8 +27,9 @@ from hkt_mdo.run.batch import run_batch
 from hkt_mdo.start.find import steady_optimum
 
 ROOT = Path(__file__).parent.parent
-DATA, PAGE = ROOT / "docs" / "data" / "codesign_map.csv", ROOT / "docs" / "codesign_map.md"
-IMAGE = "images/codesign_map.png"
+DATA = ROOT / "docs" / "data" / "codesign_map.csv"
+PAGE = ROOT / "docs" / "studies" / "codesign_map.md"
+IMAGE = "../images/codesign_map.png"
 MEAN, AMPLITUDE, PERIOD = 1.5, 0.3, 10.0  # m/s, m/s, s
 SWING = AMPLITUDE / MEAN
 SHARES = {"torque": (0.7, 2.3), "power": (0.8, 2.6)}  # of the limit: its range over the map

@@ -1,6 +1,7 @@
 """Compare the blade element momentum solver with CCBlade over random and published rotors.
 
-Both are given the same polar objects. Writes the tables of docs/bem.md, and their data; minutes.
+Both are given the same polar objects. Writes the tables of docs/studies/bem.md, and their data, in
+minutes.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Cost of energy of RM1's plant, of its blade and as an objective; for docs/cost.md.
+"""Cost of energy of RM1's plant, of its blade and as an objective; for docs/studies/cost.md.
 
 python scripts/cost_of_energy.py    # seconds
 """
@@ -186,10 +186,11 @@ def said(designs, capital):
     lighter = designs[MOST]["mass"] - designs[LEAST]["mass"]
     blades = NUMBER * BLADE_PRICE * designs[LEAST]["mass"]
     text = f"""
-- **The rated power decides more than the blade.** A generator of {designs[RATED]["rated"]:.2f} MW
-  in place of {NOMINAL} MW lowers the cost of energy by {lower[RATED]:.1f} % with RM1's blade; the
-  best blade alone, by {lower[LEAST]:.1f} %; both together, by {lower[BOTH]:.1f} %.
-- **The mass of the blades decides little.** The blade for the least cost weighs
+- **Rated power affects the cost of energy more than blade shape.** A generator of
+  {designs[RATED]["rated"]:.2f} MW in place of {NOMINAL} MW lowers the cost of energy by
+  {lower[RATED]:.1f} % with RM1's blade; the best blade alone, by {lower[LEAST]:.1f} %; both
+  together, by {lower[BOTH]:.1f} %.
+- **The mass of the blades affects it little.** The blade for the least cost weighs
   {100 * lighter / designs[MOST]["mass"]:.0f} % less than the blade for the most energy, and its
   energy costs {100 * (1 - cost[LEAST] / cost[MOST]):.2f} % less: twenty sets of blades cost
   {blades / 1e6:.1f} million USD, the plant {(1 + SOFT) * capital / 1e6:.0f} million.

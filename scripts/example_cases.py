@@ -1,4 +1,4 @@
-"""Run the cases of cases/examples and what they are compared with; tables of docs/examples.md.
+"""Run the cases of cases/examples and others; writes the tables of docs/studies/examples.md.
 
 python scripts/example_cases.py [--hour] [--only NAME ...] [--out results/examples]
 

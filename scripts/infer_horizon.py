@@ -1,6 +1,6 @@
 """Which horizon do the paper's tables imply? Ratios of the flows' energy content over horizons.
 
-Captured energy is nearly proportional to the integral of v³ (docs/theory.md), whatever the turbine
+Captured energy is nearly proportional to the integral of v³ (docs/checks.md), whatever the turbine
 and the water: the ratios of the redesigned energies of Table V to OLOC of Table IV depend on the
 horizon and little else.
 """

@@ -1,6 +1,6 @@
-"""How close each feedback law comes to open loop: runs the study, and writes docs/laws.md.
+"""How close each feedback law comes to open loop: runs the study, and writes docs/studies/laws.md.
 
-python scripts/laws_study.py --out results/laws --table docs/laws.md
+python scripts/laws_study.py --out results/laws --table docs/studies/laws.md
 
 Finished results are used again. An hour on a core for each flow; --flows, --limits take a part.
 """
@@ -67,7 +67,7 @@ TRACKING, ESTIMATED = "tracking", "tracking, flow estimated"
 OPEN = "open loop", "designed"
 NEAR, LEAST = 0.1, 5e-4  # per cent of open loop's energy: a line of the figure, and its lower end
 NEARLY = 1e-4  # share of an energy below which two are the same
-IMAGE = "images/laws.png"
+IMAGE = "../images/laws.png"
 
 HEAD = """\
 # How close does each feedback law come to open loop?
@@ -90,7 +90,7 @@ def main():
     """Run everything that has no result yet, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/laws"))
-    parser.add_argument("--table", type=Path, default=Path("docs/laws.md"))
+    parser.add_argument("--table", type=Path, default=Path("docs/studies/laws.md"))
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
     parser.add_argument("--seeds", type=int, default=19, help="flows that no design has seen")
     parser.add_argument("--flows", nargs="*", default=list(FLOWS), choices=FLOWS)

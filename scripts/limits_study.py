@@ -1,6 +1,6 @@
-"""What limits cost and buy: runs cases/limits and variations of them, and writes docs/limits.md.
+"""What limits cost and buy: runs cases/limits and variations, writes docs/studies/limits.md.
 
-python scripts/limits_study.py --out results/limits --table docs/limits.md
+python scripts/limits_study.py --out results/limits --table docs/studies/limits.md
 
 Finished results are used again. The page is written from docs/data/limits.json, without any run
 also by `python scripts/page_data.py --write limits`.
@@ -37,7 +37,7 @@ SEQUENTIAL = ("power", "rotor_speed", "thrust")
 LOSSES = "{rated_torque: 700, rated_speed: 7.5, copper_loss: 500, friction_loss: 50, iron_loss: 50}"
 SATURATED = 100.0  # N m s²/rad²: a gain with which K₂ω² is beyond 700 N m at all useful speeds
 LOADS = ("thrust", "root_moment", "stress", "cavitation")
-IMAGE = "images/limits_fronts.png"
+IMAGE = "../images/limits_fronts.png"
 SHOWN = (  # what the page shows of the summaries
     *("simulated_energy_J", "electrical_energy_J", "tip_speed_ratio", "tip_deflection_m", "gain"),
     *("mass_kg", "inertia_kg_m2", "loads", "limits", "branches"),
@@ -58,7 +58,7 @@ def main():
     """Run everything that has no result yet, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/limits"))
-    parser.add_argument("--table", type=Path, default=Path("docs/limits.md"))
+    parser.add_argument("--table", type=Path, default=Path("docs/studies/limits.md"))
     parser.add_argument("--jobs", type=int, default=None, help="processes (default: one a core)")
     parser.add_argument("--only", nargs="*", help="parts to run, then no page: names of folders")
     arguments = parser.parse_args()
@@ -298,7 +298,7 @@ def constant_torque(solution):
         f"{measured(summary.mass_kg, 'kg', 3)} of solid blades "
         f"({measured(summary.inertia_kg_m2, 'kg m^2', 3)}): no feedback is left. Nothing "
         "determines such a gain, so other starts end at others. Stability at a constant torque is "
-        "shown only for quasi-steady induction (docs/theory.md)."
+        "shown only for quasi-steady induction ([dynamic inflow](../dynamic_inflow.md))."
     )
 
 
@@ -347,7 +347,7 @@ def shadow_prices(found):
     return section(
         "What one per cent more would give",
         (),
-        ("case", "limit", "binds", "of the time", "1 % more gives", "of the energy"),
+        ("case", "limit", "bound", "active", "gain per +1 % of it", "relative"),
         rows,
         (
             "The worth follows from the multipliers of the optimum, to first order;",
@@ -370,7 +370,7 @@ def fronts_text(found, free):
             ratio = solution.summary.tip_speed_ratio.mean
             cost = change(captured, free["oloc"])
             rows.append((name, told(captured), cost, binding(solution), f"{ratio:.2f}"))
-        head = "energy, kJ", "cost", "binding (1 % more gives, J)", "tip speed ratio"
+        head = "energy, kJ", "cost", "binding (gain per +1 %, J)", "tip speed ratio"
         yield from section(f"Energy against {part}", (), (f"{part}, {unit}", *head), rows, ())
     yield f"![Energy against thrust and stress]({IMAGE})"
     yield ""
@@ -414,10 +414,10 @@ def branches_text(found):
         rows,
         (
             "With a limit of the power, overspeed has the larger thrust, and underspeed is close",
-            "to stall: as an open loop it is unstable (docs/theory.md). Overspeed at the limit is",
-            "stable only with induction in equilibrium: with a wake that needs seconds it needs a",
-            "heavier shaft or a controller of the speed ([memory.md](memory.md)). Under all limits",
-            "the slow",
+            "to stall: as an open loop it is unstable ([theory.md](../theory.md#limits)).",
+            "Overspeed at the limit is stable only with induction in equilibrium: with dynamic",
+            "inflow it needs a heavier shaft or a controller of the speed",
+            "([memory.md](memory.md)). Under all limits the slow",
             f"branch is {100.0 * (1.0 - min(start) / max(start)):.0f} % below the fast one in",
             "quasi-steady operation; an optimization from there is refused.",
         ),
@@ -498,7 +498,7 @@ def turbine(solution):
         rows.append((name, *cells, f"{100.0 * each.share_of_time:.1f} %", gain))
     told = f"`limits/rm1_turbulent_limits.yaml` captures {value / 1e3:.2f} MJ in ten minutes."
     return section(
-        title, [told], ("limit", "value", "bound", "of the time", "1 % more gives"), rows, ()
+        title, [told], ("limit", "value", "bound", "active", "gain per +1 % of it"), rows, ()
     )
 
 

@@ -1,6 +1,6 @@
-"""What a wake with memory changes: stability, energies, loads; writes docs/memory.md's tables.
+"""What dynamic inflow changes; writes the tables of docs/studies/memory.md.
 
-python scripts/memory_study.py --out results/memory --page docs/memory.md
+python scripts/memory_study.py --out results/memory --page docs/studies/memory.md
 
 Cases without a result in --out are run (about ten minutes); finished ones are used again. With
 --limited, results of cases/limits in another folder are simulated, too. What stands in the page
@@ -60,7 +60,7 @@ REAL = {  # kg m², radius in m
     "Reference Model 1": (92_169.0, 10.0),
     "with its generator": (484_000.0, 10.0),
 }
-MAP, SHARES = "images/memory_map.png", (1.0, 0.98, 0.95, 0.9, 0.8, 0.7, 0.6)
+MAP, SHARES = "../images/memory_map.png", (1.0, 0.98, 0.95, 0.9, 0.8, 0.7, 0.6)
 MOST_STATIONS = 20  # of a rotor that runs away: its simulation takes minutes with more
 PULSES = 0.002, 0.01, 0.03
 VARIED = {  # what is varied in the model of the wake: name: constant, its value
@@ -84,7 +84,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/memory"))
     parser.add_argument("--limited", type=Path, default=None, help="results of cases/limits")
-    parser.add_argument("--page", type=Path, default=Path("docs/memory.md"))
+    parser.add_argument("--page", type=Path, default=Path("docs/studies/memory.md"))
     arguments = parser.parse_args()
     out = arguments.out
     folders = [solved(out / name, name) for name in PAPER]
@@ -97,7 +97,7 @@ def main():
         ["## The stable region", "", *the_map(reference, river, arguments.page.parent / MAP)],
         ["## What tracking needs", "", *tracking(reference)],
         ["## Thrust after a change of the flow", "", *overshoot(out)],
-        ["## Designed with memory", "", *designed(out)],
+        ["## Designed with dynamic inflow", "", *designed(out)],
         ["## What the model of the wake decides", "", *variations(out)],
     ]
     tables = "\n".join(line for part in parts for line in (*part, "") if part)
@@ -121,7 +121,7 @@ def run(case, folder):
 
 
 def simulated(folders):
-    """Return the table of results, with memory and without."""
+    """Return the table of results, with dynamic inflow and without."""
     rows = []
     for folder in folders:
         solution = Solution.load(folder)
@@ -158,8 +158,8 @@ def simulated(folders):
         )
         print(*rows[-1], flush=True)
     header = (
-        "case", "loop", "growth in an unchanged wake, 1/s", "stable from kg m² (its own)",
-        "captured with memory", "rotor speed without and with, rad/s",
+        "case", "loop", "growth at frozen wake, 1/s", "stable from kg m² (its own)",
+        "captured with dynamic inflow", "rotor speed without and with, rad/s",
         "thrust without and with, kN", "runs away",
     )  # fmt: skip
     return markdown_table(header, rows)
@@ -211,7 +211,7 @@ def the_map(reference, other, image):
     )  # fmt: skip
     names = ", ".join(f"{name} {value:.2g}" for name, value in drive.items())
     return [
-        f"![least inertia over the limit](images/{image.name})",
+        f"![least inertia over the limit](../images/{image.name})",
         "",
         f"Inertias of real drive trains over ρR⁵: {names}.",
         "",
@@ -274,14 +274,14 @@ def tracking(reference):
     header = "kp over the slope", "kp, N m s/rad", "kp / ki, s", "growth, 1/s", "stable from kg m²"
     about = (
         f"The blade of `sine_limited_quadratic` at 1.7 m/s, tip speed ratio 8.06, not saturated; "
-        f"the slope of its torque in an unchanged wake is {frozen:.3g} N m s/rad. Its rotor has "
+        f"the slope of its torque at frozen wake is {frozen:.3g} N m s/rad. Its rotor has "
         f"{plant.inertia:.3g} kg m²."
     )
     return [about, "", *markdown_table(header, rows)]
 
 
 def overshoot(out):
-    """Return the largest thrust after changes of the flow, with memory over without."""
+    """Return the largest thrust after changes of the flow, with dynamic inflow over without."""
     solution, rows = Solution.load(out / "sine_quadratic"), []
     flows = {
         f"step from 1.4 to 1.6 m/s, width {width:g} s": StepInflow(
@@ -309,7 +309,7 @@ def overshoot(out):
 
 
 def designed(out):
-    """Return what blade and law designed with memory give, beside those designed without."""
+    """Return what design with dynamic inflow gives, beside design without."""
     rows = []
     for label, (name, overrides) in DESIGNED.items():
         quiet = Solution.load(solved(out / place_of(name, overrides), name, overrides))
@@ -336,7 +336,7 @@ def designed(out):
         )
         print(*rows[-1], flush=True)
     header = (
-        "limits, law", "designed without, kJ", "the same simulated with memory",
+        "limits, law", "designed without, kJ", "the same simulated with dynamic inflow",
         "designed with, kJ", "all stations over two filters", "speed, at most", "verdict",
         "iterations without and with",
     )  # fmt: skip
@@ -390,9 +390,9 @@ def variations(out):
         rows.append((label, own, *found))
         print(*rows[-1], flush=True)
     about = (
-        "The designs with memory, simulated with the filters of all stations and other constants: "
-        "change of the energy, and largest change of the rotor's speed. The first column has the "
-        "same of the optimization's two filters."
+        "The designs with dynamic inflow, simulated with the filters of all stations and other "
+        "constants: change of the energy, and largest change of the rotor's speed. The first "
+        "column has the same of the optimization's two filters."
     )
     header = "limits, law", "two filters", *VARIED
     return [about, "", *markdown_table(header, rows)]

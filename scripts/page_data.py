@@ -26,10 +26,10 @@ from hkt_mdo.run.engine import versions
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
+FOLDERS = ("", "studies", "dev")  # of docs, in which pages of results are
 RENDERED = {  # pages that are written from the results in their data, and by which script
     "annual_energy": "annual_energy",
     "bem": "compare_ccblade",
-    "controllers": "tracking_table",
     "cost": "cost_of_energy",
     "examples": "example_cases",
     "hour": "turbulent_hour",
@@ -38,6 +38,7 @@ RENDERED = {  # pages that are written from the results in their data, and by wh
     "robust": "robust_study",
     "sensitivity": "sensitivity",
     "stations": "station_study",
+    "tracking": "tracking_table",
 }
 SENTENCE = 60  # characters from which a cell of a table is a sentence
 LINE = 100  # characters of a list that is written in one line
@@ -104,14 +105,19 @@ def stamp():
 
 def page_from(name, render, **results):
     """Write a page from results, by `render`, and its data."""
-    path = ROOT / "docs" / f"{name}.md"
-    path.write_text(render(results), encoding="utf-8")
+    path_of(name).write_text(render(results), encoding="utf-8")
     record(name, **results)
+
+
+def path_of(name):
+    """Return the path of a page of the checkout: in docs, or in a folder of FOLDERS there."""
+    paths = [ROOT / "docs" / folder / f"{name}.md" for folder in FOLDERS]
+    return next((path for path in paths if path.is_file()), paths[0])
 
 
 def text_of(name):
     """Return the text of a page of the checkout."""
-    return (ROOT / "docs" / f"{name}.md").read_text(encoding="utf-8")
+    return path_of(name).read_text(encoding="utf-8")
 
 
 def between(page, begin, end, text):
@@ -176,7 +182,7 @@ def main(words):
             record(name)
             continue
         from_data = import_module(RENDERED[name]).from_data
-        (ROOT / "docs" / f"{name}.md").write_text(from_data(read(name)), encoding="utf-8")
+        path_of(name).write_text(from_data(read(name)), encoding="utf-8")
     for path in () if words else sorted(DATA.glob("*.json")):
         data = read(path.stem)
         same = data["computed_by"]["hkt_mdo"] == versions()["hkt_mdo"]

@@ -1,10 +1,10 @@
-"""Results of `scripts/paper.py` that docs/reproduction.md and docs/theory.md quote: data.
+"""Results of `scripts/paper.py` on two pages: data of docs/studies/reproduction.md.
 
 python scripts/reproduction_page.py results/paper
 
 Writes docs/data/reproduction.json from the paper.json in a folder of `scripts/paper.py`, and prints
-the words in which the page, written by hand, gives the numbers (`shown`), and the rows of the table
-of certificates in docs/theory.md (`certificates`).
+the words in which docs/validation.md and docs/studies/reproduction.md, written by hand, give the
+numbers (`shown`), and the rows of the table of certificates in docs/checks.md (`certificates`).
 """
 
 import json

@@ -1,4 +1,4 @@
-"""What Reynolds-dependent polars do to the paper's conclusions: writes docs/reynolds.md.
+"""What Reynolds-dependent polars do to the paper's conclusions: writes docs/studies/reynolds.md.
 
 python scripts/reynolds_study.py --out results/reynolds
 """
@@ -41,10 +41,10 @@ PAGE = """# Reynolds-dependent polars
 
 The paper assumes Reynolds invariance: one polar, at Re = 2·10⁵, for every station at every speed.
 With `rotor.reynolds: local` a station's lift and drag follow its own Reynolds number, chord times
-relative speed over viscosity (docs/theory.md), in the flow of the instant. Here the paper's
-sinusoidal cases are optimized both ways, and the invariant designs are then simulated with local
-polars. Written by `scripts/reynolds_study.py`; every run converged and was verified unless the
-table says no. Kinematic viscosity 10⁻⁶ m²/s.
+relative speed over viscosity ([rotor_model.md](../rotor_model.md#blade)), in the flow of the
+instant. Here the paper's sinusoidal cases are optimized both ways, and the invariant designs are
+then simulated with local polars. Written by `scripts/reynolds_study.py`; every run converged and
+was verified unless the table says no. Kinematic viscosity 10⁻⁶ m²/s.
 
 ## The paper's turbine (R = 1.4 m)
 

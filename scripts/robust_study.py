@@ -1,6 +1,6 @@
 """What a design for many flows gains over one for a single flow: runs the study, writes its page.
 
-python scripts/robust_study.py --out results/robust --table docs/robust.md
+python scripts/robust_study.py --out results/robust --table docs/studies/robust.md
 
 Designs and scores that a folder has are used again. About two hours on one core; --laws, --flows
 and --ceilings take a part. The page is written from docs/data/robust.json, without any run also by
@@ -72,7 +72,7 @@ HEAD = """\
 
 One blade and one controller can be designed for many flows; water and condition of the turbine may
 differ between them. `hkt show` lists the energy and the limits of each flow, and which flows decide
-the objective ([cases.md](cases.md#scenarios)):
+the objective ([cases.md](../cases.md#scenarios)):
 
 ```yaml
 control: {law: quadratic, torque_limit: 700}
@@ -92,8 +92,8 @@ Written by `python scripts/robust_study.py`: the paper's rotor on 40 stations wi
 is designed in one minute of turbulence (seed 1), the others in ten minutes (seeds 1 to 10) of the
 calm river: for their mean power (*expected*), for the mean of the worst fifth (*CVaR*) and for the
 worst of them (*worst*), each minute's mean power over its ceiling
-([theory.md](theory.md#several-flows)). One more counts every minute twice, as new and with fouled
-sections, which have 0.9 times the lift and 1.5 times the drag.
+([equations.md](../dev/equations.md#several-flows)). One more counts every minute twice, as new and
+with fouled sections, which have 0.9 times the lift and 1.5 times the drag.
 
 The *calm* river is von Karman's turbulence, 1.5 m/s, 10 %; the *rough* one Kaimal's, 1.4 m/s, 16 %;
 both of 4 m, up to 0.5 Hz, with random amplitudes. Every design is simulated in other, *unseen*,
@@ -108,7 +108,7 @@ def main():
     """Run what has no result yet, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("results/robust"))
-    parser.add_argument("--table", type=Path, default=Path("docs/robust.md"))
+    parser.add_argument("--table", type=Path, default=Path("docs/studies/robust.md"))
     parser.add_argument("--laws", nargs="*", default=list(LAWS), choices=LAWS)
     parser.add_argument("--designs", nargs="*", default=list(MEASURES), choices=MEASURES)
     parser.add_argument("--flows", type=int, default=100, help="unseen minutes of each river")

@@ -1,4 +1,4 @@
-"""How the reproduction depends on what the paper leaves out: writes docs/sensitivity.md.
+"""How the reproduction depends on what the paper leaves out: writes docs/studies/sensitivity.md.
 
 python scripts/sensitivity.py --out results/sensitivity
 """

@@ -1,4 +1,4 @@
-"""What the number of blade stations and of control points does: writes docs/stations.md.
+"""What the number of blade stations and of control points does: writes docs/studies/stations.md.
 
 python scripts/station_study.py --out results/stations
 """

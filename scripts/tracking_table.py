@@ -1,4 +1,4 @@
-"""Energies under tracking and under open loop: writes the table of docs/controllers.md.
+"""Energies under tracking and under open loop: writes the table of docs/studies/tracking.md.
 
 python scripts/tracking_table.py --out results/tracking    # some minutes; finished runs are reused
 """
@@ -48,7 +48,7 @@ def main():
     for i, row in enumerate(ROWS):
         energies = [x.summary.simulated_energy_J if x and x.success else None for x in found]
         results[row] = dict(zip(LAWS, energies[i * len(LAWS) : (i + 1) * len(LAWS)], strict=True))
-    page_data.page_from("controllers", from_data, simulated_energy_J=results)
+    page_data.page_from("tracking", from_data, simulated_energy_J=results)
 
 
 def from_data(data):
@@ -57,7 +57,7 @@ def from_data(data):
     for row, energies in data["simulated_energy_J"].items():
         rows.append([row, *(cell(each, energies["open loop"]) for each in energies.values())])
     table = "\n".join(markdown_table(["limits", *LAWS], rows))
-    return page_data.between(page_data.text_of("controllers"), BEGIN, END, f"\n{table}\n\n")
+    return page_data.between(page_data.text_of("tracking"), BEGIN, END, f"\n{table}\n\n")
 
 
 def cell(energy, best):

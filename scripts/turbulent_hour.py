@@ -1,4 +1,4 @@
-"""An hour of turbulence under the three controllers: writes docs/hour.md and its figure.
+"""An hour of turbulence under the three controllers: writes docs/studies/hour.md and its figure.
 
 python scripts/turbulent_hour.py --out results/hour
 
@@ -33,7 +33,7 @@ PAGE = """# An hour of turbulence
 `cases/examples/turbulent_hour_*.yaml`: the paper's turbine under its 700 N m limit in {flow}
 Written by `scripts/turbulent_hour.py`; each case is one `hkt run` from the command line.
 
-![Rotor speed and power over two minutes of the hour](images/example_turbulent_hour.png)
+![Rotor speed and power over two minutes of the hour](../images/example_turbulent_hour.png)
 
 | control | success | energy / MJ | to open loop | share of bound | gain | tip speed ratio |
 |---|---|---|---|---|---|---|

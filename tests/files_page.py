@@ -1,4 +1,4 @@
-"""Write the tables of docs/files.md from the public files of tests/data/public.
+"""Write the tables of tests/data/public/README.md from the public files there.
 
 python -m tests.files_page
 """
@@ -15,7 +15,7 @@ from hkt_mdo.rotor.outline import Outline
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "tests" / "data" / "public"
-PAGE = ROOT / "docs" / "files.md"
+PAGE = FOLDER / "README.md"
 MARK = "<!-- From here on written by python -m tests.files_page -->\n"
 
 

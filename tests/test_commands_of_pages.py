@@ -37,7 +37,7 @@ NOT_RUN = {
     r"hkt resource (usgs_discharge.csv|s08010.json)": "tests/dynamics/test_long_record.py runs it "
     "on such files",
     r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
-    r"python scripts/example_cases.py": "minutes; it writes the tables of docs/examples.md",
+    r"python scripts/example_cases.py": "minutes; it writes the tables of docs/studies/examples.md",
     r"hkt (sweep|plot results/torque)": "tests/run/test_sweep.py and "
     "tests/report/test_sweep_page.py run both",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "

@@ -33,7 +33,8 @@ def test_example_is_whole_and_says_what_it_is(path):
     assert case.phase.segments >= 60
     speed = world.inflow.speed_at(np.linspace(0.0, case.phase.duration, 2001))
     assert np.all(speed > 0.0)
-    assert f"{path.stem}.yaml" in (ROOT / "docs" / "examples.md").read_text(encoding="utf-8")
+    for page in ("shipped_cases", "studies/examples"):
+        assert f"{path.stem}.yaml" in (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
 
 
 LIMITED_CASES = sorted((ROOT / "cases" / "limits").glob("*.yaml"))

@@ -26,7 +26,7 @@ def tabulated_blade():
 
 def test_power_coefficient_of_the_baseline(measured, tabulated_blade, polar):
     """Hub pitch 20 degrees is the file's pitch column plus 5."""
-    page = (Path(__file__).parents[1] / "docs" / "reproduction.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs" / "validation.md").read_text(encoding="utf-8")
     nine = build_turbine(Rotor(), Fluid(), 1.0).blade
     for blade, rms, mean in ((tabulated_blade, 0.0081, 0.0), (nine, 0.0122, -0.0093)):
         computed = bem.rotor_coefficients(blade, polar, measured["TSR"]).power

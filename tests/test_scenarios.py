@@ -247,7 +247,7 @@ def same_design(found, expected, rel, rel_design=None):
         assert found.gain == pytest.approx(expected.gain, rel=rel_design or rel)
 
 
-@pytest.mark.parametrize("weight", [0.5, 2.0])
+@pytest.mark.parametrize("weight", [pytest.param(0.5, marks=pytest.mark.slow), 2.0])
 def test_two_equal_flows_are_one(one, tmp_path, weight):
     flows = [{"name": name, "inflow": "sine", "weight": weight} for name in ("a", "b")]
     # the energy is flat at the optimum, which the two approach from different starts
@@ -296,6 +296,7 @@ def test_a_flow_of_weight_0_counts_in_no_energy_and_keeps_its_limits(one, tmp_pa
     assert own["gust"].share == 0.0
 
 
+@pytest.mark.slow
 def test_one_of_two_flows_is_cut(tmp_path):
     flows = SLOW | {"inflow": {"profile": "sine", "mean": 1.2}}, FAST
     data = case("quadratic", *flows, duration=16.0, segments=12)

@@ -85,7 +85,7 @@ def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
     commands = page("reference/commands")
     assert "--strict" in commands
     assert "–strict" not in commands
-    assert page("theory").count('<div class="math') > 30
+    assert page("dev/equations").count('<div class="math') > 20
     for path in DOCS.glob("*.md"):
         assert not re.search(r"<a [^>]*>(<span[^>]*>)*[\w/]+\.md<", page(path.stem)), path
     limits = page("tutorials/limits")

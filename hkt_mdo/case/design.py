@@ -46,42 +46,42 @@ class Design(Section):
     """What is designed, and within which bounds (paper, eq. 7)."""
 
     blade: Literal["optimized", "fixed"] = "optimized"
-    """Whether chord and twist are optimized along with the control, or kept."""
+    """Whether chord and twist are optimized with the control, or kept."""
     chord_bounds: _Lengths | None = None
-    """Bounds on the chord, [lower, upper]; null: from a fifth of the smallest chord of the blade at
-    the start to three times its largest, and [0.01, 1] for the paper's rotor (the blade bahaj2007
-    with R = 1.4 m), as in the paper."""
+    """Bounds on the chord, [lower, upper]; null: from a fifth of the starting blade's smallest
+    chord to three times its largest, and [0.01, 1] for the paper's rotor (bahaj2007 with R = 1.4
+    m), as in the paper."""
     twist_bounds: _Angles = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
     chord_points: _Points | None = None
-    """Number of control points of a cubic B-spline that gives the chord along the span. With as
-    many as there are stations, or more, the chord of each station is designed. Null: the chord of
-    each station if there are 20 or fewer of one section, else 8 control points."""
+    """Number of control points of a cubic B-spline of the chord along the span; with as many as
+    there are stations, each station's chord is designed. Null: each station's for up to 20 stations
+    of one section, else 8 points."""
     twist_points: _Points | None = None
     """Number of control points of the twist along the span, as `chord_points`."""
     thickness_points: _Points | None = None
-    """Number of control points of the sections' thickness over chord along the span, as
-    `chord_points`; null: the thickness is not designed. Lift, drag, suction, outline and wall are
-    splines over the thickness through those of `rotor.sections`."""
+    """Number of control points of the thickness over chord, as `chord_points`; null: it is not
+    designed. Lift, drag, suction, outline and wall are splines over the thickness through
+    `rotor.sections`."""
     thickness_bounds: _Thicknesses | None = None
-    """Bounds on the thickness over chord, [lower, upper], within the sections'; null: from the
-    thinnest to the thickest."""
+    """Bounds on the thickness over chord, [lower, upper]; null: from the thinnest to the thickest
+    section."""
     set_angle_bounds: _Angles | None = None
-    """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A twist
-    that is designed includes the set angle."""
+    """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A
+    designed twist includes the set angle."""
     radius_bounds: _Lengths | None = None
     """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
     with it; a fixed blade is scaled as a whole."""
     hub_inertia_bounds: _Inertias | None = None
-    """Bounds on `rotor.hub_inertia`, [lower, upper], which is then the start, or the nearer bound;
-    null: it is not designed. Where the wake has memory, a run raises the lower bound to the inertia
-    from which the loop is stable (docs/memory.md)."""
+    """Bounds on `rotor.hub_inertia`, [lower, upper], which is then the start; null: it is not
+    designed. With `inflow_dynamics: oye` a run raises the lower bound to the inertia from which the
+    loop is stable."""
     hub_inertia_price: Annotated[float, Quantity("J/(kg*m**2)", ge=0)] = 0.0
-    """Price of the designed `hub_inertia`, subtracted from the objective, which must be an energy.
-    The energies of a result are without it; the objective is what remains."""
+    """Price of the designed `hub_inertia`, subtracted from the objective, which must be an energy;
+    the energies of a result are without it."""
     gain_bounds: _Gains | None = None
-    """Bounds on the feedback gain, [lower, upper], plain numbers in the unit of `control.gain`;
-    null: scaled from the gain at the start."""
+    """Bounds on the gain, [lower, upper], plain numbers in the unit of `control.gain`; null: scaled
+    from the gain at the start."""
 
     @model_validator(mode="after")
     def _check_designed(self) -> Design:
@@ -113,20 +113,19 @@ class Phase(Section):
     """Duration; null: that of the flow's record, or 60 s, which the paper's tables imply."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: 60, or eight in each period of the flow's highest
-    frequency if those are more."""
+    frequency, if more."""
     transcription: Literal["gauss-lobatto", "radau"] = "gauss-lobatto"
     """Collocation method: Gauss-Lobatto or Radau nodes in each segment."""
     order: Literal[3, 5, 7, 9] = 3
     """Order of the polynomials in each segment."""
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
-    """Rotor speed at t = 0: `free`, chosen by the optimizer; `equilibrium`, where hydrodynamic and
-    generator torque are equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
+    """Rotor speed at t = 0: `free`, or `equilibrium`, where hydrodynamic and generator torque are
+    equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
     final_speed: Literal["auto", "free", "initial"] = "auto"
-    """Rotor speed at the end: `initial`, that of t = 0, which closes the cycle, so that no stored
-    energy counts, and is possible for open loop only; `free`; `auto`: `initial` for open loop,
-    `free` for feedback and with a limit on a rate, which makes the way to that end long. Where it
-    is free and the objective counts stored energy as captured, a rotor that stores more than 1 % of
-    it is refused; under feedback what the flow leaves in a rotor that follows it does not count.
+    """Rotor speed at the end: `free`, or, for open loop, `initial`, that of t = 0, so that no
+    stored energy counts; `auto`: `initial` for open loop, `free` for feedback and with a limit on a
+    rate. Where it is free, a rotor that stores more than 1 % of the captured energy is refused;
+    what the flow leaves in a rotor under feedback does not count.
     """
 
 
@@ -134,17 +133,15 @@ class Start(Section):
     """Where the optimization starts."""
 
     method: Literal["quasi_steady", "blade"] = "quasi_steady"
-    """`quasi_steady` improves blade and gain by quasi-steady co-design before the dynamic
-    optimization; `blade` starts from the blade as given, and ends at a local optimum near it."""
+    """`quasi_steady` improves blade and gain by quasi-steady co-design first; `blade` starts from
+    the blade as given, and ends at a local optimum near it."""
     from_: Annotated[str | None, AfterValidator(_find_result), Field(alias="from")] = None
-    """Folder of an earlier result whose design the search for a start tries as well: its blade on
-    the stations of this case, its radius where that is designed, and its gains under the same law.
-    With `method: blade` the optimization begins at that design itself. `hkt check` prints what is
-    used."""
+    """Folder of an earlier result, whose blade, radius if designed, and gains under the same law
+    the search for a start tries as well; with `method: blade` the optimization begins there. `hkt
+    check` prints what is used."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"
-    """Limits such as that of the power can be kept by turning faster or slower than at the best tip
-    speed ratio: which of these two the start uses; `best`: the one with the larger objective in
-    quasi-steady operation."""
+    """Whether the start keeps limits such as that of the power by turning faster (`overspeed`) or
+    slower (`underspeed`) than at the best tip speed ratio; `best`: by the larger objective."""
 
 
 class Hydrodynamics(Section):
@@ -152,15 +149,14 @@ class Hydrodynamics(Section):
 
     bem: Literal["vectorized", "ccblade"] = "vectorized"
     """Blade element momentum solver of the optimization: `vectorized`, the package's own, or
-    `ccblade`, WISDEM's CCBlade, which is slower and needs `hkt_mdo[ccblade]`."""
+    WISDEM's `ccblade`, which is slower and needs `hkt_mdo[ccblade]`."""
     torque: Literal["curve", "direct"] = "curve"
-    """`curve`: a curve of torque coefficient over tip speed ratio, computed once for each design;
-    `direct`: the solver runs at every node of the trajectory."""
+    """`curve`: torque coefficient over tip speed ratio, computed once for each design; `direct`:
+    the solver runs at every node."""
     tolerance: Annotated[float, Quantity(ge=1e-8, le=1e-2)] = 1e-4
-    """Largest relative torque error of the curve along the trajectory; above it the curve is
-    refined."""
+    """Largest relative torque error of the curve; above it the curve is refined."""
     check: Literal["vectorized", "ccblade"] = "vectorized"
-    """Blade element momentum solver of the independent simulation; choices as for `bem`."""
+    """Solver of the independent simulation, as for `bem`."""
 
 
 class InflowDynamics(Section):
@@ -170,12 +166,11 @@ class InflowDynamics(Section):
     """
 
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
-    """`quasi_steady`: without delay; `oye`: with memory, by the two filters of Oye, in the
-    optimization,
-    in the independent simulation and in the checks (docs/memory.md)."""
+    """`quasi_steady`: without delay; `oye`: with the two filters of Oye, in optimization,
+    independent simulation and checks (docs/dynamic_inflow.md)."""
     tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
-    """Time constant of the slow filters of `oye`; null: by the induction a in equilibrium at 0.7 R,
-    1.1 R / ((1 - 1.3 a) v), where a is at most 0.5."""
+    """Time constant of the slow filters of `oye`; null: 1.1 R / ((1 - 1.3 a) v) with the induction
+    a in equilibrium at 0.7 R, at most 0.5."""
 
     @property
     def remembers(self) -> bool:
@@ -204,8 +199,8 @@ class Driver(Section):
     """The optimizer and the package that provides it."""
 
     package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
-    """Package that provides the optimizer; `auto` takes pyoptsparse if it is installed and has the
-    optimizer, else casadi (IPOPT) or scipy (SLSQP). Only pyoptsparse provides SNOPT."""
+    """`auto` takes pyoptsparse if it is installed and has the optimizer, else casadi (IPOPT) or
+    scipy (SLSQP). Only pyoptsparse provides SNOPT."""
     optimizer: Annotated[
         Literal["IPOPT", "SLSQP", "SNOPT"],
         BeforeValidator(lambda value: value.upper() if isinstance(value, str) else value),

@@ -9,10 +9,8 @@ import yaml
 
 from hkt_mdo.case.kinds import Extension, known_kinds
 from hkt_mdo.case.schema import case_class
-from hkt_mdo.files.cases import shipped_cases
 from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
-from hkt_mdo.files.table import read_text
-from hkt_mdo.files.yaml_text import Dumper, parse
+from hkt_mdo.files.yaml_text import Dumper
 
 
 def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
@@ -88,8 +86,7 @@ def _inlined(value: Any, sections: Mapping[str, Any]) -> Any:
 def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     """Return the whole schema as one page in Markdown, by the template ``page.md``.
 
-    It has a preface, every section with every key, the shipped names, and, in a checkout, the case
-    files of its folder ``cases`` and of the folders in it. `extensions` are those of
+    It has a preface, every section with every key, and the shipped names. `extensions` are those of
     `hkt_mdo.case.load_case`.
     """
     import jinja2  # takes long to import
@@ -102,6 +99,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters |= {"kind": _kind, "yaml": _yaml, "code": _code, "inner": _inner_sections}
+    environment.filters["apart"] = _without_repeated_keys
     page = Path(__file__).with_name("page.md").read_text(encoding="utf-8")
     brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
     grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
@@ -114,8 +112,26 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
         single_polars=[name for name in shipped_names("polar") if name not in grouped],
         outlines=shipped_names("outline"),
         materials=MATERIALS,
-        cases=_cases(),
     )
+
+
+def _without_repeated_keys(
+    sections: Mapping[str, Any],
+) -> Iterator[tuple[str, dict[str, Any], dict[str, list[str]]]]:
+    """Yield the sections of a chapter by their tags, without keys that an earlier one has alike.
+
+    The third value has the names of these keys, by the title of the section that has them.
+    """
+    known: dict[str, tuple[str, Any]] = {}
+    for tag, section in sections.items():
+        again: dict[str, list[str]] = {}
+        for key, value in section["properties"].items():
+            title, earlier = known.setdefault(key, (section.get("title", ""), value))
+            if earlier is not value and earlier == value:
+                again[title] = [*again.get(title, ()), key]
+        repeated = {key for keys in again.values() for key in keys}
+        own = {key: x for key, x in section["properties"].items() if key not in repeated}
+        yield tag, section | {"properties": own}, again
 
 
 def _inner_sections(value: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
@@ -178,20 +194,6 @@ def _yaml(value: object) -> str:
 
 def _code(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
-
-
-def _cases() -> list[dict[str, str]]:
-    """Return the shipped case files: path, kinds of flow and law, and first line of remarks."""
-    folder, rows = shipped_cases(), []
-    for file in (*sorted(folder.glob("*.yaml")), *sorted(folder.glob("*/*.yaml"))):
-        text = read_text(file, "case file in YAML")
-        data = parse(text, str(file))
-        remarks = (line.lstrip("# ") for line in text.splitlines() if line.startswith("#"))
-        first = next((line for line in remarks if not line.startswith("yaml-language-server")), "")
-        row = {"path": file.relative_to(folder).as_posix(), "name": file.stem, "what": first}
-        row["profile"] = (data.get("inflow") or data["resource"])["profile"]
-        rows.append(row | {"law": data["control"]["law"]})
-    return rows
 
 
 def commented_case(values: Mapping[str, Mapping[str, Any]], usual: Collection[str]) -> str:

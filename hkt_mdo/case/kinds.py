@@ -90,7 +90,7 @@ class Kinds:
         for extension in extensions:
             source, found = _read(extension)
             if not found:
-                remedy = f"write a subclass of {_BASES} with its name (docs/architecture.md)"
+                remedy = f"write a subclass of {_BASES} with its name (docs/dev/architecture.md)"
                 raise InputError("defines no kind", remedy, file=source)
             for each in found:
                 kind = _tagged(each)
@@ -113,7 +113,7 @@ def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
         yield f"has the name {name}, which no key can have", "give it another"
     for method, base in _FORMULAS.items():
         if issubclass(kind, base) and getattr(kind, method) is getattr(base, method):
-            yield f"has no method {method}", f"write {method} as in docs/architecture.md"
+            yield f"has no method {method}", f"write {method} as in docs/dev/architecture.md"
     if issubclass(kind, Formula) and not isinstance(kind.inputs, property):
         yield from _flaws_of_formula(kind)
     yield from _flaws_of_units(kind)
@@ -153,7 +153,7 @@ def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
     own_value = kind.value is not Formula.value
     if issubclass(kind, Objective):
         if kind.rate is Objective.rate and not own_value:
-            remedy = "write one of them as in docs/architecture.md"
+            remedy = "write one of them as in docs/dev/architecture.md"
             yield "has neither a rate over time nor a value of the design", remedy
         if own_value and any(map(quantities.is_over_time, inputs)):
             problem = "has a value of the design, but takes a quantity over time"

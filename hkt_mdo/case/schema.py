@@ -87,34 +87,31 @@ class FlowScenario(Section):
     """Name of the scenario and of its tables: up to 40 letters and digits and `_` that begin with a
     letter; null: `flow_1`, and so on."""
     inflow: SerializeAsAny[Inflow] | None = None
-    """Inflow speed over time, given as `inflow` of the case; null: that of the case."""
+    """Flow, as `inflow` of the case."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed, in place of the scenario's `inflow`; given as `resource` of
-    the case."""
+    """Hours of each speed in place of `inflow`, as `resource` of the case."""
     steady: bool = False
-    """Whether the order of the flow's speeds is ignored: the rotor is in equilibrium at each of
-    them.
-    A resource always does."""
+    """Whether the rotor is in equilibrium at each of the flow's speeds, without their order, as
+    with a resource."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
-    """Share of time, over the sum of all weights. A scenario of weight 0 is a load case: it counts
-    in no energy and in no measure of `robustness`, and its limits hold."""
+    """Share of time, over the sum of all weights. With weight 0 the scenario is a load case: its
+    limits hold, and it counts in no energy and no measure of `robustness`."""
     realizations: Annotated[int, Strict(), Field(ge=1, le=200)] | None = None
-    """Number of flows that differ by their seeds: `inflow.seed`, the next whole number, and so on.
-    They share the weight, and are scenarios of their own: `NAME_1`, `NAME_2`, and so on."""
+    """Number of flows with the seeds `inflow.seed` and the next ones. They share the weight, and
+    are scenarios `NAME_1`, `NAME_2`, and so on."""
     duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: `phase.segments`, or as many as the flow needs."""
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits over time, given as `limits` of the case. They hold in this scenario besides those of
-    the case, or in place of those under the same names."""
+    """Limits over time, as `limits` of the case: besides those of the case, or in place of those of
+    the same name."""
     density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] | None = None
     """Density of the water; null: `fluid.density`."""
     condition: Condition | None = None
-    """The turbine as it is in this scenario, given as `condition` of the case; null: that."""
+    """The turbine in this scenario, as `condition` of the case."""
     spread: Spread | None = None
-    """How far `condition` and `density` vary from one realization to the next; null: they do not.
-    """
+    """Variation of `condition` and `density` from one realization to the next."""
 
     def realized(self, case: Case, key: str) -> list[FlowScenario]:
         """Return one scenario for each realization of a case's scenario, called `key`.
@@ -184,8 +181,7 @@ class Case(Section):
     """Several flows, for which one blade and one controller are designed.
 
     A feedback law has the same gains in all of them, open loop a trajectory for each. The objective
-    is the mean power times `phase.duration`, where each scenario counts with its share of time.
-    Without entries there is one flow, `inflow`."""
+    is the mean power over all scenarios times `phase.duration`."""
     robustness: SerializeAsAny[Aggregate] = Expected()
     """How the scenarios' mean powers are combined into one objective; `measure` says which way."""
 
@@ -214,7 +210,7 @@ class Case(Section):
     def _spell_out(cls, data: Any) -> Any:
         """Write out a kind that is given by its bare name, and the stations of a resolved blade.
 
-        That is one of splines, or whose operation is limited (docs/stations.md).
+        That is one of splines, or whose operation is limited (docs/studies/stations.md).
         """
         if not isinstance(data, dict):
             return data
@@ -575,7 +571,7 @@ def load_case(
     a file as a dict. `overrides` are texts such as ``rotor.radius=2``; the text after the first
     ``=`` is YAML. `check_files` says whether the files that the case names must exist. `extensions`
     are Python files, modules or classes that define further kinds of flow, law, limit or objective
-    (docs/architecture.md); a file is executed, so give only files that you trust.
+    (docs/dev/architecture.md); a file is executed, so give only files that you trust.
     """
     if isinstance(source, Mapping):
         data = deepcopy(dict(source))

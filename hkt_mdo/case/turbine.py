@@ -46,7 +46,7 @@ _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
 class Material(Section):
     """What the blades are made of: a shipped name, or its properties along the blade.
 
-    The whole blade has the same stiffness and strength, in tension and in compression.
+    Stiffness and strength are the same in tension and compression.
     """
 
     density: Annotated[float, Quantity("kg/m**3", gt=0)]
@@ -104,18 +104,17 @@ class SectionFile(Section):
     polar: _File
     """Lift and drag of the section, given as `rotor.polar`."""
     outline: _Outline = None
-    """Outline, given as `rotor.outline`; null: the coordinates that the polar names, or that of the
-    rotor, stretched to the thickness."""
+    """Outline, as `rotor.outline`; null: that which the polar names, or the rotor's, stretched to
+    the thickness."""
     thickness: Annotated[float, Quantity(gt=0, le=1)] | None = None
     """Largest thickness over chord; null: that of the outline."""
     wall: _Wall | None = None
     """Thickness of the section's wall over its chord; null: `rotor.wall`. 0.5 is solid."""
     area: Annotated[float, Quantity(gt=0, le=1)] | None = None
-    """Area of the section's material over chord squared, for mass and centrifugal force; null: that
-    of the outline, or of its wall."""
+    """Area of material over chord squared, for mass and centrifugal force; null: from outline and
+    wall."""
     second_moments: SectionMoments | None = None
-    """Second moments of area of the section, for stress and deflection; null: those of the outline,
-    or of its wall. The stress is that at the outline."""
+    """Second moments of area, for stress and deflection; null: from outline and wall."""
 
 
 class Rotor(Section):
@@ -127,7 +126,7 @@ class Rotor(Section):
 
     radius: Annotated[float, Quantity("m", gt=0, le=1000)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
-    scaled to this one."""
+    scaled."""
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
     """Hub radius over tip radius; null: the blade's own, or 0.125 where its file has none."""
     blade_count: Annotated[int, Strict(), Field(ge=1, le=10)] | None = None
@@ -136,66 +135,59 @@ class Rotor(Section):
     cone: Annotated[float, Quantity("deg", ge=-45, le=45)] | None = None
     """Cone angle between the blades and the rotor plane; null: the blade's own, or 0."""
     stations: Annotated[tuple[_Station, ...], Field(min_length=3, max_length=200)] | None = None
-    """Radial stations r/R at which chord and twist are given, rising, between hub and tip; null:
-    the rows of the blade's file between hub and tip.
+    """Rising stations r/R of chord and twist between hub and tip; null: the rows of the blade's
+    file.
 
     The paper's blade has nine segments; that these are nine stations is our assumption.
     """
     station_count: Annotated[int, Strict(), Field(ge=3, le=200)] | None = None
-    """Number of stations, in place of `stations`. They are placed at equal steps of the angle whose
-    cosine is the radius, so they are closer together towards hub and tip, where the load changes
-    fastest. Null: 40 if no stations are given and chord or twist are splines, or if the case has
-    limits, because loads computed with the nine stations of the paper's blade may be a fifth too
-    small; otherwise those of the blade."""
+    """Number of stations in place of `stations`, closer together towards hub and tip, where the
+    load changes fastest. Null: 40 if chord or twist are splines or the case has limits, because
+    nine stations may make loads a fifth too small; otherwise those of the blade."""
     blade: _File = "bahaj2007"
     """Blade at the start: a shipped name, or the path, from the folder of the case file, of a CSV
-    file (columns such as `r_m, chord_m, twist_deg`, with units in their names, and optionally
-    `section` or `t_over_c`), an AeroDyn 15 blade file or a windIO turbine YAML."""
+    file (columns such as `r_m, chord_m, twist_deg`, optionally `section` or `t_over_c`), an AeroDyn
+    15 blade file or a windIO turbine."""
     chord: tuple[Annotated[float, Quantity("m", gt=0)], ...] | None = None
     """Chord at each station; given with `twist`, in place of the blade file."""
     twist: tuple[Annotated[float, Quantity("deg", ge=-180, le=180)], ...] | None = None
     """Twist from the rotor plane at each station, including the set angle; given with `chord`, in
     place of the blade file."""
     set_angle: Annotated[float, Quantity("deg", ge=-90, le=90)] | None = None
-    """Set angle, added to the twist of the blade file; null: 5 degrees for bahaj2007, as in its
-    tests, else 0."""
+    """Set angle, added to the twist of the blade file; null: 5 degrees for bahaj2007, else 0."""
     polar: _File | None = None
-    """Lift and drag of the section: a shipped name, or the path of a CSV file (`alpha_deg, cl,
-    cd`, or of airfoiltools.com), an AeroDyn airfoil table or a polar of XFOIL or XFLR5; null: the
-    blade's own, or naca63815_Re2e5."""
+    """Lift and drag: a shipped name, or the path of a CSV file (`alpha_deg, cl, cd`, or of
+    airfoiltools.com), an AeroDyn airfoil table or a polar of XFOIL or XFLR5; null: the blade's own,
+    or naca63815_Re2e5."""
     outline: _Outline = None
-    """Outline of the section, for thickness, area and inertia: a shipped name, or the path of a CSV
-    file (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the
-    blade's own, or the coordinates that an AeroDyn `polar` names, or naca63815."""
+    """Outline, for thickness, area and inertia: a shipped name, or the path of a CSV file
+    (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the
+    blade's own, or that which the `polar` names, or naca63815."""
     sections: Annotated[tuple[SectionFile, ...], Field(max_length=50)] = ()
-    """Several sections along the span, in place of `polar` and `outline`. The blade file
-    determines, by thickness or by name, between which two sections a station lies; their polars are
-    blended."""
+    """Several sections in place of `polar` and `outline`. Polars are blended between the two
+    sections next to a station, by thickness or by name as in the blade file."""
     reynolds: Literal["invariant", "local"] = "invariant"
-    """`local`: the polar of a station depends on its Reynolds number, chord times relative speed
-    over the water's viscosity; the polar must then have tables for several Reynolds numbers, and
-    torque is computed at every node, as with `hydrodynamics.torque: direct`. `invariant`: it does
-    not depend on it, as the paper assumes."""
+    """`local`: a station's polar follows its Reynolds number (chord times relative speed over
+    viscosity), which needs tables for several, and torque is computed at every node; `invariant`:
+    it does not, as in the paper."""
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
-    """Reynolds number at which an `invariant` polar is read that has tables for several; null: for
-    the sections of a windIO file, midway (in its logarithm) between the lowest and the highest."""
+    """Reynolds number at which an `invariant` polar with several tables is read; null: of a windIO
+    file, midway between the lowest and the highest, in the logarithm."""
     material: Material = Field(default="aluminium_6061_t6", validate_default=True)  # type: ignore[assignment]
     """Material of the blades: a shipped name, or a section of its properties."""
     material_density: Annotated[float, Quantity("kg/m**3", gt=0)] | None = None
-    """Density of the blades, in place of the material's, such as the mean density of a blade whose
-    internal structure is not known; null: that of the material."""
+    """Density of the blades in place of the material's, such as the mean of a blade of unknown
+    structure."""
     modulus: Annotated[float, Quantity("Pa", gt=0)] | None = None
-    """Young's modulus of the blades, in place of the material's; null: that of the material."""
+    """Young's modulus of the blades, in place of the material's."""
     wall: _Wall | None = None
-    """Thickness of the wall of hollow blades over the chord of each section, so that it grows with
-    the chord; null: solid blades. The inside has no weight and carries no load; where the walls
-    meet, towards a thin trailing edge, the section is solid. Buckling is not checked."""
+    """Wall thickness of hollow blades over the chord; null: solid blades. The inside has no weight
+    and carries no load; the section is solid where the walls meet. Buckling is not checked."""
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
     added_inertia: Literal["none", "plate", "ellipse"] = "none"
-    """The water that the blades accelerate when their speed changes, as part of the moment of
-    inertia: `none`; `plate`, that of flat plates of the sections' chord; `ellipse`, that of
-    ellipses of their chord and thickness (docs/theory.md)."""
+    """The water that the blades accelerate, as part of the inertia: `none`; `plate`, of flat plates
+    of the sections' chord; `ellipse`, of ellipses of chord and thickness (docs/rotor_model.md)."""
 
     @model_validator(mode="before")
     @classmethod
@@ -264,7 +256,7 @@ class Site(Section):
     """Where the turbine stands."""
 
     hub_depth: Annotated[float, Quantity("m", gt=0)] | None = None
-    """Depth of the hub below the surface; it determines the static pressure, and so cavitation."""
+    """Depth of the hub below the surface, for cavitation."""
 
 
 class Condition(Section):
@@ -333,7 +325,7 @@ class Fluid(Section):
     """The water."""
 
     density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] = 1000.0
-    """Density of the water. The paper does not give it; the default follows from its tables."""
+    """Density of the water. The paper does not give it; its tables imply the default."""
     kinematic_viscosity: Annotated[float, Quantity("m**2/s", gt=0)] = 1.0e-6
     """Kinematic viscosity, used if `rotor.reynolds` is local; 1.0e-6 for fresh water at 20 degrees
     Celsius, 1.2e-6 for sea water at 15."""

@@ -40,7 +40,7 @@ _SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
 _TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
 _DYNAMICS = (
     "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
-    "filters at every station (docs/theory.md)."
+    "filters at every station; see docs/dynamic_inflow.md."
 )
 _TAU1 = (
     "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
@@ -311,7 +311,7 @@ def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bo
     memory = name == names[1]
     for other, asked, why in (
         ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
-        ("--start-up", start, "which begins where the wake model is not valid (docs/theory.md)"),
+        ("--start-up", start, "which begins where the model is not valid (docs/dynamic_inflow.md)"),
     ):
         if memory and asked:
             problem = f"does not go with {other}, {why}"

@@ -1,6 +1,6 @@
 """Aggregates: how the scenarios of a case are combined into one objective.
 
-An aggregate of your own is a subclass of `Aggregate` (docs/architecture.md).
+An aggregate of your own is a subclass of `Aggregate` (docs/dev/architecture.md).
 """
 
 from typing import Annotated, Any, ClassVar, Literal
@@ -32,7 +32,7 @@ class Aggregate(Section):
     """Whether each rate is divided by an upper bound of its own (its ceiling), so that the slowest
     flow is not the worst only because it is slow. The rates are then multiplied by the scenarios'
     mean ceiling over their own,
-    and keep their unit (docs/theory.md)."""
+    and keep their unit (docs/dev/equations.md)."""
 
     def value(self, rates: Any, shares: np.ndarray, unknowns: Any) -> Any:
         """Return the measure, a number in the unit of the rates."""
@@ -84,7 +84,7 @@ class Worst(_OfTheWorst):
     """The smallest of the scenarios' mean powers, each over its own ceiling.
 
     The ceiling is the mean of the largest power that a rotor of this kind can take from the flow,
-    or of the scenario's power limit where that is smaller.
+    or of the scenario's power limit if smaller.
     """
 
     measure: Literal["worst"] = "worst"
@@ -107,15 +107,15 @@ class Worst(_OfTheWorst):
 class ConditionalValueAtRisk(_OfTheWorst):
     """The mean over the worst share of time of the scenarios' mean powers, each over its ceiling.
 
-    The conditional value at risk, max over t of t - sum of p_i max(t - P_i, 0) / share (Rockafellar
-    and Uryasev 2000), with the shares of time p_i. A share of 1 is the mean of all scenarios, a
-    share that is at most each p_i the worst of them.
+    The conditional value at risk, max over t of t - sum of p_i max(t - P_i, 0) / share, with the
+    shares of time p_i (Rockafellar and Uryasev 2000). With a share of 1 it is `expected`, with a
+    share of at most each p_i `worst`.
     """
 
     measure: Literal["cvar"] = "cvar"
     """How the scenarios are combined."""
     share: Annotated[float, Quantity(gt=0, le=1)] = 0.2
-    """Share of time of the worst scenarios, of which the mean is taken."""
+    """Share of time over which the mean is taken."""
 
     def value(self, rates, shares, unknowns):
         if self.share == 1.0:  # any level at or above the largest rate would do

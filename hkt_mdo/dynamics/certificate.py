@@ -1,14 +1,14 @@
 """An upper bound on the captured energy that includes the torque limit and the control law.
 
 Every instant may have a blade and a rotor speed of its own. Energy stored in the rotor between
-instants enters by a multiplier theta(t), any smooth function: with I dw/dt = Q - u, u
+instants enters by a multiplier theta(t), any smooth function: with J dw/dt = Q - u, u
 including friction,
 
-    integral of Q w dt = integral of [(1 - theta) u w + theta Q w + theta' I w² / 2] dt
-                         + [(1 - theta) I w² / 2] from 0 to T,
+    integral of Q w dt = integral of [(1 - theta) u w + theta Q w + theta' J w² / 2] dt
+                         + [(1 - theta) J w² / 2] from 0 to T,
 
 and the supremum of the integrand over speed and blade, at each instant, is a bound. theta is one at
-both ends, where the last term then vanishes. See docs/theory.md.
+both ends, where the last term then vanishes. See docs/dev/numerics.md.
 """
 
 from dataclasses import dataclass

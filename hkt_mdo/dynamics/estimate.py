@@ -14,7 +14,7 @@ from hkt_mdo.rotor.scales import torque_scale
 class FlowEstimate:
     """The speed of the flow in which a rotor has a torque, by a model of the rotor.
 
-    Q = u + F + I dw/dt, F the friction of the shaft, and Q / (w R)² falls with the tip speed ratio
+    Q = u + F + J dw/dt, F the friction of the shaft, and Q / (w R)² falls with the tip speed ratio
     about that of the largest power. In that range each value belongs to one ratio; a stalled rotor
     is estimated to be at its end.
     `plant` is the rotor that the controller assumes: the estimate is wrong if the actual water,

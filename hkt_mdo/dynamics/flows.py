@@ -2,7 +2,7 @@
 
 A profile is its keys in a case's section `inflow` together with its formula. Formulas stand here
 (constant, step, sine, tide, gust), flows through samples in `hkt_mdo.dynamics.sampled`. A profile
-of your own is a subclass of `Inflow` (docs/architecture.md).
+of your own is a subclass of `Inflow` (docs/dev/architecture.md).
 """
 
 from __future__ import annotations
@@ -353,9 +353,8 @@ class GustInflow(Inflow):
     profile: Literal["gust"] = "gust"
     """The kind of flow."""
     shape: Literal["one_minus_cosine", "mexican_hat"] = "one_minus_cosine"
-    """g(s) for 0 <= s <= 1: `one_minus_cosine`, (1 - cos 2 pi s)^2/4, a rise by the amplitude and
-    back, squared to be smooth at its ends; `mexican_hat`, -0.37 sin 3 pi s (1 - cos 2 pi s), the
-    extreme operating gust of IEC 61400-1: a dip by 0.27, a rise by 0.74, a dip."""
+    """g(s) for 0 <= s <= 1: `one_minus_cosine`, (1 - cos 2 pi s)^2/4, a rise and back;
+    `mexican_hat`, -0.37 sin 3 pi s (1 - cos 2 pi s), the extreme operating gust of IEC 61400-1."""
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Inflow speed before and after the gust."""
     amplitude: Annotated[float, Quantity("m/s")] = 0.3
@@ -388,9 +387,9 @@ class GustInflow(Inflow):
 class SumInflow(Inflow):
     """A sum of flows: all of the first one, and the others' fluctuations about their own means.
 
-    For example, `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is a tidal current with
-    turbulence that is carried past the rotor at 1.8 m/s. For a step, the speed before it is its
-    mean; for a gust, the speed around it.
+    `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is a tidal current with turbulence
+    carried past the rotor at 1.8 m/s. A step's mean is the speed before it, a gust's that around
+    it.
     """
 
     profile: Literal["sum"] = "sum"

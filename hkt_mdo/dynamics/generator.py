@@ -32,18 +32,16 @@ _WAYS = "give efficiency, losses at rated torque and speed, or table: one of the
 class Generator(Section):
     """What the generator delivers: a constant efficiency, losses, or a table.
 
-    Without keys there are no losses. The two keys of shaft_friction brake the rotor; all others
-    only reduce the electrical power.
+    Without keys there are no losses. Only shaft_friction brakes the rotor; the other keys reduce
+    the electrical power.
 
-    The electrical power is P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed)
-    - iron_loss (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. Where the
-    losses exceed the shaft's power, P is negative: the generator then takes power from the grid,
-    which is subtracted from the energy.
+    P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed) - iron_loss
+    (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. A negative P is taken from
+    the grid and subtracted from the energy.
     """
 
     efficiency: Annotated[float, Quantity(gt=0, le=1)] | None = None
-    """Electrical power over shaft power, constant; null: losses or a table are given, or there are
-    no losses."""
+    """Electrical power over shaft power, constant."""
     rated_torque: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Torque at which `copper_loss` is given."""
     rated_speed: Annotated[float, Quantity("rad/s", gt=0)] | None = None
@@ -55,15 +53,14 @@ class Generator(Section):
     iron_loss: _Loss | None = None
     """Loss in the iron at `rated_speed`; it grows with the speed squared."""
     shaft_friction: Annotated[float, Quantity("N*m", ge=0)] = 0.0
-    """Torque of shaft, bearings and seals that brakes the turning rotor at any speed (Coulomb
-    friction). The generator's torque comes on top of it. The rotor starts only in a flow whose
-    torque on the standing rotor is larger."""
+    """Torque of shaft, bearings and seals that brakes the rotor at any speed (Coulomb friction),
+    besides the generator's. The rotor starts only in a flow whose torque on it is larger."""
     shaft_friction_slope: Annotated[float, Quantity("N*m*s/rad", ge=0)] = 0.0
-    """The part of that torque which is proportional to the rotor's speed, over the speed."""
+    """Friction torque that is proportional to the rotor's speed, over the speed."""
     table: ExistingFile | None = None
-    """CSV file of the efficiency over torque and speed, with the columns `torque_Nm`, `speed_rpm`
-    or `speed_rad_s`, and `efficiency`: every torque at every speed. It is interpolated by natural
-    cubic splines; a little beyond the table the efficiency becomes constant."""
+    """CSV file with the columns `torque_Nm`, `speed_rpm` or `speed_rad_s`, and `efficiency`: every
+    torque at every speed. Between them cubic splines; a little beyond the table the efficiency
+    becomes constant."""
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:

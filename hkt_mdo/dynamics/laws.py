@@ -44,8 +44,7 @@ class Law(Section):
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None
     """Largest generator torque u_max; null: no limit."""
     cut_out: Annotated[float, Quantity("m/s", gt=0)] | None = None
-    """Speed of the flow above which the machine stands still, without energy and without limits
-    (docs/theory.md); null: no cut-out."""
+    """Flow speed above which the machine stands still, without energy and limits."""
     gain_units: ClassVar[tuple[str, ...]] = ()
     """Units of the gains, which are optimized."""
     states: ClassVar[dict[str, tuple[str, str]]] = {}
@@ -103,7 +102,7 @@ class OpenLoop(Law):
     """The control law."""
     unknown: Literal["speed", "torque"] = "speed"
     """What the optimizer chooses over time: the rotor speed, from which the torque follows by
-    inverse dynamics, or the torque itself, from which the speed follows by integration."""
+    inverse dynamics, or the torque."""
     chooses_speed = property(lambda self: self.unknown == "speed")  # type: ignore[assignment]
     chooses_torque = property(lambda self: self.unknown == "torque")  # type: ignore[assignment]
 
@@ -125,7 +124,7 @@ class FeedbackLaw(Law):
     """Largest factor by which gains change in one optimization."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
-    """Smoothing nu of the saturation (paper, eq. 4); without a torque limit it has no effect."""
+    """Smoothing nu of the saturation at the torque limit (paper, eq. 4)."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
     _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 

@@ -1,7 +1,7 @@
 """Limits on a design and its operation, each defined once.
 
 Optimization, checks, `hkt check`, summary and figures get its value from the limit; nothing else
-knows the formula. A limit of your own is a subclass of `Limit` (docs/architecture.md).
+knows the formula. A limit of your own is a subclass of `Limit` (docs/dev/architecture.md).
 """
 
 from __future__ import annotations
@@ -219,7 +219,7 @@ class _Stress(Quantity):
 
 
 class StressLimit(Limit):
-    """Largest stress in a blade, from its first station outwards (docs/theory.md)."""
+    """Largest stress in a blade, from its first station outwards (docs/rotor_model.md)."""
 
     name: ClassVar[str] = "stress"
     unit: ClassVar[str | None] = "Pa"
@@ -246,7 +246,7 @@ class StressLimit(Limit):
 
 
 class CavitationLimit(Limit):
-    """No section reaches the vapour pressure at the top of its turn (docs/theory.md).
+    """No section reaches the vapour pressure at the top of its turn (docs/rotor_model.md).
 
     The value is the suction times the margin, over the difference of static and vapour pressure; at
     most 1.
@@ -265,8 +265,8 @@ class CavitationLimit(Limit):
 class Taper(Limit):
     """Radius over tip radius outboard of which the chord must not grow, for manufacture.
 
-    The value is the chord of each station over that of the next station inboard, at most 1; it is
-    reported as zero inboard of that radius. The chord is linear between stations.
+    The value is the chord of a station over that of the next one inboard, at most 1, and 0 inboard
+    of that radius.
     """
 
     name: ClassVar[str] = "taper_from"
@@ -318,7 +318,7 @@ class DesignBounds(Limit):
 def settled(known):
     """Tell at which times of a trajectory the rotor has followed the flow, near its equilibrium.
 
-    The rotor's time scale is that in which a typical torque stops it, I w / (TYPICAL 0.5 rho pi R³
+    The rotor's time scale is that in which a typical torque stops it, J w / (TYPICAL 0.5 rho pi R³
     v²), a few hundredths of a second; the flow is quick where it changes by a share of `QUICK`
     within this time. The rotor has settled after `LAG` time scales in which the flow was not quick.
     known has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
@@ -338,7 +338,7 @@ class DistanceFromStall(Limit):
 
     N((1 - slowed) w) - N(w) >= least, N = Q(w, v) - u(w): positive where the rotor keeps a distance
     from stall, where stable and unstable equilibrium meet. Collocation does not distinguish them,
-    so an optimizer would go to that edge and beyond. N(w) = I dw/dt is the acceleration due to
+    so an optimizer would go to that edge and beyond. N(w) = J dw/dt is the acceleration due to
     changes of the flow, which is not stall. `least` is a share of a typical torque, TYPICAL 0.5 rho
     pi R³ v²: close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that
     of the torque curve. For a law with states, u is computed with the states held.

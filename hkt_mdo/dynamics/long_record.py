@@ -108,25 +108,23 @@ class Rating:
 class RecordResource(RecordFile, Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
-    Missing samples are left out; all others have equal weight. Of two components it takes the speed
-    along the principal axis of the flow, with its sign.
+    Missing samples are left out. Of two components it takes the speed along the principal axis,
+    with its sign.
     """
 
     profile: Literal["long_record"] = "long_record"
     """The kind of resource."""
     direction_column: str | None = None
-    """Column of the direction that the flow runs to, degrees from north to east: the speed is then
-    that along the principal axis of the flow, with its sign."""
+    """Column of the direction that the flow runs to, degrees from north to east; the speed is then
+    that along the principal axis."""
     rating: ExistingFile | None = None
-    """Path of a CSV file with the columns `discharge_m3_s` and `speed_m_s`, for a record of the
-    discharge."""
+    """Path of a CSV file `discharge_m3_s,speed_m_s`, for a record of the discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None
-    """Degree of the polynomial that is fitted to the rating curve; null: straight lines between its
-    points, and beyond them the speed of the last point."""
+    """Degree of the polynomial fitted to the rating curve; null: straight lines, beyond them the
+    last speed."""
     spikes: Literal["refuse", "replace", "keep"] = "refuse"
-    """Treatment of spikes as of the profile `record`, and of a flow of exactly 0 for more than a
-    day: the record is refused, such samples are left out, as are those above 20 m/s and discharges
-    below zero, or they are kept as part of the flow."""
+    """Spikes as of `record`, and a flow of exactly 0 for more than a day: the record is refused; or
+    they are left out, as are speeds above 20 m/s and discharges below zero; or they are kept."""
 
     @cached_property
     def samples(self) -> FlowSamples:

@@ -1,6 +1,6 @@
 """Objectives, which the optimization maximizes or minimizes.
 
-An objective of your own is a subclass of `Objective` (docs/architecture.md).
+An objective of your own is a subclass of `Objective` (docs/dev/architecture.md).
 """
 
 from typing import Any, ClassVar, Literal
@@ -60,7 +60,7 @@ class Objective(Formula):
         """Return an upper bound, J, over a closed cycle if it `closes`; None: none is known.
 
         `captured` is the bound on the captured energy, J, by quasi-steady operation
-        (docs/theory.md).
+        (docs/checks.md).
         """
         return None
 
@@ -94,11 +94,7 @@ class GeneratorEnergy(_Energy):
 
 
 class ElectricalEnergy(_Energy):
-    """The energy that the generator delivers, the integral of u w less its losses.
-
-    The section `generator` defines the losses; where they exceed the shaft's power, energy is drawn
-    from the grid and subtracted.
-    """
+    """The energy that the generator delivers, the integral of u w less its losses (`generator`)."""
 
     closes: ClassVar[bool] = True
 

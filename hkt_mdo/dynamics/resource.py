@@ -2,7 +2,7 @@
 
 A resource is a kind of flow that a case names under `resource`. The rotor is then in equilibrium at
 each speed, and the energy of a year is a sum over the speeds, each with its hours. Bins, mean speed
-of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/year.md).
+of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/studies/year_checked.md).
 """
 
 from __future__ import annotations
@@ -174,34 +174,31 @@ class Resource(Inflow):
     """Whether `occurrence` returns the speeds of bins already."""
 
     bin_width: Annotated[float, Quantity("m/s", ge=0.005, le=1)] = 0.1
-    """Width of the bins of the flow speed; 0.1 m/s is that of IEC TS 62600-200."""
+    """Width of the bins; 0.1 m/s is that of IEC TS 62600-200."""
     turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
-    """Standard deviation of the flow's speed within a bin over its mean. The rotor follows it at
-    once: power is averaged over a normal distribution of speeds, and limits hold for speeds of up
-    to 2.86 standard deviations above the mean."""
+    """Standard deviation of the speed within a bin over its mean. The rotor follows at once: power
+    is averaged over a normal distribution, and limits hold up to 2.86 standard deviations above the
+    mean."""
     cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
-    """Speed of the flow below which the machine stands still; `control.cut_out` is that above
-    which it does."""
+    """Speed below which the machine stands still; above `control.cut_out` it does, too."""
     reversal: Literal["turns", "stands", "backwards"] = "turns"
-    """What the turbine does in reversed flow, of negative speed: it turns into the flow, it stands
-    still, or its rotor turns backwards in flow from behind, with `reversed_polar`."""
+    """In reversed flow, of negative speed, the turbine turns into the flow, or stands still, or its
+    rotor turns backwards, with `reversed_polar`."""
     reversed_polar: ExistingFile | None = None
-    """Path of the polar of a section in flow from behind, for `reversal: backwards`: a file as of
-    `rotor.polar`, with the angle of attack that the section has when it is turned by 180 degrees
-    about the blade's axis, its trailing edge in front; that is the angle of the section itself less
-    180 degrees, with the same lift and drag."""
+    """Path of the polar in flow from behind, for `reversal: backwards`, as of `rotor.polar`, by the
+    angle of attack of the section turned by 180 degrees: its own angle less 180 degrees, with the
+    same lift and drag."""
     availability: Annotated[float, Quantity(gt=0, le=1)] = 1.0
     """Share of the time in which the machine is ready to work."""
     array_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
     """Share of the energy that is lost to wakes of other machines."""
     electrical_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
-    """Share of the energy that is lost between generator and grid; the section `generator` has the
-    generator's own losses."""
+    """Share of the energy that is lost between generator and grid; for the generator's own losses
+    see `generator`."""
 
     speed_uncertainty: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
-    """Standard uncertainty of the flow's speed, as a share of it: one factor on all speeds, such as
-    the calibration of the instrument. The annual energy is reported with the uncertainty that
-    follows from it."""
+    """Standard uncertainty of the speed, as a share of it, such as the instrument's calibration;
+    the uncertainty of the annual energy follows from it."""
 
     def occurrence(self) -> tuple[np.ndarray, np.ndarray]:
         """Return speeds, m/s, and their shares of the time, which sum to 1, both (n,)."""
@@ -330,8 +327,7 @@ class HistogramResource(Resource):
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
     file: ExistingFile | None = None
-    """Path of a CSV file with the columns `speed_m_s` and `hours` in place of both, such as
-    `hkt resource` writes."""
+    """Path of a CSV file `speed_m_s,hours` in place of both, as `hkt resource` writes it."""
 
     @model_validator(mode="after")
     def _check(self) -> HistogramResource:
@@ -383,13 +379,12 @@ class DistributionResource(Resource):
     profile: Literal["distribution"] = "distribution"
     """The kind of resource."""
     family: Literal["weibull", "lognormal", "gamma"] = "weibull"
-    """Which distribution, with the parameters of SciPy's `weibull_min`, `lognorm` or `gamma`.
-    Rayleigh's is Weibull's of shape 2."""
+    """Distribution, with the parameters of SciPy's `weibull_min`, `lognorm` or `gamma`; Rayleigh's
+    is Weibull's of shape 2."""
     scale: Annotated[float, Quantity("m/s", gt=0, le=20)]
     """Scale: of Weibull's, the speed below which 63 % of the time lies."""
     shape: Annotated[float, Quantity(gt=0.1, le=100)]
-    """Shape: of Weibull's its exponent, of the lognormal one the standard deviation of the speed's
-    logarithm."""
+    """Shape: Weibull's exponent, or the standard deviation of the lognormal speed's logarithm."""
 
     @cached_property
     def _distribution(self):

@@ -30,14 +30,14 @@ def _meta(name):
 
 
 class RotorODE(om.Group):
-    """Speed dynamics of a rigid rotor, I dw/dt = Q - u.
+    """Speed dynamics of a rigid rotor, J dw/dt = Q - u.
 
     Three ways to close it, by what is unknown:
     - a feedback law: u follows from w;
     - open loop in torque: u is an input, dw/dt an output;
-    - open loop in speed: w and its rate are inputs, u = Q - I dw/dt an output.
+    - open loop in speed: w and its rate are inputs, u = Q - J dw/dt an output.
       The rotor is differentially flat in w, which turns a singular control into a regular one
-      (docs/theory.md).
+      (docs/dev/numerics.md).
     """
 
     def initialize(self):
@@ -260,9 +260,8 @@ class RememberingComp(_NodeComp):
         tau1 x' = (1 - k) w_s - x,    tau2 w' = x + k w_s - w;
 
     The tip speed ratio of the wake, tsr_w, follows from v a(tsr_w) = w; the torque is a table over
-    both ratios (`Band`, docs/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the axial
-    induction in
-    equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
+    both ratios (`Band`, docs/studies/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the
+    axial induction in equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
 
     Inputs are those of `needs` and the tables of `Band`.
     """
@@ -419,7 +418,7 @@ class FeedbackComp(_NodeComp):
 
 
 class ShaftComp(_NodeComp):
-    """Rigid shaft, I dw/dt = Q - u - F(w), solved for the acceleration or for the torque.
+    """Rigid shaft, J dw/dt = Q - u - F(w), solved for the acceleration or for the torque.
 
     That is the paper's eq. 6 with the friction F of the shaft (`Generator.friction`).
 

@@ -52,39 +52,34 @@ class RecordFile(Section):
     """A file of samples over time, and its columns."""
 
     file: ExistingFile
-    """Path of the record, from the folder of the case file: `.csv` with a header line, `.json` of
-    tidal currents (MHKiT) or of USGS, `.nc` (NetCDF) or `.parquet`; the latter two, as MHKiT's data
-    are saved, need `hkt_mdo[records]`."""
+    """Path of the record: `.csv` with a header line, `.json` of MHKiT or USGS, `.nc` (NetCDF) or
+    `.parquet`, which need `hkt_mdo[records]`."""
     time_column: str | None = None
     """Column or variable of the time; null: the first column of a CSV file, the index of a Parquet
-    file, the only time in a NetCDF file, or that over which its speed is."""
+    file, the only time of a NetCDF file or of its speed."""
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
     second_column: str | None = None
-    """Column or variable of the other horizontal component of the velocity, to the north where
-    `speed_column` is that to the east."""
+    """Column of the other horizontal component, north where `speed_column` is east."""
     time_unit: TimeUnit | None = None
-    """Unit of times that are numbers; null: as in the column's name, such as `time_s` or `time
-    [h]`. Dates are recognized: `2024-05-01T12:00:00`, with or without a zone."""
+    """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates
+    (`2024-05-01T12:00:00`, with or without a zone) need none."""
     speed_unit: SpeedUnit | None = None
-    """Unit of the speed, or of a discharge; null: as in the column's name, such as `speed_m_s` or
-    `Stream velocity, feet per second`."""
+    """Unit of the speed or discharge; null: as in the column's name, such as `speed_m_s` or `Stream
+    velocity, feet per second`."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
-    """Area of the channel's cross section, for a record of the discharge: speed = discharge / area,
-    the mean over the section."""
+    """Cross section of the channel, for a record of the discharge: speed = discharge / area."""
     bins: Bins | None = None
-    """Range of the depth bins of a profiler that are averaged, [lower, upper], such as those that
-    the rotor spans; null: the record has no bins."""
+    """Depth bins of a profiler that are averaged, [lower, upper]; null: the record has none."""
     component: str | None = None
-    """Label of the velocity component to use, such as `E` or `streamwise`, or of two with a comma
-    between them, such as `E,N`; null: the first two."""
+    """Velocity component to use, such as `E`, or two, such as `E,N`; null: the first two."""
 
 
 class RecordInflow(RecordFile, SampledInflow):
-    """A measured flow: the samples of a file, low-passed, and a smooth cubic spline through them.
+    """A measured flow: the samples of a file, low-passed, with a cubic spline through them.
 
-    The record is repaired only where a key below allows it, and every repair is reported. Of two
-    components it takes the horizontal speed.
+    It is repaired only where a key below allows it; every repair is reported. Of two components the
+    horizontal speed is taken.
     """
 
     profile: Literal["record"] = "record"
@@ -94,22 +89,19 @@ class RecordInflow(RecordFile, SampledInflow):
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
     """Length of the part that is taken; null: up to the record's end."""
     gaps: Literal["refuse", "interpolate"] = "refuse"
-    """Treatment of missing samples and empty or NaN cells: the record is refused, or the speed is
-    interpolated over gaps up to `longest_gap`."""
+    """Missing samples and empty or NaN cells: the record is refused, or gaps up to `longest_gap`
+    are interpolated."""
     longest_gap: Annotated[float, Quantity("s", gt=0, le=3600)] | None = None
-    """Longest gap, as missing samples times their spacing, that may be interpolated; null: three
-    samples, and no more than an hour."""
+    """Longest gap that may be interpolated; null: three samples, and no more than an hour."""
     spikes: Literal["refuse", "replace", "keep"] = "refuse"
-    """Treatment of spikes, which are up to three samples that differ strongly from their
-    neighbours: the record is refused, they are interpolated, or they are kept as part of the flow.
+    """Spikes, up to three samples that differ strongly from their neighbours: the record is
+    refused, or they are interpolated or kept.
     """
     uneven: Literal["refuse", "resample"] = "refuse"
-    """Treatment of unevenly spaced samples: the record is refused, or the speed is interpolated at
-    equal steps of the median spacing."""
+    """Uneven samples: the record is refused, or interpolated at steps of the median spacing."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Cutoff frequency of the low-pass, which has no phase shift; null: half of Nyquist's
-    frequency. A rotor averages over eddies smaller than itself: speed over rotor diameter is a good
-    cutoff."""
+    """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency. A rotor
+    averages over smaller eddies: speed over rotor diameter is a good cutoff."""
 
     @cached_property
     def _record(self):
@@ -162,35 +154,32 @@ SPECTRA = {"von_karman": von_karman, "kaimal": kaimal}
 class TurbulentInflow(SampledInflow):
     """Turbulence, v = mean + sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k), df = 1/duration.
 
-    The phases are random. Each seed has exactly this spectrum or, with random amplitudes, has it in
-    the mean over many seeds. Frequencies above the cutoff and below 1/duration are missing, and the
-    others are not scaled up to compensate: the share of the variance that is kept is reported.
+    Phases are random; each seed has this spectrum, with random amplitudes in the mean over seeds.
+    Waves above the cutoff and below 1/duration are missing: the share of the variance that is kept
+    is reported.
     """
 
     profile: Literal["turbulence"] = "turbulence"
     """The kind of flow."""
     spectrum: Literal["von_karman", "kaimal"] = "von_karman"
-    """Spectrum S(f) of the longitudinal velocity, with n = f L/V: `von_karman`, S = 4 s^2 (L/V) /
-    (1 + 70.8 n^2)^(5/6), of isotropic turbulence; `kaimal`, S = 4 s^2 (L/V) / (1 + 6 n)^(5/3), of a
-    boundary layer (IEC 61400-1)."""
+    """Spectrum S(f) of the longitudinal velocity, n = f L/V: `von_karman`, S = 4 s^2 (L/V) / (1 +
+    70.8 n^2)^(5/6); `kaimal`, S = 4 s^2 (L/V) / (1 + 6 n)^(5/3) (IEC 61400-1)."""
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
     """Mean inflow speed V, at which the turbulence is carried past the rotor."""
     intensity: Annotated[float, Quantity(gt=0, lt=1)] = 0.1
-    """Turbulence intensity: standard deviation s of the whole spectrum over the mean."""
+    """Standard deviation s of the whole spectrum over the mean."""
     length_scale: Annotated[float, Quantity("m", gt=0)] = 5.0
-    """Integral length scale L, of the order of the river's depth; eddies pass in about L/V."""
+    """Integral length scale L, of the order of the river's depth."""
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
     """Seed of the random phases and amplitudes."""
     amplitudes: Literal["fixed", "random"] = "fixed"
-    """Amplitudes of the waves: `fixed` by the spectrum, so that every seed has the same variance;
-    `random`, Rayleigh distributed about it, so that a short flow varies from seed to seed as a
-    Gaussian process does."""
+    """Amplitudes: `fixed` by the spectrum, so that every seed has the same variance; `random`,
+    Rayleigh distributed about it, as in a Gaussian process."""
     duration: Annotated[float, Quantity("s", gt=0)] = 60.0
-    """Duration of the realization, after which it repeats; at least ten times L/V. Slower
-    fluctuations are missing."""
+    """Duration, after which the flow repeats; at least ten times L/V."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Highest frequency; null: 2 mean/length_scale, above which there is a tenth of the variance. A
-    rotor averages over eddies smaller than itself: mean over rotor diameter is a good cutoff."""
+    """Highest frequency; null: 2 mean/length_scale, above which there is a tenth of the variance.
+    Mean over rotor diameter is a good cutoff."""
 
     @property
     def highest_frequency(self) -> float:

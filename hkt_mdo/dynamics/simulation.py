@@ -76,7 +76,7 @@ class Plant:
     def tabulated(self, ratios):
         """Return the same rotor with the torque coefficient as a spline over tip speed ratios.
 
-        Without memory of the wake, and of sections that do not depend on the Reynolds number. A
+        Without dynamic inflow, and of sections that do not depend on the Reynolds number. A
         long integration evaluates the spline a hundred times faster than BEM.
         """
         curve = CubicSpline(ratios, self.coefficients(self.blade, self.polar, ratios).torque)
@@ -314,7 +314,7 @@ def simulate(
     max_step: float | None = None,
     tolerance: float = 1e-9,
 ) -> Simulation:
-    """Integrate I dw/dt = Q(w, v(t)) - u(t, w) - F(w) (paper eq. 6) and the energies.
+    """Integrate J dw/dt = Q(w, v(t)) - u(t, w) - F(w) (paper eq. 6) and the energies.
 
     F is the friction of the shaft, if any.
 

@@ -3,12 +3,12 @@
 When a rotor gains speed, its torque at first is that in the present wake, and only after seconds
 that in the wake that follows. With Øye's filters at every station (`hkt_mdo.dynamics.wake`), a
 small change
-of the speed, e^(st), changes the torque of the flow by (docs/theory.md)
+of the speed, e^(st), changes the torque of the flow by (docs/dynamic_inflow.md)
 
     G(s) = k0 + sum of c_j (k + (1 - k) / (1 + tau1 s)) / (1 + tau2_j s),
 
 k0 the slope of the torque by the speed in an unchanged wake, c_j the slope that the wake of station
-j adds in the end. With the controller's U(s), the loop has I s = G(s) - U(s).
+j adds in the end. With the controller's U(s), the loop has J s = G(s) - U(s).
 """
 
 from __future__ import annotations

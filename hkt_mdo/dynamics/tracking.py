@@ -21,37 +21,34 @@ _Integral = Annotated[float, Quantity("N*m/rad", gt=0)]
 class Tracking(FeedbackLaw):
     """Proportional-integral control of the speed to a schedule over the flow's speed.
 
-    u = sat(kp (w - w_ref(s)) + z),  z' = (u - z) ki / kp,  s' = (v + bias - s) / lag
+    u = sat(kp (w - w_ref(s)) + z), z' = (u - z) ki / kp, s' = (v + bias - s) / lag
 
-    While u is not saturated, z' = ki (w - w_ref): z is the integral part. At the torque limit the
-    same formula is anti-windup by back-calculation with the time kp / ki: z approaches the limit.
-    In equilibrium z = u = Q and w = w_ref. With quasi-steady induction, the loop is stable
-    where kp du/dx > dQ/dw, x being the argument of sat (docs/controllers.md). It can also hold a
-    rotor that turns slower in faster flow, which no law of the rotor's speed alone can. s is the
+    z is the integral part, with anti-windup by back-calculation at the torque limit. s is the
     sensor's reading of the flow speed; w_ref is a natural cubic spline, linear beyond its knots.
+    With quasi-steady induction, the loop is stable where kp du/dx > dQ/dw, x being the argument of
+    sat. It can also hold a rotor that turns slower in faster flow, which no law of the rotor's
+    speed alone can (docs/controllers.md).
 
-    An estimate of v from speed and torque needs a model of the rotor. The optimization assumes a
-    perfect model; only the filter's lag remains, so that designs are the same with a sensor and
-    with an estimate. They differ if the rotor or the water differ from the design, and with noise
-    (docs/controllers.md).
+    The optimization assumes that an estimate of v is perfect but for the filter's lag: designs are
+    the same with a sensor and an estimate. They differ if the rotor or the water differ from the
+    design, and with noise.
     """
 
     law: Literal["tracking"] = "tracking"
     """The control law."""
     knots: Annotated[int, Strict(), Field(ge=2, le=40)] = 8
-    """Number of flow speeds, equally spaced, at which the rotor speed of the schedule is designed.
-    """
+    """Number of equally spaced flow speeds at which the schedule's rotor speed is designed."""
     flow_range: Pair[_FlowSpeed] | None = None
     """Flow speeds of the first and the last knot; null: the slowest and the fastest of `inflow`."""
     schedule: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
-    """Rotor speeds at the knots at the start of the optimization; null: those of the open loop
-    found by the search for a start."""
+    """Rotor speeds at the knots at the start; null: those of the open loop of the search for a
+    start."""
     proportional_gain: _Proportional | None = None
     """Gain kp; null: twice the larger of the maxima of Q/w and dQ/dw along the schedule of the
     start."""
     proportional_bounds: Pair[_Proportional] | None = None
-    """Bounds between which kp is designed; null: it is fixed. There is no noise in an optimization,
-    so it often ends at the upper bound."""
+    """Bounds between which kp is designed; null: it is fixed. An optimization has no noise, so kp
+    often ends at the upper bound."""
     integral_gain: _Integral | None = None
     """Gain ki; null: kp / 0.2 s."""
     integral_bounds: Pair[_Integral] | None = None
@@ -59,7 +56,7 @@ class Tracking(FeedbackLaw):
     flow: Literal["sensed", "estimated"] = "sensed"
     """Source of the flow speed: a sensor, or an estimate from the rotor's speed and torque."""
     lag: Annotated[float, Quantity("s", ge=0.001)] = 0.1
-    """Time constant with which the sensor, or the filter of the estimate, follows the flow."""
+    """Time constant of the sensor, or of the estimate's filter."""
     bias: Annotated[float, Quantity("m/s")] = 0.0
     """Offset of the sensor, also used in the optimization."""
     noise: Annotated[float, Quantity("m/s", ge=0)] = 0.0

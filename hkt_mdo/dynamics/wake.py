@@ -1,7 +1,7 @@
 """The wake's memory: Øye's two filters of the velocities that it induces at every station.
 
 Direct BEM gives the velocity q that a wake in equilibrium would induce, axial (a V) and tangential
-(a' w r). A wake that is not in equilibrium induces the velocity z instead (docs/theory.md):
+(a' w r). A wake that is not in equilibrium induces the velocity z instead (docs/dynamic_inflow.md):
 
     tau1 x' = (1 - k) q - x,    tau2 z' = x + k q - z.
 

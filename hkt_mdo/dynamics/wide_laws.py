@@ -97,8 +97,7 @@ class RatedFeedback(FeedbackLaw):
     """Quadratic feedback up to a rated power, constant power by overspeed above it.
 
     u = (a + b - sqrt((a - b)^2 + nu a b / 4)) / 2, a = K w^2, b = P / w, nu = `smoothing`: smoothly
-    the smaller of both, with a rounded corner as in the paper's saturation (eq. 4), which is then
-    applied for the torque limit.
+    the smaller of both; the torque limit is then applied as in the paper (eq. 4).
     """
 
     law: Literal["rated"] = "rated"
@@ -145,11 +144,10 @@ class RatedFeedback(FeedbackLaw):
 class CurveFeedback(FeedbackLaw):
     """A smooth curve of the torque over the speed through knots, whose torques are designed.
 
-    The logarithm of the torque is a natural cubic spline of the logarithm of the speed: between the
-    knots it may rise and fall. Beyond them the torque is a power of the speed whose exponent is the
-    spline's at the end, but below the first knot at least 2, with which a rotor keeps turning in
-    any slower flow, and above the last one at least -1, constant power. The start chooses the
-    speeds of the knots; from there they are fixed.
+    The logarithm of the torque is a natural cubic spline of the logarithm of the speed. Beyond the
+    knots the torque is a power of the speed, with an exponent of at least 2 below the first, so
+    that a rotor keeps turning in slower flow, and at least -1 (constant power) above the last. The
+    start fixes the speeds of the knots.
     """
 
     law: Literal["curve"] = "curve"

@@ -53,7 +53,7 @@ class Controller(Format):
     name: ClassVar[str] = "controller"
 
     sample_time: Annotated[float, Quantity("s", gt=0)] | None = None
-    """Time step of a law with states; null: a fifth of the loop's time constant I / kp, and a
+    """Time step of a law with states; null: a fifth of the loop's time constant J / kp, and a
     hundredth of a second at most."""
 
     def files(self, source: Source) -> dict[str, bytes]:
@@ -89,7 +89,7 @@ class Controller(Format):
             return float(f"{np.floor(wanted / unit) * unit:.1g}")
         if self.sample_time >= UNSTABLE * answers:
             problem = "makes the loop unstable, because the torque is constant between two steps"
-            remedy = f"give less than 2 I / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
+            remedy = f"give less than 2 J / kp = {UNSTABLE * answers:.3g} s, better a tenth of it"
             raise InputError(problem, remedy, key="controller.sample_time", value=self.sample_time)
         return self.sample_time
 

@@ -177,7 +177,7 @@ class Physics:
     def may_pulse(self) -> bool:
         """Whether the optimizer could let the rotor pulse, now faster, now slower than its wake.
 
-        That captures more in this model, the more so the finer the mesh (docs/memory.md).
+        That captures more in this model, the more so the finer the mesh (docs/studies/memory.md).
         """
         return self.remembers and not self.law.is_feedback
 

@@ -164,8 +164,9 @@ class MemoryEntry(_Entry):
     """Stability of the loop of rotor and controller if the wake has memory.
 
     By its eigenvalues at instants along the integration, with Oye's filters at every station
-    (docs/memory.md): `growth` (1/s) is the largest real part at any of them, `frozen_growth` that
-    in an unchanged wake. `tau1_s` is the wake's time constant where the growth is largest.
+    (docs/dynamic_inflow.md): `growth` (1/s) is the largest real part at any of them,
+    `frozen_growth` that in an unchanged wake. `tau1_s` is the wake's time constant where the growth
+    is largest.
     Time and flow are those of the first instant that is unstable, or of the least stable one.
     `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
     null: at none. `stiffness` (N m s/rad) is what a controller of the speed must add to the torque
@@ -463,7 +464,7 @@ class Summary(_Entry, Mapping[str, Any]):
     """Energy of a rotor that works at the steady optimum at every instant."""
     certified_gap: _Number = None
     """Relative difference between the simulated energy and an upper bound that includes the torque
-    limit and the control law (docs/theory.md). It does not include a limit of the power."""
+    limit and the control law (docs/checks.md). It does not include a limit of the power."""
     bound_power_coefficient: _Number = None
     bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None
@@ -622,7 +623,7 @@ class Summary(_Entry, Mapping[str, Any]):
         asked = [(x.row(name), unasked(name, x.value, case)) for name, x in loads.items()]
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable
-        loop = [] if stable else [f"with memory of the wake, {self.memory.text}"]
+        loop = [] if stable else [f"with dynamic inflow, {self.memory.text}"]
         return [*self.breaks(case), *loop, *large, *(self.doubts or ())]
 
     def breaks(self, case: Case) -> list[str]:
@@ -655,7 +656,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("verdict", self.verdict(case))
         yield Row("message", self.message)
         if self.memory is not None:
-            yield Row("stability with memory of the wake", self.memory.text)
+            yield Row("stability with dynamic inflow", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
         yield Row("energy of the generator", self.generator_energy_J, "J")

@@ -15,7 +15,7 @@ A station is therefore one curve, g(phi) = c / s, and a root at the local speed 
 crossing g = lambda_r. The curve is sampled once, and its local minima, where a root vanishes, are
 located exactly. For every operating point, the crossing with the smallest phi, which is the
 attached one, is found by a binary search in the running minimum of g and refined by Newton's method
-inside its bracket. See docs/bem.md.
+inside its bracket. See docs/studies/bem.md.
 """
 
 import warnings

@@ -54,7 +54,7 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
 
     The area of a section is A = section_area chord². Chord and section_area are linear between
     stations, and constant from the first station to the hub and from the last to the tip:
-    m = B rho integral of A dr, I = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
+    m = B rho integral of A dr, J = B rho integral of A (r cos(cone))² dr + hub inertia, both exact.
     section_area, the area of the outline over chord squared, is one number, one a station, or a
     spline of it over the blade's thickness; density is in kg/m**3.
 
@@ -96,8 +96,8 @@ def water_inertia(blade, density, thickness=0.0):
     By strips of potential flow: an ellipse of the section's chord c and thickness t accelerates,
     per length, rho pi c²/4 of water across its chord and rho pi t²/4 along it (Lamb, Hydrodynamics,
     art. 71). The rotor's acceleration w' r has the share sin(twist) across the chord, and of the
-    force as much acts about the axis: I = B integral of rho pi/4 (c² sin² + t² cos²) (r cos(cone))²
-    dr (docs/theory.md). Chord, twist and thickness are linear between stations.
+    force as much acts about the axis: J = B integral of rho pi/4 (c² sin² + t² cos²) (r cos(cone))²
+    dr (docs/rotor_model.md). Chord, twist and thickness are linear between stations.
 
     Parameters
     ----------

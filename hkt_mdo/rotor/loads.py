@@ -1,7 +1,7 @@
 """Loads of a rotor over the flow's dynamic pressure q = 0.5 rho v², by the tip speed ratio.
 
 At a tip speed ratio every speed is proportional to that of the flow v, and every load to q, that of
-the centrifugal force too: load = q c(tip speed ratio). Definitions are in docs/theory.md.
+the centrifugal force too: load = q c(tip speed ratio). Definitions are in docs/rotor_model.md.
 """
 
 from collections.abc import Callable
@@ -198,7 +198,7 @@ class LoadModel:
         The weight less the buoyancy, g (rho_b - rho) A per length, bends a horizontal blade about
         the rotor's axis; in half a turn this moment changes its sign. The material alone is in the
         water's way: a hollow blade is flooded. The pull along a vertical blade is left out
-        (docs/theory.md).
+        (docs/dev/equations.md).
 
         Parameters
         ----------

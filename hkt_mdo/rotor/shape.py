@@ -11,7 +11,7 @@ DEGREE = 3  # of the splines, where there are enough control points
 # More than FREE_STATIONS stations, or stations of several sections, are designed by a spline of
 # POINTS control points. Designed directly, the innermost and outermost of many stations jump to the
 # high induction of Buhl's branch and back, stations of a cylindrical root go to their bounds, and
-# optimizers converge poorly (docs/stations.md).
+# optimizers converge poorly (docs/studies/stations.md).
 FREE_STATIONS, POINTS = 20, 8
 
 

@@ -1,7 +1,7 @@
 """Strength of a blade's sections: bending about inclined axes by their outline and material.
 
 A section has the axes x along its chord, from the leading to the trailing edge, and y across it,
-towards the upper (suction) side, both from the centroid of its material; see docs/theory.md.
+towards the upper (suction) side, both from the centroid of its material; see docs/rotor_model.md.
 """
 
 from dataclasses import dataclass, replace

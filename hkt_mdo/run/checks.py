@@ -45,7 +45,7 @@ from hkt_mdo.run.verification import (
     total,
 )
 
-# Limits of the checks, as docs/theory.md explains them
+# Limits of the checks, as docs/checks.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # largest energy stored in the rotor, over the captured energy
@@ -55,7 +55,7 @@ BEHIND_OPEN_LOOP = 0.2  # largest share that the others may lose: more is anothe
 BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its distance from stall
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
-REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # of two filters from all stations (docs/memory.md)
+REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # two filters for all stations (docs/studies/memory.md)
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is checked
 OVER = "share by which the limit is exceeded,"
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit

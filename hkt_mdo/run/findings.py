@@ -283,7 +283,7 @@ class Findings:
     def relaxation(self, rotor_speed: float, flow_speed: float, control_slope: float) -> float:
         """Return the time constant (s) near an equilibrium (rad/s, m/s).
 
-        I dw/dt = Q(w, v) - u(w), linearized: I / (du/dw - dQ/dw), where `control_slope` is du/dw
+        J dw/dt = Q(w, v) - u(w), linearized: J / (du/dw - dQ/dw), where `control_slope` is du/dw
         (N*m*s/rad), zero for a torque that does not follow the speed. Negative where the
         equilibrium is unstable.
         """

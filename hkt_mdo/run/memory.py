@@ -34,7 +34,7 @@ FAR = 0.1
 INSTANTS = 50
 """Instants of all integrations at which the loop is linearized."""
 LEAST_RATIO = 2.0
-"""Tip speed ratio below which the filters do not hold (docs/theory.md)."""
+"""Tip speed ratio below which the filters do not hold (docs/dynamic_inflow.md)."""
 
 
 def stability(

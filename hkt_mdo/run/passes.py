@@ -141,13 +141,13 @@ class Pass:
 
     @cached_property
     def memory(self) -> MemoryEntry | None:
-        """Stability of an optimum's loop in a case with memory of the wake."""
+        """Stability of an optimum's loop in a case with dynamic inflow."""
         remembers = self.physics.remembers and self.converged
         return stability_of(self.physics, self.result) if remembers else None
 
     @property
     def runs_away(self) -> bool:
-        """Whether the loop is unstable with memory of the wake, in a case with memory."""
+        """Whether the loop is unstable with dynamic inflow, in a case with memory."""
         return self.memory is not None and not self.memory.stable
 
     @cached_property
@@ -325,7 +325,7 @@ def next_task(this: Pass) -> Task | None:
     """Return the next optimization by the first of `FOLLOW_UPS` that applies.
 
     After `MAX_PASSES` from one start, only another start is left, of which there is one. A loop
-    that is unstable with memory of the wake is refused unless its hub is designed: no mesh helps,
+    that is unstable with dynamic inflow is refused unless its hub is designed: no mesh helps,
     and its integration runs away.
     """
     for follow in FOLLOW_UPS:

@@ -38,7 +38,7 @@ MOST_LOWERED = 5e-3
 MOST_EXCEEDED = 0.02
 """Relative excess beyond which lowering a limit at the nodes does not help.
 
-With memory of the wake limits may be lowered by as much, since the filters of all stations, by
+With dynamic inflow limits may be lowered by as much, since the filters of all stations, by
 which they are checked, give other loads than the two of the optimization.
 """
 

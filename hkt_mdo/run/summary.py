@@ -60,7 +60,7 @@ TORQUE = "control_torque"
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
     "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "
-    "a finer mesh is not asked for (docs/memory.md)"
+    "a finer mesh is not asked for (docs/studies/memory.md)"
 )
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 

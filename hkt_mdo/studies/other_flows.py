@@ -94,7 +94,7 @@ class Run:
     given : Simulation or None
         The simulation of the design in the flow; None: it is computed when it is first needed.
     without : Run or None
-        The same without memory of the wake, where the design's has memory.
+        The same without dynamic inflow, where the design has it.
     """
 
     design: Design
@@ -184,7 +184,7 @@ class Run:
         lines = [
             f"{word}: {each.outcome}; rotor at {measured(each.simulation.rotor_speed, 'rad/s', 4)}"
             for word, each in (
-                (f"with memory of the wake ({how})", self),
+                (f"with dynamic inflow ({how})", self),
                 ("without memory", self.without),
             )
         ]

@@ -39,7 +39,7 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
-LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant I / |dQ/dw|
+LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant J / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
 PAPER_FLOWS = {
     "design": {},

@@ -1,4 +1,4 @@
-"""Benchmarks check values as well as time; `make bench` runs them and writes docs/performance.md.
+"""Benchmarks check values as well as time; `make bench` writes docs/dev/performance.md.
 
 Every comparison is made within one run, in turns (A B A B), and quoted as a ratio of medians.
 Without `--benchmark-enable` each benchmark runs once and small, as a test that it still works:

@@ -1,4 +1,4 @@
-"""Write docs/performance.md and its figure from what the benchmarks measured.
+"""Write docs/dev/performance.md and its figure from what the benchmarks measured.
 
 python tests/benchmarks/report.py BENCHMARKS.json [DOCS]
 """
@@ -120,7 +120,7 @@ A second a segment. *evaluation*: model and totals; *iteration*: the mean of IPO
 line searches and its own algebra included; *memory*: the process at its peak, imports included.
 The exponent is that of the evaluation over the last step of each table.
 
-![Growth](images/growth.png)
+![Growth](../images/growth.png)
 """
     for what in ("segments", "stations"):
         for limits, word in (("none", ""), ("limits", "With the limits of `limits/all_oloc`:\n\n")):
@@ -200,7 +200,7 @@ def year(found):
 ## A year
 
 The paper's rotor in a Weibull distribution of the flow's speed, blade and controller designed for
-the energy of a year ([year.md](year.md)); processor time of one core, checks included.
+the energy of a year ([year.md](../year.md)); processor time of one core, checks included.
 
 {table(header, lines)}"""
 
@@ -259,9 +259,10 @@ def sweeps(found):
     return f"""
 ## Sweeps
 
-`sine_limited_quadratic` with other torque limits, on warm workers ([sweeps.md](sweeps.md)): a whole
-run, from the start to the tables, takes **{of["over_optimization"]:.1f} times** its optimization
-alone (set-up of the problem and driver; {seconds(of["whole"])} against {seconds(of["alone"])}).
+`sine_limited_quadratic` with other torque limits, on warm workers ([sweeps.md](../sweeps.md)):
+a whole run, from the start to the tables, takes **{of["over_optimization"]:.1f} times** its
+optimization alone (set-up of the problem and driver; {seconds(of["whole"])} against
+{seconds(of["alone"])}).
 Two workers do **{two / one:.2f} times** as much as one ({3600 * two:,.0f} against
 {3600 * one:,.0f} runs an hour), with scheduler and client on the same two cores.
 """
@@ -282,7 +283,7 @@ def memory(found):
 ## A wake with memory
 
 The paper's rotor in the sinusoidal flow, with `inflow_dynamics: oye` and without
-([memory.md](memory.md)); whole runs, checks included, and a simulation of the design of
+([memory.md](../studies/memory.md)); whole runs, checks included, and a simulation of the design of
 `sine_quadratic`.
 
 {table(("", "times longer", "without memory", "with"), rows)}"""
@@ -333,7 +334,7 @@ def bem_alone(found):
     return f"""
 ## BEM alone
 
-One core, the fastest of several calls. [bem.md](bem.md) says what is computed and how.
+One core, the fastest of several calls. [bem.md](../studies/bem.md) says what is computed and how.
 
 {table(header, rows)}"""
 
@@ -349,8 +350,8 @@ def write(found, machine, docs):
         f"on {cpu.get('count', '?')} cores of {cpu.get('brand_raw', 'an unnamed processor')}.\n"
     )
     text = HEAD + "".join(section(found) for section in sections) + end
-    docs.mkdir(parents=True, exist_ok=True)
-    (docs / "performance.md").write_text(text, encoding="utf-8")
+    (docs / "dev").mkdir(parents=True, exist_ok=True)
+    (docs / "dev" / "performance.md").write_text(text, encoding="utf-8")
     figure(found, docs / "images" / "growth.png")
 
 

@@ -9,7 +9,7 @@ def test_page_takes_what_the_benchmarks_found(request, measured, tmp_path):
     if len(measured) < 15 or not asked <= measured.keys():
         pytest.skip("needs the other benchmarks in the same process")
     report.write(measured, {}, tmp_path)
-    page = (tmp_path / "performance.md").read_text(encoding="utf-8")
+    page = (tmp_path / "dev" / "performance.md").read_text(encoding="utf-8")
     for section in (
         "The whole case",
         "One NLP iteration",

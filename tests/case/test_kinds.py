@@ -204,7 +204,7 @@ GOOD_HEAD = "from typing import Literal\nfrom hkt_mdo import FeedbackLaw\n"
         ("\0", "e.py: .*cannot be run: .*null bytes"),
         (
             GOOD_HEAD + "class A(FeedbackLaw):\n    law: Literal['linear'] = 'linear'\n",
-            "e.py: A: has no method demand; write demand as in docs/architecture.md",
+            "e.py: A: has no method demand; write demand as in docs/dev/architecture.md",
         ),
         (
             GOOD_HEAD + "class A(FeedbackLaw):\n    law: str = 'mine'\n",
@@ -247,7 +247,7 @@ def test_what_is_no_python_file_is_reported(name, told, tmp_path):
         (AnyName, "AnyName: has no name; write profile: ClassVar"),
         (Taken, "Taken: has the name linear of another kind"),
         (Given, "Given: has the name given, which no key can have"),
-        (Formless, "Formless: has no method demand; write demand as in docs/architecture.md"),
+        (Formless, "Formless: has no method demand; write demand as in docs/dev/architecture.md"),
         (Unknown, "Unknown: takes the unknown quantity rotor_sped; did you mean rotor_speed"),
         (Two, "Two: takes several quantities and has no method value"),
         (OneText, "OneText: names no inputs"),

@@ -2,7 +2,8 @@
 
 OLAF (`Wake_Mod` 3 of the same driver) is physics of another kind: the comparison says how far the
 filters are a model of a wake. `python -m tests.dynamics.olaf_step` writes what
-`tests/data/openfast` keeps (about ten minutes), `... --kept` prints the table of docs/theory.md.
+`tests/data/openfast` keeps (about ten minutes), `... --kept` prints the table of
+docs/studies/memory.md.
 """
 
 import shutil

@@ -49,7 +49,7 @@ def closed_loop():
 
 
 def test_friction_brakes_the_shaft_and_takes_its_power(closed_loop):
-    """I dw/dt = Q - u - F: the same in the inverse shaft, whose torque is what is left."""
+    """J dw/dt = Q - u - F: the same in the inverse shaft, whose torque is what is left."""
     problem = problem_of(hydrodynamics=spline_hydrodynamics, law=OpenLoop(), generator=RUBS)
     problem.set_val("torque_coefficient_table", TABLE)
     acceleration = closed_loop.get_val("rotor_acceleration")

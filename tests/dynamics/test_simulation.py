@@ -45,7 +45,7 @@ def constant_torque_coefficient(value):
 
 
 def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
-    """With Q and u constant, w = w0 + (Q - u) t / I and the energies are parabolas."""
+    """With Q and u constant, w = w0 + (Q - u) t / J and the energies are parabolas."""
     coefficient, control, inertia, duration = 0.05, 300.0, 40.0, 5.0
     plant = Plant(blade, polar, inertia, DENSITY, constant_torque_coefficient(coefficient))
     torque = 0.5 * DENSITY * 1.5**2 * np.pi * 1.4**3 * coefficient
@@ -58,7 +58,7 @@ def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
 
 
 def test_friction_slows_the_rotor_as_in_closed_form(blade, polar):
-    """I w' = Q - u - F - c w with Q and u constant: w approaches (Q - u - F) / c like e^(-ct/I)."""
+    """J w' = Q - u - F - c w with Q and u constant: w approaches (Q - u - F) / c like e^(-ct/J)."""
     inertia, control, rubs = 40.0, 300.0, Generator(shaft_friction=50.0, shaft_friction_slope=8.0)
     coefficients = constant_torque_coefficient(0.05)
     plant = Plant(blade, polar, inertia, DENSITY, coefficients, rubs)
@@ -118,7 +118,7 @@ def test_stiff_limit_follows_the_slow_solution(blade, polar, rate):
 
 
 def test_a_rotor_in_equilibrium_stays_there(plant):
-    """K2 = 0.5 rho pi R^5 Cp / tsr^3 holds the optimum in steady flow (docs/theory.md)."""
+    """K2 = 0.5 rho pi R^5 Cp / tsr^3 holds the optimum in steady flow (docs/checks.md)."""
     optimum = best_operation(plant.blade, Hydrodynamics(plant.polar))
     gain = 0.5 * DENSITY * np.pi * 1.4**5 * optimum.power_coefficient / optimum.tip_speed_ratio**3
     speed = optimum.tip_speed_ratio * 1.5 / 1.4

@@ -63,7 +63,7 @@ def following(*overrides):
 
 @pytest.mark.parametrize("ratio", [4.0, 7.0, 9.0])
 def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
-    """I s² + (kp - dQ/dw) s + ki = 0, and the sensor's -1/lag (no torque limit)."""
+    """J s² + (kp - dQ/dw) s + ki = 0, and the sensor's -1/lag (no torque limit)."""
     gains, speed, torque, slope = steady(LAW, plant, 1.5, ratio)
     states = [np.array([each]) for each in LAW.at_rest(torque, 1.5)]
     flow, loop = np.array([1.5]), FeedbackTorque(LAW, gains)
@@ -75,7 +75,7 @@ def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
 def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds_the_flows_slope():
     """With x saturated to u: where kp du/dx > dQ/dw, for every ki > 0; beyond it, as far as
 
-    kp du/dx > dQ/dw - I (1 - du/dx) ki / kp  and  kp du/dx > (1 - du/dx) dQ/dw.
+    kp du/dx > dQ/dw - J (1 - du/dx) ki / kp  and  kp du/dx > (1 - du/dx) dQ/dw.
     """
     limit, rng = 700.0, np.random.default_rng(1)
     law, count = LAW.model_copy(update={"torque_limit": limit}), 400

@@ -227,7 +227,7 @@ def test_the_sample_time_follows_the_loop(tracking, tmp_path):
     assert 0.1 * answers < period <= 0.2 * answers
     assert float(f"{period:.1g}") == period
     options = [f"controller.sample_time={2.01 * answers} s"]
-    with pytest.raises(InputError, match=r"makes the loop unstable.*less than 2 I / kp"):
+    with pytest.raises(InputError, match=r"makes the loop unstable.*less than 2 J / kp"):
         export(tracking, ["controller"], tmp_path / "slow", options=options)
 
 

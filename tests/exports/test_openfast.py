@@ -162,7 +162,8 @@ def test_kept_output_of_aerodyn_has_the_loads_of_direct_bem(name):
 )
 def test_the_table_of_the_page_follows_from_the_kept_output(name, title):
     kept, rotor = (columns(DATA / name / "aerodyn" / f"{part}.csv") for part in ("loads", "rotor"))
-    page = (Path(__file__).parents[2] / "docs" / "exports.md").read_text(encoding="utf-8")
+    studies = Path(__file__).parents[2] / "docs" / "studies"
+    page = (studies / "exports_compared.md").read_text(encoding="utf-8")
     rows = page.partition(f"\n| {title}")[2].splitlines()[:4]
     shown = {float(row[0]): row[1:] for row in (each.split(" | ")[1:] for each in rows)}
     assert [*shown] == [3.0, 5.0, 7.0, 10.0]

@@ -1,7 +1,7 @@
 """The control law in ROSCO's files: read back by ROSCO's toolbox, and run by its controller.
 
 `rosco_run.py` drives the rotor's own equation of motion by `libdiscon`, which the package `rosco`
-brings, in a process of its own. What is left of a difference is told in docs/exports.md.
+brings, in a process of its own. docs/studies/exports_compared.md has the differences.
 """
 
 import importlib.util

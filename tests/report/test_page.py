@@ -160,7 +160,7 @@ def test_differences_of_cases_are_in_peoples_units():
 
 
 def test_an_unstable_loop_is_told_at_the_head(texts):
-    told = "sine_linear: with memory of the wake, UNSTABLE from t = 4.90 s"
+    told = "sine_linear: with dynamic inflow, UNSTABLE from t = 4.90 s"
     assert told in texts["both"].partition("<nav>")[0]
     assert "UNSTABLE" not in texts["one"]
 

@@ -164,7 +164,7 @@ def test_beyond_runaway_drag_rules(blade, polar):
 
 @given(rotor=rotors(), ratio=ratios)
 def test_every_section_with_drag_has_a_root(rotor, ratio):
-    """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (proof in docs/bem.md).
+    """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (docs/studies/bem.md).
 
     It is one to the last digits, nothing is NaN, and the power stays below Betz' limit for the
     annuli that the trapezoidal rule sees.
@@ -247,7 +247,7 @@ FOLDED = Blade(np.array([0.89511]), np.array([1.15915]), np.array([1.192278]), 0
 @example(rotor=(FOLDED, POLARS[4]), low=1.0, width=8.0)
 @given(rotor=rotors(), low=st.floats(0.1, 8.0), width=st.floats(0.5, 8.0))
 def test_torque_is_continuous_except_where_a_root_vanishes(rotor, low, width):
-    """Turning points closer than `bem.FINEST` may be missed (docs/bem.md).
+    """Turning points closer than `bem.FINEST` may be missed (docs/studies/bem.md).
 
     Between and around two of them, d apart, the curve is about a cubic: the first root then jumps
     by 1.5 d.

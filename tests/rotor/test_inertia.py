@@ -31,7 +31,7 @@ def test_constant_chord_has_the_closed_form():
 
 
 def test_tapered_blade_has_the_closed_form():
-    """For chord = a + b r between first and last station, m and I are integrals of a polynomial."""
+    """For chord = a + b r between first and last station, m and J are integrals of a polynomial."""
     a, b = 0.3, -0.12
     chord = a + b * R
     mass, inertia = mass_and_inertia(blade(chord), AREA, DENSITY)

@@ -234,7 +234,7 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
                 * np.sin(cone)
                 * np.trapezoid(line * (fine[outside] - r), fine[outside])
             )
-            # strain x a + y b: its moments balance those of the loads, see docs/theory.md
+            # strain x a + y b: its moments balance those of the loads, see docs/rotor_model.md
             weak = flapwise * np.cos(twist) + edgewise * np.sin(twist)
             strong = edgewise * np.cos(twist) - flapwise * np.sin(twist)
             a, b = np.linalg.solve([[kxy, kx], [ky, kxy]], [-weak, strong]) / chord**3

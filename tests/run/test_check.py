@@ -94,7 +94,7 @@ def test_rated_speed_by_hand() -> None:
 
 
 def test_time_constant_at_the_best_tip_speed_ratio() -> None:
-    """There Cp' = 0, so dQ/dw = -Q/w: I w/Q for a torque held, and I w/(3 Q) for u = K w²."""
+    """There Cp' = 0, so dQ/dw = -Q/w: J w/Q for a torque held, and J w/(3 Q) for u = K w²."""
     found = check().findings
     speed = found.best.tip_speed_ratio * found.mean / found.physics.blade.rotor_radius
     torque = found.torque(speed, found.mean)

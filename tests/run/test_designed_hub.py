@@ -59,7 +59,7 @@ def test_the_price_is_taken_in_the_unit_of_the_key_and_lowers_the_objective():
 
 @pytest.mark.slow
 def test_the_hub_ends_at_the_bound_that_theory_gives_for_its_price(tmp_path):
-    """Q(w, v) - K w² = I w': a small inertia delays w by I w' / (2 K w - dQ/dw).
+    """Q(w, v) - K w² = J w': a small inertia delays w by J w' / (2 K w - dQ/dw).
 
     Where the rotor turns too fast, in a flow that rises, this captures more. The energy of an
     inertia is then the integral of -d(Q w)/dw w' / (2 K w - dQ/dw), and so the price at which it

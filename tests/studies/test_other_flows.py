@@ -238,7 +238,7 @@ def test_memory_of_the_wake_lets_the_papers_rotor_run_away(quadratic, tmp_path, 
     assert main([*command, "--strict", "--out", str(tmp_path)]) == 3
     told = capsys.readouterr()
     words = " ".join(told.out.split())
-    assert "with memory of the wake (tau1 by the induction): 314.7" in words
+    assert "with dynamic inflow (tau1 by the induction): 314.7" in words
     assert "without memory: 310.552 kJ captured" in words
     assert re.search(r"the rotor RUNS AWAY, first at t = \d\.\d\d s: it comes to 1[67]", words)
     assert told.err == "error: not kept: rotor runs away\n"

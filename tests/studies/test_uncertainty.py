@@ -52,7 +52,7 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
 
 @pytest.mark.slow
 def test_a_law_with_states_is_sampled_too(tracking):
-    """A fast quiet sensor is none. A held torque makes the loop unstable where kp T / I > 2."""
+    """A fast quiet sensor is none. A held torque makes the loop unstable where kp T / J > 2."""
     flow, exact = paper_flow(tracking, "B"), tracking.simulate(paper_flow(tracking, "B"))
     for rate, error in ((1000.0, 1e-5), (100.0, 1e-3)):
         sampled = fly_noisy(tracking, flow, Sensor(np.inf, rate=rate, cutoff=None), 1, 0)

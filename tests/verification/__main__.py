@@ -1,6 +1,6 @@
 """The verification study or parts of it, and its page: `make verify PART=limits COUNT=20`.
 
-The page is docs/verification.md, and report.html in the study's folder.
+The page is docs/studies/verification.md, and report.html in the study's folder.
 """
 
 import argparse
@@ -25,7 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, help="parallel processes; by default one a core")
     parser.add_argument("--out", type=Path, default=ROOT / "results" / "verification")
-    parser.add_argument("--page", type=Path, default=ROOT / "docs" / "verification.md")
+    parser.add_argument("--page", type=Path, default=ROOT / "docs" / "studies" / "verification.md")
     given = parser.parse_args(arguments)
     began, number = time.perf_counter(), count(1)
 

@@ -300,12 +300,12 @@ def _against_physics(study):
     The changed design is simulated with direct BEM; for open loop its control is optimized again.
     Goals: no rise of the energy above 1e-5; energy balance 1e-6; segments × 2 and × 4 within 0.02
     %; finer integration 1e-6; Radau within 0.02 %, under feedback with 1200 segments
-    (docs/theory.md has the reason).
+    (docs/dev/numerics.md has the reason).
     """
     plan = {}
     for name in CODESIGN:
         # Dymos' Radau does not collocate a segment's right end: under feedback it needs segments of
-        # no more than about two time constants (docs/theory.md)
+        # no more than about two time constants (docs/dev/numerics.md)
         short = [] if name.endswith("oloc") else ["phase.segments=1200"]
         for variant, *overrides in (
             ("shipped",),

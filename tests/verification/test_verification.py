@@ -201,7 +201,7 @@ def test_the_report_takes_what_there_is(tmp_path):
 
 
 def test_the_page_is_as_the_study_writes_it(tmp_path):
-    page = (CASES.parent / "docs" / "verification.md").read_text(encoding="utf-8")
+    page = (CASES.parent / "docs" / "studies" / "verification.md").read_text(encoding="utf-8")
     assert study.report(tmp_path, page) == page
 
 
