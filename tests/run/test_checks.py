@@ -191,7 +191,7 @@ def near_stall(solved):
 
     class Stalls:
         generator = solved.physics.case.generator
-        inertia = solved.result.inertia
+        blade, inertia = solved.result.point.blade, solved.result.inertia
         wake = None
 
         def torque(self, slowed, flow):
