@@ -202,7 +202,7 @@ def _of_design(physics, optimum, reference, result, verifications):
     if physics.law.states:
         yield _closed_loop(verifications)
     if physics.remembers:
-        yield from _of_tables(physics, result)
+        yield from _of_tables(band_of(physics, result.setup), result)
         found = stability_of(physics, result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
@@ -235,7 +235,7 @@ def _of_design(physics, optimum, reference, result, verifications):
     yield from _resolved(physics, result, verifications)
 
 
-def _of_tables(physics, result):
+def _of_tables(band, result):
     """Yield how far a wake with memory leaves its tables, and whether these determine it.
 
     The tip speed ratio of the wake follows from its mean induction, which has to rise with it
@@ -254,7 +254,7 @@ def _of_tables(physics, result):
     table = result.problem.get_val("wake_induction_table")
     ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
     _, slopes = TorqueSpline(nodes).values(table, ratios)
-    slopes *= band_of(physics, result.setup).direction
+    slopes *= band.direction
     worst = int(np.argmin(slopes))
     word = f"slope of the mean induction against its direction, at ratio {ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word

@@ -60,8 +60,8 @@ def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refuse
         setup = SimpleNamespace(nodes=nodes)
         trajectories = [known | changes]
         result = SimpleNamespace(setup=setup, trajectories=trajectories, problem=problem)
-        physics = SimpleNamespace(band=lambda setup: SimpleNamespace(direction=direction))
-        return {name: value for name, value, *_ in _of_tables(physics, result)}
+        band = SimpleNamespace(direction=direction)
+        return {name: value for name, value, *_ in _of_tables(band, result)}
 
     rising = 0.03 * nodes
     kept = {"wake_in_tables": 0.0, "wake_induction_turns": 0.0}
