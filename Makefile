@@ -15,8 +15,8 @@ test: $(STAMP)-test
 
 # slow tests: installed package, commands of the documentation, benchmarks in small; then lint
 check: $(STAMP)-test lint
-	$(BIN)/python -m pytest -n 2 -m slow --ignore tests/benchmarks
-	$(BIN)/python -m pytest tests/benchmarks
+	$(BIN)/python -m pytest -n 2 -m slow
+	$(BIN)/python -m pytest studies/benchmarks
 
 # the documentation site in build/docs; a warning is an error, and the notebooks are run (a minute)
 docs: $(STAMP)-docs
@@ -28,7 +28,7 @@ fuzz: $(STAMP)-test
 
 # branch coverage of every module by all tests, slow ones too, and by the processes that they start
 # (half an hour on two cores): make coverage COVERED='tests/rotor'
-COVERED ?= --ignore tests/benchmarks
+COVERED ?=
 coverage: $(STAMP)-dev
 	$(BIN)/python -m pytest -n 2 $(COVERED) --cov=hkt_mdo --cov-report=term:skip-covered
 
@@ -45,17 +45,17 @@ cases: $(STAMP)-run
 # the verification study or a PART of it, in hours; goes on where it was interrupted, and writes
 # docs/studies/verification.md and results/verification/report.html: make verify PART=limits COUNT=20 SEED=0
 verify: $(STAMP)-test
-	$(BIN)/python -m tests.verification $(PART) $(COUNT:%=--count %) $(SEED:%=--seed %)
-	$(BIN)/python scripts/page_data.py verification
+	$(BIN)/python -m studies.verification $(PART) $(COUNT:%=--count %) $(SEED:%=--seed %)
+	$(BIN)/python studies/page_data.py verification
 
 # speed and growth, against CCBlade, CasADi and SciPy; writes docs/dev/performance.md (about ten minutes)
 bench: export OPENBLAS_NUM_THREADS = 1
 bench: $(STAMP)-test
 	mkdir -p results
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-enable \
+	$(BIN)/python -m pytest studies/benchmarks --benchmark-enable \
 	    --benchmark-columns=median,iqr,rounds --benchmark-json=results/benchmarks.json; \
-	status=$$?; $(BIN)/python tests/benchmarks/report.py results/benchmarks.json; \
-	$(BIN)/python scripts/page_data.py performance; exit $$status
+	status=$$?; $(BIN)/python studies/benchmarks/report.py results/benchmarks.json; \
+	$(BIN)/python studies/page_data.py performance; exit $$status
 
 # the versions that everything above installs, in requirements: again as new as pyproject.toml allows
 LOCK = .venv-lock/bin/uv pip compile --quiet --no-config --upgrade --universal --python-version 3.11 \

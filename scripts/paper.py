@@ -18,6 +18,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
+
 from paper_report import FLOWS, SENSORS, ensemble_key, write_report
 from study_common import CODESIGN, LAWS, case_file, with_blade
 

@@ -26,7 +26,7 @@ import numpy as np
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.verification.turbines import LAWS, draw, write
+from studies.verification.turbines import LAWS, draw, write
 
 COLUMNS = "case", "verified", "objective", "unit", "iterations", "passes", "wall_s", "cpu_s"
 LOWER, LOWER_RANDOM = 1e-5, 1e-4  # relative losses of the objective that are allowed

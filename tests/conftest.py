@@ -1,5 +1,6 @@
 """What several test modules share."""
 
+import json
 import os
 import signal
 from functools import cache
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from hkt_mdo.case import load_case, read_case
+from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import write_csv, write_json
 
@@ -157,6 +159,28 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
     }
     write_json(folder / "summary.json", summary)
     return folder
+
+
+def edit_summary(folder: Path, **changes: object) -> None:
+    """Change entries of the summary of a result folder."""
+    path = folder / "summary.json"
+    write_json(path, json.loads(path.read_text(encoding="utf-8")) | changes)
+
+
+def refused(read, path: Path, **options: object) -> str:
+    """Return what is said of a file that is refused, without its path: one printable line."""
+    with pytest.raises(InputError) as caught:
+        read(path, **options)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert message.isprintable()
+    return message.removeprefix(f"{path}: ")
+
+
+@pytest.fixture
+def own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command changes the environment of its process; let that end with the test."""
+    monkeypatch.setattr(os, "environ", os.environ.copy())
 
 
 @pytest.fixture

@@ -28,16 +28,16 @@ NOT_RUN = {
     r"make (run|test|check|docs|fuzz|lint|newest)": "continuous integration calls test and "
     "check; the others are the commands below, or tests that run longer",
     r"python3 -m venv|\.venv/bin/": "what `make` does; tests/test_wheel.py installs and runs",
-    r"python scripts/not_modelled.py": "needs results of the study of limits, which takes an hour",
+    r"python studies/not_modelled.py": "needs results of the study of limits, which takes an hour",
     r"hkt polar": "needs the extra neuralfoil, of tens of MB; tests/cli/test_hkt_polar.py has "
     "the command with an invented network",
     r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; tests/test_examples.py has the "
-    "case, and scripts/example_cases.py runs it",
+    "case, and studies/example_cases.py runs it",
     r"hkt \w+ (cases/examples|results)/river_year": "a minute; the tests of years run shorter ones",
     r"hkt resource (usgs_discharge.csv|s08010.json)": "tests/dynamics/test_long_record.py runs it "
     "on such files",
     r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
-    r"python scripts/example_cases.py": "minutes; it writes the tables of docs/studies/examples.md",
+    r"python studies/example_cases.py": "minutes; it writes the tables of docs/studies/examples.md",
     r"hkt (sweep|plot results/torque)": "tests/run/test_sweep.py and "
     "tests/report/test_sweep_page.py run both",
     r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
@@ -99,7 +99,7 @@ def test_commands_exist_with_their_options(page):
             assert set(re.findall(r"(?<= )--[a-z0-9-]+", line)) <= known, line
         elif words[0] == "make" and len(words) > 1:
             assert words[1] in targets, line
-        elif words[0] == "python" and words[1:] and words[1].startswith("scripts/"):
+        elif words[0] == "python" and words[1:] and words[1].startswith(("scripts/", "studies/")):
             assert (ROOT / words[1]).is_file(), line
 
 

@@ -14,7 +14,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
-from tests.verification.study import LIMITED
+from studies.verification.study import LIMITED
 
 ROOT = Path(__file__).parent.parent
 EXAMPLES = ROOT / "cases" / "examples"
@@ -141,7 +141,6 @@ def test_the_first_turbine_could_be_built(solve):
     [
         ("rm1_set_angle", ()),
         ("river_gust", ()),
-        ("river_gust", ("design={blade: fixed}",)),
         ("river_gust", ("design={blade: fixed}", "control.law=quadratic")),
     ],
 )

@@ -1,4 +1,4 @@
-"""Pages of results agree with their data, docs/data; `scripts/page_data.py` says what these are."""
+"""Pages of results agree with their data, docs/data; `studies/page_data.py` says what these are."""
 
 import importlib
 import math
@@ -32,14 +32,14 @@ def test_page_has_the_numbers_of_its_data(page):
     assert re.fullmatch(r"[\d.]+, source [0-9a-f]{12}", data["computed_by"]["hkt_mdo"])
     assert data["commands"]
     for command in data["commands"]:
-        for path in re.findall(r"scripts/\w+\.py", command):
+        for path in re.findall(r"(?:scripts|studies)/\w+\.py", command):
             assert (ROOT / path).is_file(), command
-    remedy = f"after the command that computes them: python scripts/page_data.py {page}"
+    remedy = f"after the command that computes them: python studies/page_data.py {page}"
     assert page in page_data.RENDERED or "numbers" in data
     assert page_data.numbers_of(text) == data.get("numbers", page_data.numbers_of(text)), remedy
     if page in page_data.RENDERED:
         from_data = importlib.import_module(page_data.RENDERED[page]).from_data
-        assert text == from_data(data), f"python scripts/page_data.py --write {page}"
+        assert text == from_data(data), f"python studies/page_data.py --write {page}"
 
 
 def test_sizes_of_what_is_not_modelled_are_computed_again():

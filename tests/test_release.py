@@ -50,7 +50,7 @@ def test_links_of_the_front_pages_lead_somewhere(name):
     text = (ROOT / name).read_text(encoding="utf-8")
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
         assert target.startswith("https:") or (ROOT / target).exists(), target
-    for path in re.findall(r"`((?:hkt_mdo|tests|docs|scripts)/[\w/.]+\w)`", text):
+    for path in re.findall(r"`((?:hkt_mdo|tests|docs|scripts|studies)/[\w/.]+\w)`", text):
         assert (ROOT / path).exists(), path
 
 

@@ -43,14 +43,6 @@ def test_rows_of_tables_are_whole(page):
         assert len(cells) == 1, rows[0]
 
 
-@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.stem)
-def test_equations_are_latex(page):
-    """A block that is indented would be shown as code, and cut where it is wide."""
-    text = re.sub(r"(?ms)^```.*?^```", "", page.read_text(encoding="utf-8"))
-    assert not re.search(r"(?m)^ {4,}.*=", text)
-    assert not re.search(r"(?m)^\$\$", re.sub(r"(?ms)^\$\$\n.*?^\$\$$", "", text))
-
-
 @pytest.mark.slow
 def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
     """A cell that fails ends the build; so does a warning, such as of a link that leads nowhere."""

@@ -29,7 +29,7 @@ def built(tmp_path_factory):
     """Return the folder with the source distribution, and the wheel that is built from it."""
     place = tmp_path_factory.mktemp("built")
     source = place / "source"
-    folders = "hkt_mdo", "cases", "docs", "requirements", "scripts", "tests"
+    folders = "hkt_mdo", "cases", "docs", "requirements", "scripts", "studies", "tests"
     for name in folders:  # a copy: building leaves files
         ignored = shutil.ignore_patterns("__pycache__", "images")
         shutil.copytree(ROOT / name, source / name, ignore=ignored)

@@ -24,12 +24,7 @@ SECTIONS = [
     ("version: 3", "version", "3", "install a newer hkt_mdo"),
     ("rotor: {stations: [0.2, 0.5, 0.4]}", "rotor.stations[2]", "0.4", "sort the stations"),
     ("rotor: {stations: [0.2, 0.5]}", "rotor.stations", "[0.2, 0.5]", "at least 3 values"),
-    (
-        "rotor: {stations: [0.125, 0.5, 0.9]}",
-        "rotor.stations[0]",
-        "0.125",
-        "hub_radius_fraction",
-    ),
+    ("rotor: {stations: [0.125, 0.5, 0.9]}", "rotor.stations[0]", "0.125", "hub_radius_fraction"),
     (
         "rotor: {stations: [0.3, 0.6, 0.9], station_count: 12}",
         "rotor.station_count",
@@ -37,12 +32,7 @@ SECTIONS = [
         "one of the two",
     ),
     ("rotor: {chord: [0.1]}", "rotor.chord", "[0.1]", "rotor.twist"),
-    (
-        "rotor: {chord: [0.1, 0.2], twist: [3, 4]}",
-        "rotor.chord",
-        "[0.1, 0.2]",
-        "has 2 values for 9 stations",
-    ),
+    ("rotor: {chord: [0.1, 0.2], twist: [3, 4]}", "rotor.chord", "[0.1, 0.2]", "has 2 values for"),
     (
         "rotor: {stations: [0.2, 0.5, 0.9], chord: [0.1, 2, 0.1], twist: [3, 2, 1]}\n"
         "design: {chord_bounds: [0.01, 1]}",
@@ -71,12 +61,7 @@ SECTIONS = [
 ]
 CONTROLS = [
     ("{law: quadratc}", "control.law", "quadratc", "did you mean quadratic?"),
-    (
-        "mixed",
-        "control.law",
-        "mixed",
-        "quadratic, power_law, rated, curve, tracking; one of your own needs --ext",
-    ),
+    ("mixed", "control.law", "mixed", "quadratic, power_law, rated, curve, tracking; one of your"),
     ("{law: open_loop, gain: 3}", "control.gain", "3", "known here: law, torque_limit, cut_out"),
     (
         "open_loop\ndesign: {gain_bounds: [1, 2]}",
@@ -97,12 +82,7 @@ CONTROLS = [
         "bounds one gain, and the law power_law has 2; leave",
     ),
     ("rated", "control.power", "null", "give it or limits.power, or control.law: quadratic"),
-    (
-        "{law: rated, gain: 3}\nlimits: {power: 5e3}",
-        "control.gain",
-        "3",
-        "control.power; give both",
-    ),
+    ("{law: rated, gain: 3}\nlimits: {power: 5e3}", "control.gain", "3", "control.power; give"),
     ("{law: power_law, gain: 30}", "control.gain", "30", "control.exponent; give both"),
     ("{law: curve, knots: 1}", "control.knots", "1", "at least 2"),
     ("{law: curve, knots: 2, knot_speeds: [3, 4]}", "control.knot_torques", "null", "or neither"),
@@ -110,13 +90,13 @@ CONTROLS = [
         "{law: curve, knots: 3, knot_speeds: [3, 4], knot_torques: [5, 6, 7]}",
         "control.knot_speeds",
         "[3.0, 4.0]",
-        "has 2 numbers for 3 knots; give one for each",
+        "has 2 numbers for 3 knots;",
     ),
     (
         "{law: curve, knots: 2, knot_speeds: [4, 3], knot_torques: [5, 6]}",
         "control.knot_speeds",
         "[4.0, 3.0]",
-        "do not rise; give them from the slowest",
+        "do not rise; give them",
     ),
     (
         "tracking\ndesign: {gain_bounds: [1, 2]}",
@@ -124,12 +104,7 @@ CONTROLS = [
         "[1.0, 2.0]",
         "leave design.gain_bounds out",
     ),
-    (
-        "{law: tracking, schedule: [7, 8]}",
-        "control.schedule",
-        "[7.0, 8.0]",
-        "give one per knot",
-    ),
+    ("{law: tracking, schedule: [7, 8]}", "control.schedule", "[7.0, 8.0]", "give one per knot"),
     (
         "{law: tracking, integral_gain: 9, integral_bounds: [1, 2]}",
         "control.integral_gain",
@@ -169,7 +144,7 @@ FLOWS = [
         "{profile: sum, parts: [{profile: sine}, {profile: turbulence, mean: -1}]}",
         "inflow.parts[1].mean",
         "-1",
-        "must be greater than 0 m/s; give the mean inflow speed V as a number in m/s",
+        "must be greater than 0 m/s; give the mean inflow speed V as",
     ),
     (
         "{profile: sum, parts: [{profile: sine}, {profile: turbulence, men: 1}]}",
@@ -181,7 +156,7 @@ FLOWS = [
         "{profile: sum, parts: [{profile: sine}, {profile: sum, parts: []}]}",
         "inflow.parts[1].profile",
         "sum",
-        "give one of constant, step, sine, tide, gust, record, turbulence",
+        "give one of constant, step, sine, tide, gust,",
     ),
     (
         "{profile: sum, parts: [{profile: sine}, {mean: 1}]}",
@@ -202,12 +177,7 @@ DOCUMENTS = [
     ("inflow: {profile: sine", "line 1", "", "YAML"),
     (MINIMAL + 'rotor: {blade: "\\ud800"}', "rotor.blade", "", "incomplete Unicode"),
     (MINIMAL + 'rotor: {blade: "\\0"}', "rotor.blade", "\\x00", "shipped"),
-    (
-        MINIMAL + "rotor:\n  radius: 1\n  radius: 2",
-        "rotor.radius",
-        "2",
-        "given twice (again in line 5); keep one",
-    ),
+    (MINIMAL + "rotor:\n  radius: 1\n  radius: 2", "rotor.radius", "2", "given twice (again in"),
     ("a: &a [x, x]\nb: &b [*a, *a]\n" + MINIMAL, "line 1", "", "write the value out"),
     ("a: !!python/object/apply:os.system [ls]", "line 1", "", "tags (!) are refused"),
     ("a: " + 5000 * "[" + 5000 * "]", "line 1", "", "20 levels"),

@@ -1,4 +1,4 @@
-"""The commands that work on finished results: simulate and compare."""
+"""The command that simulates a finished result."""
 
 import re
 
@@ -23,25 +23,17 @@ def test_simulate_reports_mean_spread_and_worst(folders, capsys):
     printed = " ".join(capsys.readouterr().out.split())
     assert "rotor stopped in 0 of 3 runs" in printed
     assert "low-pass of 0.5 Hz" in printed
-    mean, spread, worst = (
-        float(x)
-        for x in re.search(
-            r"mean ([\d.]+) kJ, standard deviation ([\d.]+) kJ, worst ([\d.]+)", printed
-        ).groups()
-    )
+    told = r"mean ([\d.]+) kJ, standard deviation ([\d.]+) kJ, worst ([\d.]+)"
+    mean, spread, worst = map(float, re.search(told, printed).groups())
     assert worst <= mean
     assert 0.0 < spread < 0.01 * mean
 
 
-def test_simulate_says_when_the_rotor_stops(folders, capsys):
+def test_simulate_takes_any_flow_and_says_when_the_rotor_stops(folders, capsys):
     assert main(["simulate", folders["oloc"], "--flow", "C"]) == 0
     assert "rotor stops at t = " in capsys.readouterr().out
-
-
-def test_simulate_takes_any_flow(folders, capsys):
-    assert (
-        main(["simulate", folders["quadratic"], "--flow", "{profile: constant, speed: 1.3}"]) == 0
-    )
+    steady = "{profile: constant, speed: 1.3}"
+    assert main(["simulate", folders["quadratic"], "--flow", steady]) == 0
     assert "J captured" in capsys.readouterr().out
 
 
@@ -58,6 +50,9 @@ def test_a_filter_that_stops_the_rotor_is_reported(folders, capsys):
     assert "rotor stopped in 0 of 2 runs" in printed
 
 
+TURNS = "{profile: tide, mean: 0.5, constituents: [{period: 40, amplitude: 1}]}"
+
+
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -66,10 +61,7 @@ def test_a_filter_that_stops_the_rotor_is_reported(folders, capsys):
         (["--flow", "{profile: [}"], "cannot be read as YAML"),
         (["--noise-snr", "20", "--noise-reference", "mean"], "--noise-reference"),
         (["--flow", "{profile: record, file: RECORD}"], "60 s is longer than the record"),
-        (
-            ["--flow", "{profile: tide, mean: 0.5, constituents: [{period: 40, amplitude: 1}]}"],
-            "reverses",
-        ),
+        (["--flow", TURNS], "reverses"),
         (["--noise-snr", "nan"], "--noise-snr"),
         (["--noise-snr", "20", "--filter-cutoff", "41"], "--filter-cutoff"),
         (["--noise-snr", "20", "--sample-rate", "0"], "--sample-rate"),
@@ -83,15 +75,3 @@ def test_simulate_refuses_bad_input(folders, capsys, tmp_path, arguments, word):
     arguments = [text.replace("RECORD", str(record)) for text in arguments]
     assert main(["simulate", folders["quadratic"], *arguments]) == 2
     assert word in capsys.readouterr().err
-
-
-def test_compare_prints_a_table_and_draws(folders, capsys, tmp_path):
-    assert main(["compare", *folders.values(), "--out", str(tmp_path / "figures")]) == 0
-    printed = capsys.readouterr().out
-    assert "objective, relative to the best" in printed
-    assert (tmp_path / "figures" / "operation.png").stat().st_size > 1000
-
-
-def test_compare_needs_results(tmp_path, capsys):
-    assert main(["compare", str(tmp_path)]) == 2
-    assert "no result folder" in capsys.readouterr().err

@@ -1,6 +1,5 @@
 """`hkt polar`: an outline's polars by NeuralFoil, usable as they are written, or nothing at all."""
 
-import os
 import sys
 from dataclasses import replace
 
@@ -21,8 +20,7 @@ COLUMNS = "alpha_deg", "cl", "cd", "cm", *SURFACES, "confidence", "reynolds"
 
 
 @pytest.fixture(autouse=True)
-def _own_environment(monkeypatch, tmp_path):
-    monkeypatch.setattr(os, "environ", os.environ.copy())
+def _own_folder(own_environment, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
@@ -74,20 +72,13 @@ def test_symmetric_section_has_symmetric_polars(neuralfoil):
 
 
 def test_table_is_a_polar_and_the_figure_is_there(neuralfoil, tmp_path, capsys):
-    code = polar("naca63815", "--reynolds", "1e6,2e5", "--out", "mine", "--alpha", "-10:15:1",
-                 "--beside", "naca63815", "--beside", "mine.csv")  # fmt: skip
-    assert code == 2  # mine.csv is nowhere
-    assert not (tmp_path / "mine").exists()
-    capsys.readouterr()
-    assert polar("naca63815", "--reynolds", "1e6,2e5", "--out", "mine", "--alpha", "-10:15:1",
-                 "--beside", "naca63815") == 0  # fmt: skip
+    arguments = "naca63815 --reynolds 1e6,2e5 --out mine --alpha -10:15:1 --beside naca63815"
+    assert polar(*arguments.split()) == 0
     told = capsys.readouterr().out
     assert "Re 2e5: confidence" in told
     assert "below 0.8 at -10 degrees" in told
-    assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == [
-        "naca63815_polars.csv",
-        "naca63815_polars.png",
-    ]
+    names = sorted(path.name for path in (tmp_path / "mine").iterdir())
+    assert names == ["naca63815_polars.csv", "naca63815_polars.png"]
     assert (tmp_path / "mine/naca63815_polars.png").read_bytes().startswith(b"\x89PNG")
     family = PolarFamily.from_file(tmp_path / "mine/naca63815_polars.csv")
     assert family.reynolds.tolist() == [2e5, 1e6]
@@ -133,28 +124,26 @@ def test_without_neuralfoil_the_message_says_how_to_get_it(monkeypatch, tmp_path
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("nowhere.dat", "--reynolds", "2e5"), "nowhere.dat"),
-        (("naca63815", "--reynolds", "2e5,zwei"), "--reynolds"),
-        (("naca63815", "--reynolds", "2e5,2e5"), "different"),
-        (("naca63815", "--reynolds", "0.2"), "reynolds = 0.2"),
-        (("naca63815", "--reynolds", "2e5", "--n-crit", "90"), "n_crit"),
-        (("naca63815", "--reynolds", "2e5", "--model", "huge"), "xxsmall"),
-        (("naca63815", "--reynolds", "2e5", "--alpha", "0:10"), "--alpha"),
-        (("naca63815", "--reynolds", "2e5", "--alpha", "-16:24:1e-9"), "--alpha"),
-        (("naca63815", "--reynolds", "2e5", "--beside", "naca63815_Re9e9"), "naca63815_Re9e9"),
+        ("nowhere.dat --reynolds 2e5", "nowhere.dat"),
+        ("naca63815 --reynolds 2e5,zwei", "--reynolds"),
+        ("naca63815 --reynolds 2e5,2e5", "different"),
+        ("naca63815 --reynolds 0.2", "reynolds = 0.2"),
+        ("naca63815 --reynolds 2e5 --n-crit 90", "n_crit"),
+        ("naca63815 --reynolds 2e5 --model huge", "xxsmall"),
+        ("naca63815 --reynolds 2e5 --alpha 0:10", "--alpha"),
+        ("naca63815 --reynolds 2e5 --alpha -16:24:1e-9", "--alpha"),
+        ("naca63815 --reynolds 2e5 --alpha 0:10:0.5", "must reach from -5 or less to 12"),
+        ("naca63815 --reynolds 2e5 --beside naca63815_Re9e9", "naca63815_Re9e9"),
+        ("naca63815 --reynolds 2e5 --beside mine.csv", "mine.csv"),
     ],
 )
 def test_bad_arguments_are_one_line(arguments, told, tmp_path, capsys):
-    assert polar(*arguments) == 2
+    if "0:10:0.5" in arguments:  # found after the polar is computed
+        pytest.importorskip("neuralfoil")
+    assert polar(*arguments.split()) == 2
     error = capsys.readouterr().err
     assert told in error
     assert error.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_range_too_small_for_a_polar_is_refused(neuralfoil, tmp_path, capsys):
-    assert polar("naca63815", "--reynolds", "2e5", "--alpha", "0:10:0.5") == 2
-    assert "must reach from -5 or less to 12" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
 

@@ -18,31 +18,21 @@ from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
 from tests.exports.made import made
 
-GAINS = {
-    "linear": "{law: linear, torque_limit: 700}",
-    "quadratic": "{law: quadratic, torque_limit: 700, smoothing: 0.02}",
-    "unlimited": "{law: quadratic}",
-    "power_law": "{law: power_law, torque_limit: 700}",
-    "exponent": "{law: power_law, exponent: 2.5}",
-    "rated": "{law: rated, torque_limit: 700}",
-    "rated_power": "{law: rated, power: 5 kW, smoothing: 0.01, cut_out: 2.5}",
-    "curve": "{law: curve, knots: 6, torque_limit: 700}",
-    "two_knots": "{law: curve, knots: 2}",
+LAWS = {
+    "linear": ("{law: linear, torque_limit: 700}", [95.0]),
+    "quadratic": ("{law: quadratic, torque_limit: 700, smoothing: 0.02}", [11.0]),
+    "unlimited": ("{law: quadratic}", [11.0]),
+    "power_law": ("{law: power_law, torque_limit: 700}", [7.5, 2.3]),
+    "exponent": ("{law: power_law, exponent: 2.5}", [4.5]),
+    "rated": ("{law: rated, torque_limit: 700}", [11.0, 5000.0]),
+    "rated_power": ("{law: rated, power: 5 kW, smoothing: 0.01, cut_out: 2.5}", [11.0]),
+    "curve": (
+        "{law: curve, knots: 6, torque_limit: 700}",
+        [4.0, 5.5, 6.5, 7.5, 8.5, 11.0, 180.0, 320.0, 520.0, 600.0, 590.0, 480.0],
+    ),
+    "two_knots": ("{law: curve, knots: 2}", [4.0, 9.0, 200.0, 650.0]),
 }
-"""Section `control` of each static law, by a name."""
-
-VALUES = {
-    "linear": [95.0],
-    "quadratic": [11.0],
-    "unlimited": [11.0],
-    "power_law": [7.5, 2.3],
-    "exponent": [4.5],
-    "rated": [11.0, 5000.0],
-    "rated_power": [11.0],
-    "curve": [4.0, 5.5, 6.5, 7.5, 8.5, 11.0, 180.0, 320.0, 520.0, 600.0, 590.0, 480.0],
-    "two_knots": [4.0, 9.0, 200.0, 650.0],
-}
-"""Gains of each."""
+"""Section `control` of each static law and its gains, by a name."""
 
 SPEEDS = np.concatenate(([-1.0, 0.0, 1e-4, 1e-3], np.linspace(0.01, 40.0, 401)))
 
@@ -78,23 +68,16 @@ class State(ctypes.Structure):
     _fields_ = (("integral", ctypes.c_double), ("flow", ctypes.c_double))
 
 
-@pytest.mark.parametrize("name", GAINS)
-def test_python_is_the_static_law(name, tmp_path):
-    solution = result(tmp_path / "result", GAINS[name], VALUES[name])
+@pytest.mark.parametrize("name", LAWS)
+@pytest.mark.parametrize("language", ["Python", pytest.param("C", marks=pytest.mark.slow)])
+def test_code_is_the_static_law(name, language, tmp_path):
+    solution = result(tmp_path / "result", *LAWS[name])
     export(solution, ["controller"], tmp_path)
-    design = solution.design()
-    wanted = design.law.torque(SPEEDS, design.gains)
-    found = [module_of(tmp_path).torque(speed) for speed in SPEEDS.tolist()]
-    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(wanted)))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", GAINS)
-def test_c_is_the_static_law(name, tmp_path):
-    solution = result(tmp_path / "result", GAINS[name], VALUES[name])
-    export(solution, ["controller"], tmp_path)
-    torque = library_of(tmp_path).hkt_torque
-    torque.argtypes, torque.restype = [ctypes.c_double], ctypes.c_double
+    if language == "C":
+        torque = library_of(tmp_path).hkt_torque
+        torque.argtypes, torque.restype = [ctypes.c_double], ctypes.c_double
+    else:
+        torque = module_of(tmp_path).torque
     design = solution.design()
     wanted = design.law.torque(SPEEDS, design.gains)
     found = [torque(speed) for speed in SPEEDS.tolist()]
@@ -261,7 +244,7 @@ def test_an_estimated_flow_in_c_is_that_of_python(tmp_path):
 
 @pytest.mark.parametrize("name", ["rated_power", "curve"])
 def test_each_file_names_its_source(name, tmp_path):
-    solution = result(tmp_path / "result", GAINS[name], VALUES[name])
+    solution = result(tmp_path / "result", *LAWS[name])
     for path in export(solution, ["controller"], tmp_path):
         mark, text = ("#" if path.suffix == ".py" else "//"), path.read_text()
         for line in Source(solution).provenance:
@@ -269,13 +252,6 @@ def test_each_file_names_its_source(name, tmp_path):
         assert "rad/s" in text
         assert "this code does not check: power 6000 W\n" in text
         assert ("cut-out, not part of this code: a flow of 2.5 m/s" in text) == (name != "curve")
-
-
-def test_open_loop_is_refused_with_the_reason(tmp_path):
-    solution = result(tmp_path / "result", "open_loop", None)
-    with pytest.raises(InputError, match=r"open_loop is a torque over time .*export csv"):
-        export(solution, ["controller"], tmp_path / "out")
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):
@@ -287,7 +263,7 @@ def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):
 
 def test_a_comment_never_continues_in_the_code(tmp_path):
     message = "ends in a backslash \\ or ??/"
-    solution = result(tmp_path / "result", GAINS["linear"], [95.0], success=False, message=message)
+    solution = result(tmp_path / "result", *LAWS["linear"], success=False, message=message)
     export(solution, ["controller"], tmp_path, force=True)
     for name in ("controller.c", "controller.h"):
         text = (tmp_path / name).read_text()

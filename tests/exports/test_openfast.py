@@ -6,7 +6,6 @@ source), so that its loads are those of an angle that is wrong by about that: `A
 same angle both programs have the same loads to the last digits: `SAME`.
 """
 
-import re
 import shutil
 import subprocess
 from functools import cache
@@ -153,37 +152,6 @@ def _by_linear_loads(blade, point):
 def test_kept_output_of_aerodyn_has_the_loads_of_direct_bem(name):
     kept, rotor = (columns(DATA / name / "aerodyn" / f"{part}.csv") for part in ("loads", "rotor"))
     check(name, kept, rotor)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "title"),
-    [("paper", "the paper's"), ("rm1", "Reference Model 1"), ("river", "three sections, 40 s")],
-)
-def test_the_table_of_the_page_follows_from_the_kept_output(name, title):
-    kept, rotor = (columns(DATA / name / "aerodyn" / f"{part}.csv") for part in ("loads", "rotor"))
-    studies = Path(__file__).parents[2] / "docs" / "studies"
-    page = (studies / "exports_compared.md").read_text(encoding="utf-8")
-    rows = page.partition(f"\n| {title}")[2].splitlines()[:4]
-    shown = {float(row[0]): row[1:] for row in (each.split(" | ")[1:] for each in rows)}
-    assert [*shown] == [3.0, 5.0, 7.0, 10.0]
-    for point, own in zip(points(name, kept), rotor, strict=True):
-        if point.ratio not in shown:
-            continue
-        same, size = ~point.limited, np.max(np.linalg.norm(point.own_loads, axis=0))
-        design = design_of(name)
-        power = rotor_of(design).coefficients(design.blade, [point.ratio]).power[0]
-        found = (
-            np.max(np.abs(point.loads - point.own_loads)[:, same]) / size,
-            np.rad2deg(np.max(np.abs(point.angle - point.own_angle)[same])),
-            power,
-            own["power_coefficient"],
-            own["power_coefficient"] - power,
-        )
-        for value, text in zip(found, shown[point.ratio], strict=True):
-            text = text.strip(" |")
-            digits = len(re.sub(r"e.*|[^\d]|^0\.0*", "", text))
-            assert float(f"{value:.{digits - 1}e}") == pytest.approx(float(text), rel=1e-6), text
 
 
 def test_loads_of_the_papers_blade_are_those_of_aerodyn_to_a_millionth():

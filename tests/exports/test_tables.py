@@ -110,12 +110,6 @@ def test_every_file_names_its_result_version_and_case(scenarios, tmp_path):
         assert {"trajectory_slow", "simulation_fast"} <= file.groups.keys()
 
 
-def test_a_result_without_success_says_so(tmp_path):
-    solution = made(tmp_path / "r", QUADRATIC, [11.0], success=False, message="not converged")
-    export(solution, ["csv"], tmp_path / "out", force=True)
-    assert "# THE RUN WAS NO SUCCESS: not converged" in (tmp_path / "out/blade.csv").read_text()
-
-
 def test_the_program_reads_the_blade_back(quadratic, tmp_path):
     export(quadratic, ["csv"], tmp_path)
     rotor = f"{{blade: {tmp_path}/blade.csv, radius: 1.4, hub_radius_fraction: 0.125}}"

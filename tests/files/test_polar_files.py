@@ -124,12 +124,6 @@ def test_every_format_gives_the_same_tables(tmp_path, name):
         assert not table.full_circle
 
 
-def test_a_byte_order_mark_changes_nothing(tmp_path):
-    path = tmp_path / "polar.csv"
-    path.write_text(csv_text(), encoding="utf-8-sig")
-    assert len(read_polars(path)) == 2
-
-
 def test_fourth_column_is_the_moment_only_if_it_is_named_so(tmp_path):
     """Tables for cavitation checks have the lowest pressure coefficient there."""
     with_pressure = read_polars(
@@ -206,12 +200,6 @@ def test_every_format_may_have_the_smallest_pressure(tmp_path, name):
         assert (table.moment is not None) == with_moment
         if with_moment:
             assert np.array_equal(table.moment, moment(ALPHA, reynolds))
-
-
-def test_without_such_a_column_there_is_none(tmp_path):
-    assert all(
-        table.smallest_pressure is None for table in read_polars(write(tmp_path, csv_text()))
-    )
 
 
 def airfoil_tools_text():
@@ -370,13 +358,6 @@ def test_shipped_names():
             assert np.array_equal(one.lift, columns["cl"])
             assert np.array_equal(one.drag, columns["cd"])
             assert np.array_equal(one.moment, columns["cm"])
-
-
-def test_unknown_name_lists_sections_and_formats():
-    with pytest.raises(
-        InputError, match=r"shipped: naca63815, .*naca63815_Re1e5, .*AeroDyn.*XFOIL"
-    ):
-        read_polars("naca63816")
 
 
 # Blend and family

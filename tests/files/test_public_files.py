@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from files_page import FOLDER, MARK, PAGE, READERS, listed, tables
 
 from hkt_mdo.dynamics.records import low_pass, read_record
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.record_table import TIME_UNITS
 from hkt_mdo.rotor.outline import Outline
-from tests.files_page import FOLDER, MARK, PAGE, READERS, listed, tables
 
 
 @pytest.mark.slow

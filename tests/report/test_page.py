@@ -18,8 +18,6 @@ from hkt_mdo.cli import main
 from hkt_mdo.exports.solids import outline_volume
 from hkt_mdo.pages import blade, page, panels
 from hkt_mdo.results.charts import Labelled
-from hkt_mdo.results.figures import figures
-from hkt_mdo.results.panel import COLORS
 from hkt_mdo.results.solution import Solution
 from tests.conftest import make_result
 from tests.exports.made import made
@@ -124,12 +122,6 @@ def test_one_result_shows_all_required_parts(texts, read, folders):
     assert f"{322240.5 / 60.0 * 24e-3:.4g} kWh" in texts["one"]
 
 
-def test_only_several_scenarios_are_told_together(texts, two, tmp_path):
-    told = page.write_report([two], tmp_path / "two.html").read_text("utf-8")
-    assert "Of all scenarios together" in told
-    assert "of all scenarios together" not in texts["one"].lower()
-
-
 def test_page_loads_nothing(texts, read):
     for name, text in texts.items():
         assert read[name].links
@@ -159,37 +151,27 @@ def test_differences_of_cases_are_in_peoples_units():
     assert not {"inflow.amplitude", "control.law"} & found.keys()
 
 
-def test_an_unstable_loop_is_told_at_the_head(texts):
+def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
+    assert "<script>alert" not in texts["both"]
+    assert "&lt;script&gt;alert(1)" in texts["both"]
+    assert panels.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
     told = "sine_linear: with dynamic inflow, UNSTABLE from t = 4.90 s"
     assert told in texts["both"].partition("<nav>")[0]
     assert "UNSTABLE" not in texts["one"]
 
 
-def test_what_a_case_models_is_not_missing():
-    flow = {"inflow": "sine", "control": "open_loop"}
-    told, memory = (
-        " ".join(page.not_modelled(load_case(flow | {"inflow_dynamics": name})))
-        for name in ("quasi_steady", "oye")
-    )
-    limited = load_case(flow | {"limits": {"cavitation": {"depth": "3 m"}}})
-    assert "Cavitation is not known" in told
-    assert "Cavitation is not known" not in " ".join(page.not_modelled(limited))
-    assert "The wake answers at once." in told
-    assert "The wake answers at once." not in memory
-
-
-def test_bounds_and_operation_are_within_the_axes(read):
-    charts = json.loads(read["one"].data)["charts"]
-    notes = {x["text"]: x for x in charts["shape"]["layout"]["annotations"]}
-    assert notes["smallest chord 0.01 m"]["xanchor"] == "left"
-    places = [x for x in charts["coefficients"]["layout"]["shapes"] if x["type"] == "rect"]
-    assert [x["yref"] for x in places] == ["y domain", "y2 domain"]
-
-
-def test_texts_are_escaped(texts):
-    assert "<script>alert" not in texts["both"]
-    assert "&lt;script&gt;alert(1)" in texts["both"]
-    assert panels.escaped("<b>a</b>\n&") == "&lt;b&gt;a&lt;/b&gt; &amp;"
+@pytest.mark.parametrize(
+    ("changes", "words", "told"),
+    [
+        ({}, "Cavitation is not known", True),
+        ({"limits": {"cavitation": {"depth": "3 m"}}}, "Cavitation is not known", False),
+        ({"inflow_dynamics": "quasi_steady"}, "The wake answers at once.", True),
+        ({"inflow_dynamics": "oye"}, "The wake answers at once.", False),
+    ],
+)
+def test_what_a_case_models_is_not_missing(changes, words, told):
+    case = load_case({"inflow": "sine", "control": "open_loop"} | changes)
+    assert (words in " ".join(page.not_modelled(case))) == told
 
 
 def test_charts_hold_the_numbers_of_the_tables(read, folders):
@@ -256,32 +238,11 @@ def test_solid_is_the_rotor(folders):
     assert second[0] - first[0] > 2.0 * 1.4  # one beside the other
 
 
-def test_results_keep_their_colours_where_others_lack_a_scenario(two, folders):
-    one = Solution.load(folders[0])
-    both = [Labelled(one, "one"), Labelled(two, "two")]
-    shown = panels.views(both)
-    second = COLORS[1]
-    for name, label in (("phase", "one"), ("slow", "two"), ("all scenarios", "two")):
-        lines = {x["name"]: x["line"]["color"] for x in shown[name]["time"]["data"]}
-        assert lines[label] == (second if label == "two" else COLORS[0])
-    drawn = figures([one, two], ["operation", "limits"])
-    for name in ("operation_slow", "limits_slow"):
-        told = {x.get_text() for x in drawn[name].axes[0].get_legend().get_texts()}
-        assert two.name in told
-        assert one.name not in told
-    (line, *_) = drawn["operation_slow"].axes[0].lines
-    assert line.get_color() == second
-
-
-@pytest.fixture(scope="module")
-def two(tmp_path_factory):
-    """An invented result of two scenarios."""
-    return made(tmp_path_factory.mktemp("two") / "two", TWO, [7.5])
-
-
-def test_envelope_covers_every_scenario(two):
-    solution = two
+def test_envelope_covers_every_scenario(tmp_path):
+    solution = made(tmp_path / "two", TWO, [7.5])
     results = [Labelled(solution, "")]
+    text = page.write_report([solution], tmp_path / "two.html").read_text("utf-8")
+    assert "Of all scenarios together" in text
     views = panels.views(results)
     assert list(views) == ["all scenarios", "slow", "fast"]
     band = [x for x in views["all scenarios"]["time"]["data"] if x["yaxis"] == "y6"]  # thrust, kN
@@ -301,12 +262,9 @@ def test_a_blade_that_would_break_is_in_the_headline(folders, tmp_path):
     solution = Solution.load(folders[0])
     summary = solution.summary.model_copy(update={"tip_deflection_m": 5.1})
     text = page.write_report([replace(solution, summary=summary)], tmp_path / "broken.html")
-    told = text.read_text("utf-8")
-    assert (
-        '<p class="verdict refused"><strong>verified, but the blade would break, 1 warning</strong>'
-        in told
-    )
-    assert "<dt>verdict</dt><dd>verified, but the blade would break, 1 warning</dd>" in told
+    told, verdict = text.read_text("utf-8"), "verified, but the blade would break, 1 warning"
+    assert f'<p class="verdict refused"><strong>{verdict}</strong>' in told
+    assert f"<dt>verdict</dt><dd>{verdict}</dd>" in told
     assert "the largest deflection of a tip is 364 % of the radius, above 10 %" in told
 
 

@@ -1,8 +1,5 @@
-"""Plots: axes in, axes out, nothing global touched, and something to see even in grey."""
+"""Plots: axes in, axes out, nothing global touched, and the numbers of the result."""
 
-import base64
-import json
-import re
 import types
 from dataclasses import replace
 from pathlib import Path
@@ -11,19 +8,18 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
-from hkt_mdo.results import figures as drawn
 from hkt_mdo.results.charts import labels
-from hkt_mdo.results.figures import figure_of, save_figures
+from hkt_mdo.results.figures import figure_of, figures, save_figures
 from hkt_mdo.results.plots import plot_limits
 from hkt_mdo.results.sections import sections
-from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.solution import Solution
+from tests.conftest import edit_summary
 
 
 def drawn_by(make, *what, of=charts.by_scenario):
@@ -89,46 +85,28 @@ def both(solution: Solution, linear_result_folder: Path) -> list[Solution]:
 
 
 @pytest.mark.parametrize("plot", PLOTS)
-def test_plot_draws_in_its_own_figure(plot, solution: Solution) -> None:
+def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
+    """In axes of its own or in given ones, with units and names, and without global changes."""
     before = dict(mpl.rcParams)
-    ax = plot(solution)
-    ax.figure.canvas.draw()
+    ax = plot(both[0])
     assert ax.lines
     # a unit; sections lie one beside the other
     assert ax.get_xlabel().endswith(")") or plot is plots.plot_sections
     assert ax.get_ylabel().endswith(")") or plot is plots.plot_limits  # whose bars have names
-    assert legend_texts(ax)
-    assert dict(mpl.rcParams) == before
-
-
-@pytest.mark.parametrize("plot", PLOTS)
-def test_plot_draws_several_into_the_given_folder(plot, both: list[Solution]) -> None:
-    if plot is plots.plot_limits:  # of which the other has none
-        case = both[0].case.model_copy(update={"name": "sine_linear"})
-        both = [both[0], replace(both[0], case=case)]
-    ax = Figure().subplots()
-    assert plot(both, ax) is ax
-    ax.figure.canvas.draw()
-    labels = " ".join(legend_texts(ax))
-    assert "sine_quadratic" in labels
-    assert "sine_linear" in labels
-    styles = [
-        (line.get_linestyle(), line.get_marker())
-        for line in ax.lines
-        if line.get_label().startswith("sine_")
-    ] or [bars[0].get_hatch() for bars in ax.containers]
-    assert len(set(styles)) == len(styles)  # apart without colours
-
-
-@pytest.mark.parametrize("plot", PLOTS)
-def test_plot_of_nothing_is_empty(plot, result_folder: Path) -> None:
+    if plot is not plots.plot_limits:  # of which the other result has none
+        ax = Figure().subplots()
+        assert plot(both, ax) is ax
+        ax.figure.canvas.draw()
+        names = " ".join(legend_texts(ax))
+        assert "sine_quadratic" in names
+        assert "sine_linear" in names
     for path in result_folder.glob("*.csv"):
         path.unlink()
     (result_folder / "summary.json").write_text('{"success": false}')
-    ax = plot(Solution.load(result_folder))
-    ax.figure.canvas.draw()
     told = "limit", "smallest", "largest", "axis"
-    assert all(any(word in line.get_label() for word in told) for line in ax.lines)
+    for line in plot(Solution.load(result_folder)).lines:
+        assert any(word in line.get_label() for word in told)
+    assert dict(mpl.rcParams) == before
 
 
 @pytest.mark.filterwarnings("error")
@@ -200,12 +178,6 @@ def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path
         assert bar.get_width() == pytest.approx(np.max(values), rel=1e-9)
         assert names[round(bar.get_y() + 0.5 * bar.get_height())] == name
     assert list(line_of(ax, "limit").get_xdata()) == [1.0, 1.0]
-
-
-def test_without_limits_no_figure_of_limits(linear_result_folder: Path) -> None:
-    solution = Solution.load(linear_result_folder)
-    assert solution.limit_shares() == {}
-    assert figure_of(solution, "limits") is None
 
 
 def test_schedule_is_over_the_flow_with_its_limits(result_folder: Path) -> None:
@@ -301,26 +273,6 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
     assert f"rated at {flow:.2f} m/s" in labels
 
 
-def test_figures_of_one_result_have_a_colour_for_each_quantity(result_folder: Path) -> None:
-    solution = limited(result_folder, "thrust: 6.5 kN")
-    over_time = plots.plot_thrust(solution).lines[0].get_color()
-    over_flow = line_of(plots.plot_thrust_curve(solution), "mean at this flow speed")
-    bar = plots.plot_limits(solution).patches[1].get_facecolor()
-    assert over_time == over_flow.get_color()
-    assert to_rgba(over_time)[:3] == bar[:3]
-
-
-def test_a_notebook_is_shown_the_four_that_matter(solution: Solution) -> None:
-    shown = solution.plot()
-    assert list(shown) == ["blade", "operation", "power_curve", "limits"]
-    page = shown._repr_html_()
-    pictures = re.findall(r'<img src="data:image/png;base64,([^"]+)">', page)
-    assert [base64.b64decode(each)[:4] for each in pictures] == 4 * [b"\x89PNG"]
-    assert list(solution.plot("convergence")) == ["convergence"]
-    with pytest.raises(InputError, match="unknown figure; known: blade"):
-        solution.plot("blades")
-
-
 def test_the_planform_is_in_scale_about_its_axis(solution: Solution) -> None:
     ax = plots.plot_planform(solution)
     assert ax.get_aspect() == 1.0
@@ -391,37 +343,11 @@ def test_loads_are_along_the_span_with_their_limits(result_folder: Path) -> None
         np.testing.assert_array_equal(line.get_xdata(), solution.loads["r_over_R"])
         np.testing.assert_array_equal(line.get_ydata(), scale * solution.loads[column])
         assert [each.get_ydata()[0] for each in levels] == ([] if limit is None else [limit])
-    moment = solution.loads["flapwise_moment_Nm"] - 200.0  # the outer part pushes upstream
-    (tables,) = solution.tables.values()
-    turned = replace(tables, loads=solution.loads | {"flapwise_moment_Nm": moment})
-    ax = plots.plot_flapwise_moment(replace(solution, tables={"phase": turned}))
-    assert ax.get_ylim()[0] < -0.2  # it is not cut off
-
-
-def test_limited_loads_are_over_time_too(result_folder: Path) -> None:
-    free = figure_of(Solution.load(result_folder), "operation")
-    both = figure_of(limited(result_folder, "stress: 100 MPa, cavitation: {depth: 3}"), "operation")
-    found = [[ax.get_ylabel() for ax in figure.axes] for figure in (free, both)]
-    assert found[1] == [*found[0], "stress (MPa)", "suction, 1: cavitation (-)"]
-    assert line_of(both.axes[-2], "stress limit 100 MPa").get_ydata()[0] == 100.0
-
-
-def test_titles_have_the_name_of_the_case(both: list[Solution]) -> None:
-    titles = {name: x.get_suptitle() for name, x in drawn.figures(both[0]).items()}
-    assert titles.keys() == set(FIGURES)
-    assert all(title.startswith("sine_quadratic: ") for title in titles.values())
-    assert figure_of(both[0], "limits", "fast").get_suptitle() == "sine_quadratic, fast: limits"
-    assert figure_of(both, "blade").get_suptitle() == "blade"  # the legend names the cases
-
-
-def test_bars_of_limits_are_of_one_height(result_folder: Path) -> None:
-    heights = []
-    for limits in ("", "power: 5 kW, thrust: 6.5 kN, stress: 100 MPa, cavitation: {depth: 3}"):
-        figure = figure_of(limited(result_folder, limits), "limits")
-        figure.draw_without_rendering()
-        heights.append(figure.axes[0].patches[0].get_window_extent().height / figure.dpi)
-    assert heights[0] == pytest.approx(heights[1], rel=0.5)
-    assert max(heights) < 0.4  # inches
+    over_time = figure_of(solution, "operation")  # where they are limited
+    names = [ax.get_ylabel() for ax in over_time.axes]
+    assert names[-2:] == ["stress (MPa)", "suction, 1: cavitation (-)"]
+    level = line_of(over_time.axes[-2], "stress limit 100 MPa")
+    assert level.get_ydata()[0] == 100.0
 
 
 def test_panels_without_data_are_left_out(result_folder: Path) -> None:
@@ -442,88 +368,6 @@ def test_panels_without_data_are_left_out(result_folder: Path) -> None:
     assert [ax.get_ylabel() for ax in loads.axes] == ["stress (MPa)", "flapwise moment (kN m)"]
 
 
-def test_a_constant_looks_like_one(solution: Solution) -> None:
-    table = {name: column.copy() for name, column in solution.simulation.items()}
-    table["tip_speed_ratio"] = 7.18 + 1e-6 * np.sin(table["time_s"])
-    constant = replace(solution, tables={"phase": ScenarioTables({}, table, {})})
-    low, high = plots.plot_tip_speed_ratio(constant).get_ylim()
-    assert high - low >= 0.07
-
-
-def test_start_is_drawn_once_and_not_for_a_fixed_blade(
-    both: list[Solution], result_folder: Path
-) -> None:
-    assert legend_texts(plots.plot_chord(both)).count("blade at the start") == 1
-    path = result_folder / "summary.json"
-    summary = json.loads(path.read_text())
-    path.write_text(json.dumps(summary | {"start_chord_m": summary["chord_m"]}))
-    assert legend_texts(plots.plot_chord(Solution.load(result_folder))) == ["blade"]
-
-
-@pytest.mark.slow
-def test_save_figures_writes_all(solution: Solution, tmp_path: Path) -> None:
-    written = save_figures(solution, tmp_path / "new" / "figures", ("png", "pdf"))
-    assert [path.name for path in written] == [
-        f"{name}.{form}" for name in FIGURES for form in ("png", "pdf")
-    ]
-    assert all(path.stat().st_size > 5000 for path in written)
-    again = save_figures(solution, tmp_path / "again", ("png", "pdf"))
-    for one, other in zip(written, again, strict=True):
-        assert one.read_bytes() == other.read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("missing", "figures"),
-    [
-        ((), FIGURES),
-        (("simulation",), FIGURES),
-        (("coefficients", "simulation", "trajectory"), ("blade", "loads", "convergence")),
-        (("loads",), tuple(name for name in FIGURES if name != "loads")),
-    ],
-)
-def test_save_figures_draws_what_there_is(
-    result_folder: Path,
-    linear_result_folder: Path,
-    tmp_path: Path,
-    missing: tuple[str, ...],
-    figures: tuple[str, ...],
-) -> None:
-    for name in missing:
-        (result_folder / f"{name}.csv").unlink()
-        (linear_result_folder / f"{name}.csv").unlink()
-    one = Solution.load(result_folder)
-    written = save_figures(one, tmp_path / "one")
-    assert [path.name for path in written] == [f"{name}.png" for name in figures]
-    two = [one, Solution.load(linear_result_folder)]
-    if missing:
-        assert tuple(drawn.figures(two)) == tuple(figures)
-    else:
-        written = save_figures(two, tmp_path / "two", ("svg",))
-        assert [path.name for path in written] == [f"{name}.svg" for name in figures]
-
-
-@pytest.mark.parametrize("count", [1, 2, 6])
-def test_nothing_is_cut_off(solution: Solution, count: int) -> None:
-    """Every label and legend lies within its figure."""
-    name = "a" * 30
-    cases = [solution.case.model_copy(update={"name": f"{name}_{i}"}) for i in range(count)]
-    several = [replace(solution, case=case) for case in cases]
-    for name in FIGURES:
-        figure = figure_of(several, name)
-        figure.draw_without_rendering()
-        box = figure.get_tightbbox()
-        assert box.x0 >= 0.0
-        assert box.y0 >= 0.0
-        assert box.x1 <= figure.get_figwidth()
-        assert box.y1 <= figure.get_figheight()
-
-
-def test_save_figures_refuses_unknown_formats(solution: Solution, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"unknown format of figures; known: .*pdf"):
-        save_figures(solution, tmp_path / "figures", ("png", "docx"))
-    assert not (tmp_path / "figures").exists()
-
-
 def test_results_of_one_case_have_different_labels(solution: Solution, tmp_path: Path) -> None:
     other = replace(solution, folder=tmp_path / "other")
     assert labels([solution]) == [""]
@@ -531,3 +375,39 @@ def test_results_of_one_case_have_different_labels(solution: Solution, tmp_path:
     assert labels([solution, solution]) == ["1: result", "2: result"]
     ax = plots.plot_power([solution, other])
     assert {"result", "other"} <= set(legend_texts(ax))
+
+
+def test_start_is_drawn_once_and_not_for_a_fixed_blade(both, result_folder) -> None:
+    assert legend_texts(plots.plot_chord(both)).count("blade at the start") == 1
+    edit_summary(result_folder, start_chord_m=both[0].summary["chord_m"])
+    assert legend_texts(plots.plot_chord(Solution.load(result_folder))) == ["blade"]
+
+
+@pytest.mark.parametrize(
+    ("missing", "names"),
+    [
+        ([], FIGURES),
+        (["simulation"], FIGURES),
+        (["coefficients", "simulation", "trajectory"], ("blade", "loads", "convergence")),
+        (["loads"], tuple(name for name in FIGURES if name != "loads")),
+    ],
+)
+def test_figures_are_of_what_there_is(both, tmp_path, missing, names) -> None:
+    for name in missing:
+        for solution in both:
+            (solution.folder / f"{name}.csv").unlink()
+    one, other = (Solution.load(solution.folder) for solution in both)
+    written = save_figures(one, tmp_path / "one")
+    assert [path.name for path in written] == [f"{name}.png" for name in names]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+    assert tuple(figures([one, other])) == names
+    assert figure_of(other, "limits") is None  # it has none
+
+
+def test_unknown_formats_and_figures_are_refused(solution, tmp_path) -> None:
+    with pytest.raises(InputError, match=r"unknown format of figures; known: .*pdf"):
+        save_figures(solution, tmp_path / "figures", ("png", "docx"))
+    assert not (tmp_path / "figures").exists()
+    assert list(solution.plot("convergence")) == ["convergence"]
+    with pytest.raises(InputError, match="unknown figure; known: blade"):
+        solution.plot("blades")

@@ -12,6 +12,7 @@ from hkt_mdo.results.folder import to_json, write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.results.words import per_cent, texts
+from tests.conftest import edit_summary
 
 
 def table(solution: Solution) -> list[tuple[str, str]]:
@@ -20,8 +21,7 @@ def table(solution: Solution) -> list[tuple[str, str]]:
 
 def edit(folder: Path, **changes: object) -> Solution:
     """Change keys of a summary and return the solution."""
-    path = folder / "summary.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | changes), encoding="utf-8")
+    edit_summary(folder, **changes)
     return Solution.load(folder)
 
 
@@ -72,26 +72,21 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
     ("text", "told"),
     [
         ("", "cannot be read as JSON"),
-        ("{", "cannot be read as JSON"),
         ("[" * 100000, "cannot be read as JSON"),
         ("[]", "must be an object"),
         ("{}", "success: is missing"),
         ('{"success": null}', "success = null: must be a valid boolean"),
-        ('{"success": NaN}', "must be a valid boolean"),
         ('{"success": true, "energy_J": NaN}', "energy_J = nan: must be a finite number"),
         ('{"success": true, "energy_J": ' + "9" * 5000 + "}", "cannot be read as JSON"),
-        ('{"success": true, "energy_J": ' + "9" * 400 + "}", "must be a (finite|valid) number"),
         ('{"success": true, "energy_J": 1e999}', "energy_J = inf: must be a finite number"),
         ('{"success": true, "energy_J": true}', "must be a valid number"),
         ('{"success": true, "energy_J": "1"}', "energy_J = '1': must be a valid number"),
         ('{"success": true, "iterations": 1.5}', "must be a valid integer"),
         ('{"success": true, "message": 1}', "message = 1: must be a valid string"),
         ('{"success": true, "gain": "x"}', "gain = 'x': must be a number or a list of numbers"),
-        ('{"success": true, "gain": [1, "x"]}', "must be a number or a list of numbers"),
         ('{"success": true, "notes": "a"}', "notes = 'a': must be a valid array"),
         ('{"success": true, "r_m": ["a"]}', r"r_m\[0\] = 'a': must be a valid number"),
         ('{"success": true, "r_m": [1], "chord_m": [1, 2]}', "chord_m = .* each of r_m"),
-        ('{"success": true, "chord_m": [1, 2]}', "chord_m = .* one value for each of r_m"),
         ('{"success": true, "tip_speed_ratio": 7}', "tip_speed_ratio = 7: must be an object"),
         ('{"success": true, "tip_speed_ratio": {"min": "a"}}', "tip_speed_ratio.min = 'a': must"),
         ('{"success": true, "scenarios": {"../a": {}}}', "scenarios"),
@@ -166,19 +161,10 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     assert refused.summary.verdict(refused.case) == "not verified"
 
 
-@pytest.mark.parametrize(
-    ("part", "whole", "text"),
-    [
-        (1.0, 8.0, "12 %"),
-        (-3.0, 3.0, "-100 %"),
-        (1.0, np.inf, ""),
-        (5.0, 1e-10, ""),
-        (0.0, 0.0, ""),
-    ],
-)
-def test_a_share_of_next_to_nothing_is_not_told(part: float, whole: float, text: str) -> None:
+def test_a_share_of_next_to_nothing_is_not_told() -> None:
     """Such as the change of an objective that no optimization has had before."""
-    assert per_cent(part, whole) == text
+    assert [per_cent(1.0, 8.0), per_cent(-3.0, 3.0)] == ["12 %", "-100 %"]
+    assert {per_cent(1.0, np.inf), per_cent(5.0, 1e-10), per_cent(0.0, 0.0)} == {""}
 
 
 def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) -> None:

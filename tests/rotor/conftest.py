@@ -8,7 +8,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def study():
-    """Return scripts/compare_ccblade.py, whose rotors and comparison the tests use too."""
+    """Return studies/compare_ccblade.py, whose rotors and comparison the tests use too."""
     return importlib.import_module("compare_ccblade")
 
 

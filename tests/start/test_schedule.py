@@ -12,8 +12,8 @@ from hkt_mdo.problem.evaluation import broken_limits, excesses, objective_at, on
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
+from studies.verification.study import random_start
 from tests.conftest import NINE
-from tests.verification.study import random_start
 
 SINE = {"inflow": "sine", "rotor": {"stations": NINE}}  # on nine stations, with limits and without
 

@@ -36,6 +36,15 @@ def _dates(zone=lambda i: "") -> list[str]:
     ]
 
 
+def _rows(value, time=lambda t: f"{t}") -> bytes:
+    """Return a record of the sound times and other speeds or times."""
+    return _csv([f"{time(t)},{value(t, v)}" for t, v in zip(TIMES, SPEEDS, strict=True)])
+
+
+_DISCHARGE = 'time_s,"Discharge, cubic feet per second"'
+_MARKS = {line: f"{0.5 * line - 1:.1f},-9999" for line in range(40, 60)}
+_BAD_DATE = [row.replace("05-01T12:00:30.0", "05-32T12:00:30.0") for row in _dates()]
+
 _CSV: dict[str, tuple[bytes, str]] = {
     "empty": (b"", "is empty; its first line is a header"),
     "header only": (_csv([]), "has no samples"),
@@ -46,57 +55,30 @@ _CSV: dict[str, tuple[bytes, str]] = {
         "give speed_column: of speed_m_s, temperature",
     ),
     "no unit of time": (_csv(header="time,speed_m_s"), "column time: has no unit that is known"),
-    "a discharge": (
-        _csv(header='time_s,"Discharge, cubic feet per second"'),
-        "is a discharge in ft3/s, not a speed; give area",
-    ),
-    "centimetres that say metres": (
-        _csv([f"{t},{100 * v:.2f}" for t, v in zip(TIMES, SPEEDS, strict=True)]),
-        "is faster than any river",
-    ),
+    "a discharge": (_csv(header=_DISCHARGE), "is a discharge in ft3/s, not a speed; give area"),
+    "centimetres": (_rows(lambda t, v: f"{100 * v:.2f}"), "is faster than any river"),
     "a word": (_changed({40: "19.0,calm"}), "line 40, column speed_m_s = 'calm': must be a finite"),
     "NaN": (_changed({40: "19.0,NaN"}), "line 40, column speed_m_s: is missing; give"),
     "empty cells": (
         _changed({40: "19.0,", 41: "19.5,", 90: "44.0,"}),
         "line 40, column speed_m_s: is missing, as are 2 more",
     ),
-    "a gap at the end": (
-        _changed({121: "59.5,"}),
-        "line 121, column speed_m_s: is missing",
-    ),
-    "the same time twice": (
-        _changed({40: "18.5,1.5"}),
-        "line 40, column time_s = '18.5 s since the first': is also the time of line 39",
-    ),
+    "a gap at the end": (_changed({121: "59.5,"}), "line 121, column speed_m_s: is missing"),
+    "the same time twice": (_changed({40: "18.5,1.5"}), "is also the time of line 39"),
     "time goes back": (
         _changed({40: "3.0,1.5"}),
         "line 40, column time_s = '3 s since the first': is before line 39",
     ),
     "uneven": (
-        _csv([f"{t + 0.1 * math.sin(t):.3f},{v:.4f}" for t, v in zip(TIMES, SPEEDS, strict=True)]),
+        _rows(lambda t, v: f"{v:.4f}", lambda t: f"{t + 0.1 * math.sin(t):.3f}"),
         "off an even spacing of 0.5",
     ),
-    "absurd times": (
-        _changed({2: "-1e308,1.5", 121: "1e308,1.5"}),
-        "line 121, column time_s = 'inf s since the first': is no time",
-    ),
-    "a spike": (
-        _changed({40: "19.0,4.5"}),
-        "line 40, column speed_m_s = '4.5 m/s': differs from its neighbours like a spike; give",
-    ),
-    "marks of missing samples": (
-        _changed({line: f"{0.5 * line - 1:.1f},-9999" for line in range(40, 60)}),
-        "line 40, column speed_m_s = '-9999 m/s': is faster than any river",
-    ),
-    "flow that turns": (
-        _csv([f"{t},{math.cos(0.1 * t):.4f}" for t in TIMES]),
-        "the flow stops or reverses; choose a part without this",
-    ),
+    "absurd times": (_changed({2: "-1e308,1.5", 121: "1e308,1.5"}), "'inf s since the first'"),
+    "a spike": (_changed({40: "19.0,4.5"}), "line 40, column speed_m_s = '4.5 m/s': differs from"),
+    "marks of missing samples": (_changed(_MARKS), "line 40, column speed_m_s = '-9999 m/s': is"),
+    "flow that turns": (_rows(lambda t, v: f"{math.cos(0.1 * t):.4f}"), "stops or reverses"),
     "too short": (_csv(ROWS[:9]), "has 9 samples; give 16 at least"),
-    "a date that is none": (
-        _csv([row.replace("05-01T12:00:30.0", "05-32T12:00:30.0") for row in _dates()]),
-        "line 62, column time_s = '2024-05-32T12:00:30.0': is neither a number nor a date",
-    ),
+    "a date that is none": (_csv(_BAD_DATE), "line 62, column time_s = '2024-05-32T12:00:30.0'"),
     "zones now and then": (
         _csv(_dates(lambda i: "Z" if i < 60 else "")),
         "line 62, column time_s = '2024-05-01T12:00:30.0': has a zone and others have none",
@@ -136,52 +118,35 @@ def _netcdf() -> Broken:
     import numpy as np
     import xarray as xr
 
-    count = len(TIMES)
     speed = np.array(SPEEDS)
-    dates = np.datetime64("2024-05-01T12:00:00", "ns") + np.arange(count) * 500_000_000
+    dates = np.datetime64("2024-05-01T12:00:00", "ns") + np.arange(len(TIMES)) * 500_000_000
 
-    def line(values=speed, units="m s-1", time=dates, **further):
-        variables = {"speed": ("time", values, {"units": units} if units else {}), **further}
-        return xr.Dataset(variables, {"time": ("time", time)})
-
-    def profile(labels=("E", "N", "U"), ranges=(1.0, 2.0, 3.0)):
-        parts = [0.6 * speed, 0.8 * speed, 0.0 * speed]
-        values = np.stack([np.broadcast_to(part, (len(ranges), count)) for part in parts])
-        return xr.Dataset(
-            {"vel": (("dir", "range", "time"), values, {"units": "m s-1"})},
-            {"time": dates, "range": list(ranges), "dir": list(labels)},
-        )
-
-    def content(dataset, form="NETCDF4"):
+    def content(values=speed, time=dates, form="NETCDF4", without=()):
+        line = xr.Dataset({"speed": ("time", values, {"units": "m s-1"})}, {"time": ("time", time)})
         with TemporaryDirectory() as folder:
             path = Path(folder) / "record.nc"
-            dataset.to_netcdf(path, format=form)
+            line.drop_vars(without).to_netcdf(path, format=form)
             return path.read_bytes()
 
-    def spoiled(index, value):
-        values = speed.copy()
-        values[index] = value
-        return line(values)
-
-    sound, old = content(line()), content(line(), "NETCDF3_64BIT")
-    back = dates.copy()
-    back[40] = back[3]
-    nowhere = line().drop_vars("time")
-    cases = {
-        "empty": (b"", "is not NetCDF"),
-        "cut in its head": (sound[:60], "cannot be read as NetCDF"),
-        "old, cut in the middle": (old[: len(old) // 2], "cannot be read as NetCDF"),
-        "no time": (content(nowhere), "has nothing that is clearly the time"),
-        "texts": (content(line(values=speed.astype(str))), "holds no numbers"),
-        "NaN": (content(spoiled(40, np.nan)), "row 41, column speed: is missing"),
-        "infinity": (content(spoiled(40, np.inf)), "row 41, column speed = inf: must be a finite"),
-        "no date": (
-            content(line(time=np.where(np.arange(count) == 7, np.datetime64("NaT"), dates))),
-            "row 8, column time: is no time",
-        ),
-    }
+    old, at_40 = content(form="NETCDF3_64BIT"), np.arange(len(TIMES)) == 40
+    no_date = np.where(at_40, np.datetime64("NaT"), dates)
     return {
-        f"NetCDF: {flaw}": (f"{flaw.replace(' ', '_')}.nc", *case) for flaw, case in cases.items()
+        "NetCDF: empty": ("empty.nc", b"", "is not NetCDF"),
+        "NetCDF: cut": ("cut.nc", content()[:60], "cannot be read as NetCDF"),
+        "NetCDF: old, cut": ("old.nc", old[: len(old) // 2], "cannot be read as NetCDF"),
+        "NetCDF: no time": ("no_time.nc", content(without=["time"]), "nothing that is clearly the"),
+        "NetCDF: texts": ("texts.nc", content(speed.astype(str)), "holds no numbers"),
+        "NetCDF: NaN": (
+            "nan.nc",
+            content(np.where(at_40, np.nan, speed)),
+            "row 41, column speed: is missing",
+        ),
+        "NetCDF: infinity": (
+            "infinity.nc",
+            content(np.where(at_40, np.inf, speed)),
+            "row 41, column speed = inf: must be a finite",
+        ),
+        "NetCDF: no date": ("date.nc", content(time=no_date), "row 41, column time: is no time"),
     }
 
 
@@ -191,29 +156,16 @@ def _parquet() -> Broken:
 
     speed = pd.Series(SPEEDS, name="speed_m_s")
     dates = pd.date_range("2024-05-01T12:00:00", periods=len(TIMES), freq="500ms", name="time")
+    hole = speed.where(speed.index != 40)
 
-    def frame(values=speed, index=dates, name="speed_m_s"):
-        return pd.DataFrame({name: np.asarray(values)}, index=index)
-
-    def content(data):
+    def content(values):
         stream = io.BytesIO()
-        data.to_parquet(stream)
+        pd.DataFrame({"speed_m_s": np.asarray(values)}, index=dates).to_parquet(stream)
         return stream.getvalue()
 
-    sound = content(frame())
-    twice = dates.to_numpy().copy()
-    twice[40] = twice[39]
-    hole = speed.copy()
-    hole[40] = np.nan
-    spike = speed.copy()
-    spike[40] = 6.0
-    cases = {
-        "empty": (b"", "cannot be read as Parquet"),
-        "cut": (sound[:-20], "cannot be read as Parquet"),
-        "texts": (content(frame(speed.astype(str))), "column speed_m_s: holds no numbers"),
-        "NaN": (content(frame(hole)), "row 41, column speed_m_s: is missing"),
-    }
     return {
-        f"Parquet: {flaw}": (f"{flaw.replace(' ', '_')}.parquet", *case)
-        for flaw, case in cases.items()
+        "Parquet: empty": ("empty.parquet", b"", "cannot be read as Parquet"),
+        "Parquet: cut": ("cut.parquet", content(speed)[:-20], "cannot be read as Parquet"),
+        "Parquet: texts": ("texts.parquet", content(speed.astype(str)), "holds no numbers"),
+        "Parquet: NaN": ("nan.parquet", content(hole), "row 41, column speed_m_s: is missing"),
     }
