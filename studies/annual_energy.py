@@ -21,8 +21,9 @@ from matplotlib.figure import Figure
 from hkt_mdo import Limit, load_case, run_case
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.files.record_table import read_pairs
-from hkt_mdo.problem.physics import BEM, physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.results import style
+from hkt_mdo.rotor.hydrodynamics import SOLVERS
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT / "tests" / "data" / "harp_opt"
@@ -188,7 +189,7 @@ def scored() -> dict[str, float]:
     known = np.genfromtxt(DATA / "power.csv", delimiter=",", names=True)
     speed, turning = known["speed_m_s"], known["rotor_speed_rpm"] * RPM
     world = physics(case(**deepcopy(SECTIONS["fixed"])))
-    plant = Plant(world.blade, world.polar, 1.0, world.density, BEM["vectorized"])
+    plant = Plant(world.blade, world.rotor.polar, 1.0, world.density, SOLVERS["vectorized"])
     power = {"own": known["power_kW"], "here": 1e-3 * plant.torque(turning, speed) * turning}
     v, hours = flow()
     found = {

@@ -22,6 +22,7 @@ import page_data
 from study_common import markdown_table, percent, with_blade
 
 from hkt_mdo.case import load_case
+from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
@@ -222,8 +223,8 @@ def exceeded(design, run):
         "hydrodynamic_torque": run.hydrodynamic_torque,
         "tip_speed_ratio": run.rotor_speed * blade.rotor_radius / run.inflow_speed,
         "generator_power": run.control_torque * run.rotor_speed,
-    } | physics.scalars(blade, design.plant.inertia)
-    known |= physics.loads_along(blade, known, physics.load_names)
+    } | scalars(physics, physics.rotor, blade, design.plant.inertia)
+    known |= loads_along(physics.rotor, blade, known, physics.load_names)
     over = [each.excess(known) for each in physics.limits if each.caps_series]
     over = np.max(over, axis=0)
     return float(np.mean(over > 1e-3)), float(np.max(over))

@@ -167,9 +167,9 @@ def simulated(folders):
 
 def flown_of(run):
     """Return a run's integration, with the quantities that are reported of it."""
-    return SimulatedDesign.of(
-        run.design.physics, run.design.plant, run.simulation, run.design.controller
-    )
+    design = run.design
+    about = design.physics.rotor, design.plant, run.simulation, design.controller
+    return SimulatedDesign(design.physics, *about)
 
 
 def the_map(reference, other, image):
@@ -228,7 +228,8 @@ def plant_of(case):
     world = physics(case)
     blade = world.blade
     inertia = world.mass_and_inertia(blade)[1]
-    return Plant(blade, world.built(blade), inertia, world.density, bem.rotor_coefficients)
+    polar = world.rotor.as_built(blade).polar
+    return Plant(blade, polar, inertia, world.density, bem.rotor_coefficients)
 
 
 def least_inertias(plant, what, flow=1.5):

@@ -49,7 +49,8 @@ def of_blade(solution):
     blade, world = design.blade, design.physics
     r, hub, density = blade.edges, blade.hub_radius, world.density
     chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
-    area = np.interp(r, blade.r, np.broadcast_to(world.section_area, blade.r.shape)) * chord**2
+    area = np.broadcast_to(world.rotor.section_area, blade.r.shape)
+    area = np.interp(r, blade.r, area) * chord**2
     excess = world.case.rotor.blade_material.density - density
     speed, flow = solution.simulation["rotor_speed_rad_s"], solution.simulation["inflow_speed_m_s"]
     mean = float(np.mean(speed)), float(np.mean(flow))

@@ -89,7 +89,7 @@ def in_local_polars(invariant, local):
     world = physics(local.case)
     design = Design.of(invariant)
     inertia = world.mass_and_inertia(design.plant.blade)[1]
-    plant = replace(design.plant, polar=world.polar, inertia=inertia)
+    plant = replace(design.plant, polar=world.rotor.polar, inertia=inertia)
     found = replace(design, plant=plant).simulate(world.inflow)
     return None if found.stopped_at is not None else found.energy
 

@@ -296,7 +296,7 @@ def _flow(solution):
 
     summary, world = solution.summary, physics(solution.case)
     blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
-    found = bem.sections(blade, world.polar, summary["tip_speed_ratio"]["mean"])
+    found = bem.sections(blade, world.rotor.polar, summary["tip_speed_ratio"]["mean"])
     angle = np.rad2deg(found.angle_of_attack)
     high = np.count_nonzero(found.axial_induction > 0.5)
     return float(angle.min()), float(angle.max()), int(high)

@@ -264,7 +264,7 @@ def test_factors_on_lift_and_drag_are_those_of_a_polar_with_them(tmp_path):
     made = physics(load_case(case(*flows, rotor=rotor, inflow="sine")))
     ratios = np.linspace(2.0, 9.0, 15)
     worn, file, clean = (
-        made.of(each).rotor.coefficients(made.blade, ratios).torque for each in made.scenarios
+        made.rotor_in(each).coefficients(made.blade, ratios).torque for each in made.scenarios
     )
     np.testing.assert_allclose(worn, file, rtol=1e-9, atol=1e-12)
     assert np.all(worn < clean)

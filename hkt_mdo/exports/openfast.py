@@ -19,6 +19,7 @@ from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.loads import Cavitation
+from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, place_weights
 from hkt_mdo.sections import Quantity, Section
 
@@ -141,9 +142,10 @@ class _Rotor:
     @property
     def reynolds(self) -> list[float]:
         """Reynolds numbers of the tables, in millions; that of a single table has no effect."""
-        if not self.world.rotor.follows_reynolds:
+        polar = self.world.rotor.polar
+        if not isinstance(polar, LocalReynolds):
             return [1.0]
-        return list(np.exp(self.world.polar.log_reynolds) / 1e6)
+        return list(np.exp(polar.log_reynolds) / 1e6)
 
     @cached_property
     def sections(self) -> np.ndarray:

@@ -17,6 +17,7 @@ from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
 from hkt_mdo.files.shipped import COLUMNS
+from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
@@ -200,9 +201,9 @@ def _design(source: Source) -> Table:
         ("cone", blade.cone, "rad", "angle of the blades to the rotor plane"),
         ("blade_count", blade.blade_count, None, "number of blades"),
     ]
-    scalars = world.scalars(blade, design.inertia)
+    design_scalars = scalars(world, world.rotor, blade, design.inertia)
     for name in ("rotor_radius", "density", "inertia", "mass", "blade_area"):
-        rows.append((name, scalars[name], QUANTITIES[name].unit, QUANTITIES[name].text))
+        rows.append((name, design_scalars[name], QUANTITIES[name].unit, QUANTITIES[name].text))
     viscosity = world.case.fluid.kinematic_viscosity
     rows.append(("kinematic_viscosity", viscosity, "m**2/s", "kinematic viscosity of the water"))
     for place, (gain, unit) in enumerate(zip(design.gains, law.gain_units, strict=True)):
@@ -312,9 +313,9 @@ def steady_operation(
         raise InputError(problem, remedy, key="flow_range", value=list(flow_range))
     torque, radius = design.plant.torque(speed, flow), blade.rotor_radius
     both = torque, design.plant.generator_torque(speed, flow)  # of the flow and of the generator
-    known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.generator)
+    known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.case.generator)
     del known["time"]
-    return known | world.loads_along(blade, known, world.loads.names)
+    return known | loads_along(world.rotor, blade, known, world.rotor.loads.names)
 
 
 def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
@@ -327,7 +328,7 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     scale = power_scale(world.density, design.blade.rotor_radius, flow)
     rpm, power = steady["rotor_speed"] * REVOLUTIONS, steady["hydrodynamic_power"] / scale
     columns |= _columns("operation", (rpm, power, np.zeros(flow.size)))
-    known = steady | world.scalars(design.blade, design.inertia)
+    known = steady | scalars(world, world.rotor, design.blade, design.inertia)
     for limit in world.all_limits:
         if limit.caps_series and limit.upper > 0.0 and known.keys() >= set(limit.inputs):
             name, share = f"{limit.name}_over_limit", limit.told(known) / limit.upper

@@ -22,6 +22,7 @@ from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.sections import Quantity
 
 VERSION = "2.0"
@@ -197,8 +198,8 @@ def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
 def _reynolds(design: Design) -> list[float]:
     """Return the Reynolds numbers of the polars; where none is known, one of the operation."""
     rotor, physics, blade = design.physics.case.rotor, design.physics, design.blade
-    if physics.rotor.follows_reynolds:
-        return np.exp(physics.polar.log_reynolds).tolist()
+    if isinstance(physics.rotor.polar, LocalReynolds):
+        return np.exp(physics.rotor.polar.log_reynolds).tolist()
     files = [each.polar for each in rotor.sections] or [rotor.polar or ""]
     known = {number for file in files if file for number in PolarFamily.from_file(file).reynolds}
     number = rotor.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
@@ -225,7 +226,7 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
 
 def _efficiency(design: Design) -> dict[str, Any] | None:
     """Return the efficiency over rotor speeds (rpm) along the steady operation; None: unknown."""
-    steady = None if design.physics.generator.lossless else steady_operation(design)
+    steady = None if design.physics.case.generator.lossless else steady_operation(design)
     if steady is None:
         return None
     speed, first = np.unique(steady["rotor_speed"], return_index=True)

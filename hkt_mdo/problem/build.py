@@ -16,12 +16,13 @@ from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.problem.components import AreaComp
 from hkt_mdo.problem.constraints import held_limits, size_of
+from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
-from hkt_mdo.problem.physics import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
-from hkt_mdo.problem.wake import PULSE, Follower
+from hkt_mdo.problem.wake import PULSE, Follower, band_of
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
@@ -108,7 +109,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         nodes=np.asarray(setup.nodes, dtype=float),
         torque=physics.has_curve,
         loads=physics.load_names,
-        band=physics.band(setup),
+        band=band_of(physics, setup),
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
     _add_variants(group, physics, setup)
@@ -124,16 +125,16 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
 
 def _add_variants(group, physics, setup):
     """Add inertia and tables of the rotor for scenarios with another turbine or water."""
-    band = physics.band(setup)
+    band = band_of(physics, setup)
     tables = ("torque_coefficient_table",) if physics.has_curve else ()
     tables += tuple(f"{name}_table" for name in physics.load_names)
     tables = tuple(band.outputs(physics.load_names)) if band else tables
-    variants = {physics.variants[each.turbine]: physics.of(each) for each in physics.scenarios}
+    variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}
     for variant, own in variants.items():
         if not variant:
             continue
         rotor = BladeGroup(
-            rotor=replace(own.rotor, solver=own.case.hydrodynamics.bem),
+            rotor=replace(own, solver=physics.case.hydrodynamics.bem),
             blade=setup.start.blade,
             nodes=np.asarray(setup.nodes, dtype=float),
             torque=physics.has_curve,
@@ -147,7 +148,7 @@ def _add_variants(group, physics, setup):
             f"rotor{variant}", rotor, promotes_inputs=inputs + shaft, promotes_outputs=outputs
         )
         if physics.asks_for("weight_stress"):
-            weight = WeightComp(rotor=own.rotor, blade=setup.start.blade)
+            weight = WeightComp(rotor=own, blade=setup.start.blade)
             outputs = [("weight_stress", named("weight_stress", variant))]
             about = {"promotes_inputs": inputs, "promotes_outputs": outputs}
             group.add_subsystem(f"weight{variant}", weight, **about)
@@ -168,8 +169,8 @@ def make_driver(physics: Physics, progress=None, most=None, near=True, first=Fal
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=BARRIER / segments if near else None,
-        cautious=physics.several_sections,
-        memory=steps if segments > MANY_SEGMENTS and not physics.several_sections else None,
+        cautious=physics.rotor.several_sections,
+        memory=steps if segments > MANY_SEGMENTS and not physics.rotor.several_sections else None,
         progress=progress,
     )
 
@@ -191,7 +192,7 @@ def _scales(physics, setup):
 
 def _wake_scales(physics, start):
     """Return the reference magnitudes of the wake's states and rates, by name."""
-    fastest = max(float(np.max(known["inflow_speed"])) for known in physics.on_start(start))
+    fastest = max(float(np.max(known["inflow_speed"])) for known in on_start(physics, start))
     tau1 = physics.case.inflow_dynamics.tau1 or start.blade.rotor_radius / fastest
     return {name: (WAKE_SHARE * fastest, WAKE_SHARE * fastest / tau1) for name in WAKE_STATES}
 
@@ -201,15 +202,15 @@ def _state_scales(physics, start):
 
     That of a rate is its change if the speed and the states change by their magnitudes.
     """
-    if not physics.states:
+    if not physics.law.states:
         return {}
-    found = physics.on_start(start)
-    names = "rotor_speed", "inflow_speed", *physics.states
+    found = on_start(physics, start)
+    names = "rotor_speed", "inflow_speed", *physics.law.states
     speed, flow, *states = (np.concatenate([each[name] for each in found]) for name in names)
     sizes = np.max(np.abs([speed, *states]), axis=1)
     slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
     rates = np.max(np.abs(slopes), axis=2) @ sizes
-    return dict(zip(physics.states, zip(sizes[1:], rates, strict=True), strict=True))
+    return dict(zip(physics.law.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 
 def _declare_design(model, physics, setup) -> tuple[dict, dict]:
@@ -240,13 +241,13 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         ref = physics.mass_and_inertia(start.blade)[1]
         model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
     for scenario in physics.scenarios:
-        name = named("density", physics.variants[scenario.turbine])
-        kept[name] = {"val": physics.of(scenario).density, **QUANTITIES["density"].meta}
+        name = named("density", physics.variant(scenario))
+        kept[name] = {"val": physics.rotor_in(scenario).water_density, **QUANTITIES["density"].meta}
     kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
     if not thickness.size and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.turbine.thickness, start.blade.r.shape)
         kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
-    for i, units in enumerate(physics.gain_units):
+    for i, units in enumerate(physics.law.gain_units):
         name, (low, high) = f"gain_{i}", bounds["gain"]
         free = low[i] < high[i]
         about = {"val": start.gains[i], "units": units, "desc": "feedback gain"}
@@ -267,7 +268,7 @@ def _declare_constraints(model, physics, setup, scales):
             _declare_design_limit(model, limit)
     for number, scenario in enumerate(physics.scenarios):
         if physics.may_pulse and not scenario.steady:
-            lower, upper = Follower(physics, setup, physics.band(setup)).bounds(number)
+            lower, upper = Follower(physics, setup, band_of(physics, setup)).bounds(number)
             about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
             name = f"{scenario.path}.wake_factor"
             model.add_constraint(name, lower=lower, upper=upper, **about)
@@ -290,8 +291,8 @@ def _unknowns(model, physics, setup) -> dict[str, dict]:
     objective = physics.objective
     if not objective.is_rate:
         return {}
-    unknowns, n_rows = physics.epigraph(setup.start)
-    scale = _objective_reference(physics, setup) / physics.duration
+    unknowns, n_rows = epigraph(physics, setup.start)
+    scale = _objective_reference(physics, setup) / physics.case.phase.duration
     if n_rows:
         model.add_constraint("rows", lower=0.0, ref=scale)
     if not unknowns.size:
@@ -308,7 +309,7 @@ def _objective_reference(physics, setup) -> float:
     tolerance. A start that stalls may capture nothing.
     """
     if not physics.objective.is_energy:
-        return 0.1 * abs(physics.objective_at(setup.start)) or 1.0
+        return 0.1 * abs(objective_at(physics, setup.start)) or 1.0
     passing = sum(
         each.weight * float(each.sample_weights @ each.inflow.speed_at(each.samples) ** 3)
         for each in physics.scenarios
@@ -338,7 +339,7 @@ def point_of(physics: Physics, problem) -> StartingPoint:
             spline = CubicSpline(time, series(problem, scenario, name)[first])
             values.append(spline(scenario.samples))
     speed, torque = (np.concatenate(values) for values in sampled.values())
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.gain_units))]
+    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.law.gain_units))]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
     if physics.designs_hub:
         blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))

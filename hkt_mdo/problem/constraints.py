@@ -14,7 +14,8 @@ from hkt_mdo.dynamics.limits import (
     Limit,
     settled,
 )
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import on_start
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES
@@ -57,8 +58,8 @@ class Held:
 def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held]:
     """Yield the limits over time that the optimization holds, scenario by scenario."""
     for number, scenario in enumerate(physics.scenarios):
-        own = physics.of(scenario)
-        for limit in (*physics.limits_in(scenario), *_distance_from_stall(own, setup)):
+        distance = _distance_from_stall(physics, scenario, setup)
+        for limit in (*physics.limits_in(scenario), *distance):
             if limit.constrains(physics.law):
                 yield _held(physics, setup, limit, number, scales)
 
@@ -81,17 +82,17 @@ def _held(physics, setup, limit, number, scales) -> Held:
     return Held(limit, scenario, constraint_of(limit, number, scenario), nodes, options)
 
 
-def _distance_from_stall(physics, setup):
+def _distance_from_stall(physics, scenario, setup):
     """Yield the distance from stall as a limit, under feedback with a torque curve."""
     if physics.law.is_feedback and physics.has_curve:
-        yield DistanceFromStall(law=physics.law, spline=TorqueSpline(setup.nodes))
+        yield DistanceFromStall(law=physics.law_in(scenario), spline=TorqueSpline(setup.nodes))
 
 
 def _near_stall(physics, setup, limit, place, scenario):
     """Return the nodes at which the start is near stall, or at least the nearest ones."""
     start = setup.start
-    table = physics.of(scenario).rotor.coefficients(start.blade, limit.spline.nodes)
-    known = physics.on_start(start)[place]
+    table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
+    known = on_start(physics, start)[place]
     known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + limit.least

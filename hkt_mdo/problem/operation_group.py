@@ -18,16 +18,18 @@ from hkt_mdo.problem.components import (
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
 from hkt_mdo.problem.equilibrium import EquilibriumGroup
-from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.evaluation import epigraph, on_start, split
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.wake import Follower
+from hkt_mdo.problem.wake import Follower, band_of
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
+from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 
 def named(name: str, variant: str) -> str:
-    """Return the name in the model of a quantity of scenarios' own; see `Physics.variants`."""
+    """Return the name in the model of a quantity of scenarios' own; see `Physics.variant`."""
     own = name in ("density", "inertia", "weight_stress") or name.endswith(("_table", "_band"))
     return f"{name}{variant}" if own else name
 
@@ -45,7 +47,7 @@ class OperationGroup(om.Group):
     <load>_table[n_nodes] of each load that limits or objective need, gain_0, gain_1, … in the law's
     units; and
     what limits and objective take of the design. Where scenarios differ in water or turbine, there
-    are density_1, inertia_1 and tables of these names for them (`Physics.variants`). Outputs:
+    are density_1, inertia_1 and tables of these names for them (`Physics.variant`). Outputs:
     ``traj.<scenario>.timeseries``, the loads and rates that are needed, ``limit_<name>.value``,
     energy, generator_energy, electrical_energy (J) and objective.
     """
@@ -64,7 +66,7 @@ class OperationGroup(om.Group):
         for held in held_limits(*self._given, self.options["scales"]):
             if held.component:
                 size = held.nodes.size
-                variant = self._physics.variants[held.scenario.turbine]
+                variant = self._physics.variant(held.scenario)
                 self._add_formula(held.component, held.limit, size, variant=variant, n_times=size)
                 for name in held.limit.series:
                     nodes = om.slicer[held.nodes, :]
@@ -72,7 +74,7 @@ class OperationGroup(om.Group):
                     self.connect(source, target, src_indices=nodes)
         for limit in self._physics.design_limits:
             if limit.constrains(self._physics.law):
-                start = self._physics.on_start(self.options["start"].start)[0]
+                start = on_start(self._physics, self.options["start"].start)[0]
                 self._add_formula(f"limit_{limit.name}", limit, np.size(limit.value_of(start)))
         for scenario in self._physics.scenarios:
             if scenario.closed:
@@ -90,7 +92,7 @@ class OperationGroup(om.Group):
     @cached_property
     def _follower(self):
         """The wake with memory along the start."""
-        return Follower(*self._given, self._physics.band(self.options["start"]))
+        return Follower(*self._given, band_of(*self._given))
 
     @property
     def _band(self):
@@ -101,16 +103,16 @@ class OperationGroup(om.Group):
         physics, setup = self._given
         bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
         trajectory, inputs = dm.Trajectory(), []
-        operation = physics.split(setup.start.operation)
+        operation = split(physics, setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
-            own, variant = physics.of(each), physics.variants[each.turbine]
-            hydrodynamics, parameters = self._hydrodynamics(own, each.steady)
+            variant = physics.variant(each)
+            hydrodynamics, parameters = self._hydrodynamics(each)
             options = {
                 "hydrodynamics": partial(_hydrodynamics, hydrodynamics),
-                "generator": physics.generator,
+                "generator": physics.case.generator,
             }
-            about = own.law, options, parameters, self.options["scales"], bounds
-            torque = torque - physics.generator.friction(speed)
+            about = physics.law_in(each), options, parameters, self.options["scales"], bounds
+            torque = torque - physics.case.generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
             promoted = [(name, named(name, variant)) for name in parameters]
@@ -128,29 +130,30 @@ class OperationGroup(om.Group):
             self.add_subsystem("traj", trajectory)
             self.promotes("traj", inputs=inputs)
 
-    def _hydrodynamics(self, physics, steady):
+    def _hydrodynamics(self, scenario):
         """Return the options of `hydrodynamics_group` and the ODE's inputs, with units.
 
         In a steady scenario a wake with memory is in equilibrium.
         """
-        setup = self.options["start"]
+        physics, setup = self._given
         names = ["density", "inertia", "rotor_radius"]
-        remembers = physics.remembers and not steady
+        remembers = physics.remembers and not scenario.steady
         if remembers:
             tau1 = physics.case.inflow_dynamics.tau1
             options = {"band": self._band, "tau1": tau1, "share": self._follower.share}
         elif physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
         else:
-            solver = BEM[physics.case.hydrodynamics.bem]
-            options = {"blade": setup.start.blade, "polar": physics.polar, "coefficients": solver}
+            solver = SOLVERS[physics.case.hydrodynamics.bem]
+            polar = physics.rotor_in(scenario).polar
+            options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         parameters = {name: QUANTITIES[name].unit for name in names}
         if remembers:
             parameters |= dict.fromkeys(self._band.outputs(()))
         elif physics.has_curve:
             parameters["torque_coefficient_table"] = None
-        gains = {f"gain_{i}": units for i, units in enumerate(physics.gain_units)}
+        gains = {f"gain_{i}": units for i, units in enumerate(physics.law.gain_units)}
         return options, parameters | gains
 
     def _add_loads(self):
@@ -163,7 +166,7 @@ class OperationGroup(om.Group):
             name, n = f"loads_{scenario.name}", scenario.node_times.size
             model = self._band if physics.remembers else TorqueSpline(nodes)
             component = LoadComp(num_nodes=n, names=names, model=model)
-            variant = physics.variants[scenario.turbine]
+            variant = physics.variant(scenario)
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
             for quantity in ("rotor_speed", "inflow_speed"):
@@ -197,10 +200,10 @@ class OperationGroup(om.Group):
             size=size,
             n_stations=physics.blade.r.size,
             n_table=setup.nodes.size,
-            gain_units=physics.gain_units,
+            gain_units=physics.law.gain_units,
             **about,
         )
-        gains = [f"gain_{i}" for i in range(len(physics.gain_units))]
+        gains = [f"gain_{i}" for i in range(len(physics.law.gain_units))]
         inputs = [each for each in formula.inputs if each not in {*formula.series, "gains"}]
         inputs += gains if "gains" in formula.inputs else []
         inputs = [(each, named(each, variant)) for each in inputs]
@@ -250,11 +253,11 @@ class OperationGroup(om.Group):
         }
         rate = {"mean_rate": physics.objective}
         self._add_integrals("mean_rates", rate, weights, rows=rows, mean=True)
-        unknowns, n_rows = physics.epigraph(self.options["start"].start)
+        unknowns, n_rows = epigraph(physics, self.options["start"].start)
         component = AggregateComp(
-            aggregate=physics.aggregate,
+            aggregate=physics.case.robustness,
             shares=np.array(list(physics.shares.values())),
-            duration=physics.duration,
+            duration=physics.case.phase.duration,
             unit=physics.objective.unit,
             n_unknowns=unknowns.size,
             n_rows=n_rows,

@@ -11,6 +11,7 @@ from hkt_mdo.rotor.blade import Blade
 
 PRICE = 10.0  # share of the objective that an excess of the limits by their own size costs
 NEAR_EXCESS = 0.01  # relative excess of a limit up to which starts rank by objective and price
+START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
 KEPT_EXCESS = 1e-4  # relative excess of a limit that is ignored in the search for a start
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -105,7 +105,7 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     for _ in range(6):
         centers = 0.5 * (nodes[1:] + nodes[:-1])
         coarse = np.zeros(centers.size, dtype=bool)
-        both = (_of_turbines(physics, start.blade, ratios) for ratios in (nodes, centers))
+        both = (_coefficients(physics, start.blade, ratios) for ratios in (nodes, centers))
         for (table, least), (exact, _) in zip(*both, strict=True):
             coarse |= np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0) > least
         coarse &= (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
@@ -117,25 +117,21 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     return np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])]) if finer else nodes
 
 
-def _of_turbines(physics, blade, ratios):
-    """Yield `_coefficients` of the sections of every scenario, which may be fouled or reversed."""
-    found = {}
-    for each in physics.scenarios:
-        own = each.condition or physics.case.condition
-        found.setdefault((own.lift, own.drag, own.polar), physics.of(each))
-    for turbine in found.values():
-        yield from _coefficients(turbine, blade, ratios)
-
-
 def _coefficients(physics, blade, ratios):
     """Yield the coefficients of torque and of each limited load, and the error that each may have.
 
-    The torque's decides the energy; a load's only how far its limit is kept.
+    Those of the sections in every scenario, which may be fouled or reversed. The torque decides the
+    energy; a load only how far its limit is kept.
     """
-    torque = physics.rotor.coefficients(blade, ratios).torque
-    yield torque, 0.05 * physics.case.hydrodynamics.tolerance
-    for load in physics.loads.coefficients(blade, ratios, names=physics.load_names).values():
-        yield load.envelope(physics.loads.exponent).values, LOAD_ERROR
+    found = {}
+    for each in physics.scenarios:
+        own = each.condition or physics.case.condition
+        found.setdefault((own.lift, own.drag, own.polar), physics.rotor_in(each))
+    for rotor in found.values():
+        torque = rotor.coefficients(blade, ratios).torque
+        yield torque, 0.05 * physics.case.hydrodynamics.tolerance
+        for load in rotor.loads.coefficients(blade, ratios, names=physics.load_names).values():
+            yield load.envelope(rotor.loads.exponent).values, LOAD_ERROR
 
 
 def _graded(low, high, spacing, lowest, highest):

@@ -7,12 +7,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW, fast_share
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import on_start, split
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.rotor.band import Band
 
 PULSE = 0.002
 """How much farther from its wake an open loop may be than its start, relatively."""
+
+
+def band_of(physics: Physics, setup: Setup) -> Band | None:
+    """Return the tables of a wake with memory at a setup; None without memory.
+
+    Its weights are those of the setup's blade at the mean of its tip speed ratios.
+    """
+    if not physics.remembers:
+        return None
+    blade = setup.start.blade
+    ratios = [known["tip_speed_ratio"] for known in on_start(physics, setup.start)]
+    mean = float(np.mean(np.concatenate(ratios)))
+    return Band.of(physics.rotor.as_built(blade), blade, mean, setup.nodes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +70,7 @@ class Follower:
         blade, time = self.setup.start.blade, scenario.samples
         flow = scenario.inflow.speed_at(time)
         ratio = speed * blade.rotor_radius / flow
-        tables = self.band.solve(self.physics.of(scenario).rotor.as_built(blade), blade, ())
+        tables = self.band.solve(self.physics.rotor_in(scenario).as_built(blade), blade, ())
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
         steady = flow * self.band.spline.values(table, ratio)[0]
         slow = self.physics.case.inflow_dynamics.tau1
@@ -81,7 +95,7 @@ class Follower:
         may be farther from its wake than its quasi-steady start by no more than `PULSE`.
         """
         scenario = self.physics.scenarios[number]
-        speed, _ = self.physics.split(self.setup.start.operation)[number]
+        speed, _ = split(self.physics, self.setup.start.operation)[number]
         factor = self.along(scenario, speed)["wake_factor"]
         factor = np.interp(scenario.node_times[scenario.distinct_nodes], scenario.samples, factor)
         return factor - PULSE, factor + PULSE

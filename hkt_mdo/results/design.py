@@ -14,7 +14,9 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import BEM, Physics, physics
+from hkt_mdo.problem.evaluation import scalars, steady_plant
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import Turbine
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor.blade import Blade
@@ -85,7 +87,7 @@ class Design:
         blade = replace(blade, hub_inertia=summary.hub_inertia_kg_m2)
         twist = np.deg2rad(summary.twist_deg)
         blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
-        polars, turbine = world.built(blade), world.turbine
+        polars, turbine = world.rotor.as_built(blade).polar, world.turbine
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
         return cls(
             blade,
@@ -101,11 +103,9 @@ class Design:
     @property
     def thickness(self) -> np.ndarray:
         """Largest thickness over chord at the stations, shape (n_stations,)."""
-        return self.physics.scalars(self.blade, self.inertia)["thickness"]
+        return scalars(self.physics, self.physics.rotor, self.blade, self.inertia)["thickness"]
 
     @property
     def plant(self) -> Plant:
         """The rotor in the water with its generator, by direct BEM."""
-        world, rotor = self.physics, (self.blade, self.polars, self.inertia)
-        check = BEM[world.case.hydrodynamics.check]
-        return Plant(*rotor, world.density, check, world.generator)
+        return steady_plant(self.physics, self.physics.rotor, self.blade, self.inertia)

@@ -117,6 +117,21 @@ class RotorModel(Hydrodynamics):
         thickness = self.thickness if blade.thickness is None else blade.thickness
         return water_inertia(blade, self.water_density, thickness * (model == "ellipse"))
 
+    def water_inertias(self, blade):
+        """Return the inertia of the water that a turning blade accelerates, by both models.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+
+        Returns
+        -------
+        tuple of float
+            Of "plate" and "ellipse", kg*m**2.
+        """
+        return tuple(float(self.water_inertia(blade, model)) for model in ("plate", "ellipse"))
+
     def best_operation(self, blade):
         """Return where a blade has its largest power coefficient.
 

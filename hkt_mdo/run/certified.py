@@ -8,7 +8,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, between, certificate, peak
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -33,7 +33,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
         return None
     if shape.designs_thickness:
         return None
-    if any(physics.of(each) is not physics for each in physics.scenarios):
+    if len(physics.rotors) > 1:
         return None
     if physics.rotor.inertia_factor != 1.0 or physics.rotor.added_inertia != "none":
         return None
@@ -43,7 +43,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
     if free or any(each.duration < 10.0 * RAMP for each in physics.scenarios):
         return bound  # which quadratic feedback reaches
-    best, friction = _best_power(physics, optimum), physics.generator.friction
+    best, friction = _best_power(physics, optimum), physics.case.generator.friction
 
     def at(inertia):
         total, family = 0.0, replace(best, inertia=inertia)

@@ -13,8 +13,10 @@ from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
-from hkt_mdo.problem.physics import START_EXCESS, Physics, physics
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
+from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.results.words import (
@@ -166,7 +168,7 @@ def _turbine(found: Findings) -> Rows:
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
     yield Row("inertia", inertia, "kg*m**2", besides if shaft else "", 4)
-    yield water_inertia(found.physics.water_inertias(blade), inertia, rotor.added_inertia)
+    yield water_inertia(found.physics.rotor.water_inertias(blade), inertia, rotor.added_inertia)
 
 
 def _kind(rotor) -> str:
@@ -441,11 +443,12 @@ def _limits(found: Findings) -> Rows:
             several = len(found.groups) > 1
             yield replace(row, label=f"{name}: {row.label}") if several else row
     if found.running:
-        deflection = loads.tip_deflection(found.physics, found.start.blade, found.at_start.values())
+        blade, several = found.start.blade, found.at_start.values()
+        deflection = loads.tip_deflection(found.physics.rotor, blade, several)
         if deflection is not None:
             yield tip_deflection(deflection, found.start.blade.tip_radius)
-    if found.physics.loads.structure:
-        yield weight_moment(found.physics.loads.weight_moment(found.start.blade))
+    if found.physics.rotor.loads.structure:
+        yield weight_moment(found.physics.rotor.loads.weight_moment(found.start.blade))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

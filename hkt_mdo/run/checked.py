@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -97,7 +97,7 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
     """
     if physics.start_objective is not physics.objective:  # the start maximizes another quantity
         return 0.0
-    if len(physics.variants) > 1:  # its operation is that of the case's own turbine
+    if len(physics.rotors) > 1:  # its operation is that of the case's own turbine
         return 0.0
     if not start.operation.running or start.excess > START_EXCESS or np.isnan(start.objective):
         return 0.0

@@ -22,9 +22,10 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.point import StartingPoint, StartRecord
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord
 from hkt_mdo.problem.scenario import FLOW_MISSED
+from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.band import FACTORS
@@ -92,7 +93,7 @@ def checks_of(
 
 def _behind_open_loop(physics, verifications, starts):
     """Yield how far a law that can follow a schedule is behind the open loops of its search."""
-    follows = physics.states or len(physics.gain_units) > MOST_GAINS
+    follows = physics.law.states or len(physics.law.gain_units) > MOST_GAINS
     if not follows or physics.start_objective is not physics.objective:
         return
     kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
@@ -195,13 +196,13 @@ def _of_design(physics, optimum, reference, result, verifications):
         known = [
             (x.trajectory["control_torque"], x.trajectory["rotor_speed"]) for x in verifications
         ]
-        off = max(physics.generator.beyond_table(*each) for each in known)
+        off = max(physics.case.generator.beyond_table(*each) for each in known)
         word = "how far torque or speed leave generator.table, over its range"
         yield "generator_table", max(off, 0.0), BEYOND, word
-    if physics.states:
+    if physics.law.states:
         yield _closed_loop(verifications)
     if physics.remembers:
-        yield from _of_tables(physics, result)
+        yield from _of_tables(band_of(physics, result.setup), result)
         found = stability_of(physics, result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
@@ -234,7 +235,7 @@ def _of_design(physics, optimum, reference, result, verifications):
     yield from _resolved(physics, result, verifications)
 
 
-def _of_tables(physics, result):
+def _of_tables(band, result):
     """Yield how far a wake with memory leaves its tables, and whether these determine it.
 
     The tip speed ratio of the wake follows from its mean induction, which has to rise with it
@@ -253,7 +254,7 @@ def _of_tables(physics, result):
     table = result.problem.get_val("wake_induction_table")
     ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
     _, slopes = TorqueSpline(nodes).values(table, ratios)
-    slopes *= physics.band(result.setup).direction
+    slopes *= band.direction
     worst = int(np.argmin(slopes))
     word = f"slope of the mean induction against its direction, at ratio {ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
@@ -278,11 +279,10 @@ def _resolved(physics, result, verifications):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
     if not any(limit.is_of(LOADS) for limit in physics.all_limits):
         return
-    found, blade = [], result.point.blade
-    finer = [loads.resolved(physics.of(x.scenario), blade, [x.simulated]) for x in verifications]
-    for verification, each in (
-        (x, y) for x, several in zip(verifications, finer, strict=True) for y in several
-    ):
+    found = []
+    pairs = [(each.scenario, each.simulated) for each in verifications]
+    finer = loads.resolved(physics, result.point.blade, pairs)
+    for verification, each in zip(verifications, finer, strict=False):
         for limit in filter(
             lambda limit: limit.is_of(LOADS), physics.limits_in(verification.scenario)
         ):
@@ -339,9 +339,8 @@ def short_of_recovery(
     -inf: in a gust that is faster than the rotor, the integration shows whether it recovers.
     """
     simulated, radius = verification.simulation, verification.scalars["rotor_radius"]
-    unit = TYPICAL * torque_scale(
-        physics.of(verification.scenario).density, radius, simulated.inflow_speed
-    )
+    water = physics.rotor_in(verification.scenario).water_density
+    unit = TYPICAL * torque_scale(water, radius, simulated.inflow_speed)
     net, slowed = _net_torques(physics, result, verification)
     recovery = (slowed - net) / unit
     known = settled(verification.integrated | verification.scalars)
@@ -354,7 +353,7 @@ def _net_torques(physics, result, verification):
     Slowed is a loss of `SLOWED` of its speed; flow and states of the law are those of its
     integration.
     """
-    simulated, law = verification.simulation, physics.of(verification.scenario).law
+    simulated, law = verification.simulation, physics.law_in(verification.scenario)
 
     def net(speed):
         held = verification.plant.generator_torque(speed, simulated.inflow_speed)
@@ -436,14 +435,12 @@ def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
     """Return the quasi-steady bound, J; see `hkt_mdo.rotor.steady_optimum`."""
     bound, blade = 0.0, optimum.blade
     for scenario in physics.scenarios:
-        own, coefficient = physics.of(scenario), optimum.power_coefficient
-        if own is not physics:
-            found = own.rotor.best_of_shape(
-                own.shape, own.blade.with_rotor_radius(blade.rotor_radius)
-            )
-            coefficient = found.power_coefficient
+        rotor, coefficient = physics.rotor_in(scenario), optimum.power_coefficient
+        if rotor is not physics.rotor:
+            own = physics.blade.with_rotor_radius(blade.rotor_radius)
+            coefficient = rotor.best_of_shape(physics.shape, own).power_coefficient
         passing = scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
-        bound += passing * coefficient * power_scale(own.density, blade.rotor_radius, 1.0)
+        bound += passing * coefficient * power_scale(rotor.water_density, blade.rotor_radius, 1.0)
     return bound
 
 
@@ -459,9 +456,9 @@ def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.nd
         return probe, np.zeros(probe.size)
     blade = result.point.blade
     basis, errors = TorqueSpline(result.setup.nodes).basis(probe), []
-    for own in dict.fromkeys(map(physics.of, physics.scenarios)):
-        rotor, curve = own.rotor.as_built(blade), result.curve
-        if own is not physics:
+    for own in dict.fromkeys(map(physics.rotor_in, physics.scenarios)):
+        rotor, curve = own.as_built(blade), result.curve
+        if own is not physics.rotor:
             curve = rotor.coefficients(blade, result.setup.nodes).torque
         errors.append(np.abs(basis @ curve / rotor.coefficients(blade, probe).torque - 1.0))
     return probe, np.max(errors, axis=0)

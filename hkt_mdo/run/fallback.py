@@ -6,7 +6,7 @@ objective.
 
 from __future__ import annotations
 
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.checked import Checked, as_it_stands
 from hkt_mdo.run.state import RunState

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.dynamics.flows import ConstantInflow
-from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.evaluation import loads_along, on_start, steady_plant
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.turbine import build_turbine
@@ -164,7 +164,7 @@ class Findings:
       the file, which splines may have left, or of the result that `start.from` names; `best`: its
       largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
-      quantities then (`Physics.on_start`) and all loads, by scenario; `working`: the tip speed
+      quantities then (`on_start`) and all loads, by scenario; `working`: the tip speed
       ratios, `MARGIN` round the best one if it does not turn; `captured`: its energy over that at
       `best` throughout.
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
@@ -191,9 +191,7 @@ class Findings:
         begun = case.start.from_ is not None  # with the design of a result, not that of the file
         self.given = blade if begun else build_turbine(case.rotor, case.fluid, self.mean).blade
         _, inertia = physics.mass_and_inertia(blade)
-        solver = BEM[case.hydrodynamics.check]
-        about = physics.built(blade), inertia, physics.density, solver, physics.generator
-        self.plant = Plant(blade, *about)
+        self.plant = steady_plant(physics, physics.rotor, blade, inertia)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated(self.best.tip_speed_ratio)
         self.above_rated = self.average(
@@ -208,10 +206,10 @@ class Findings:
         physics = self.physics
         self.start = find_start(physics, self.best, improve=False)
         self.running = self.start.operation.running
-        several = physics.on_start(self.start)
+        several = on_start(physics, self.start)
         if self.running:
-            names = tuple(name for name in physics.loads.names if name not in several[0])
-            several = [x | physics.loads_along(self.start.blade, x, names) for x in several]
+            names = tuple(name for name in physics.rotor.loads.names if name not in several[0])
+            several = [x | loads_along(physics.rotor, self.start.blade, x, names) for x in several]
         self.at_start = {
             name: several[first]
             | {

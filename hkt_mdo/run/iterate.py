@@ -11,7 +11,8 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_bytes
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import split
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint, StartRecord
 from hkt_mdo.results.solution import Solution
 
@@ -68,7 +69,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "scenarios": {
             scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
             for scenario, rows in zip(
-                physics.scenarios, physics.split(point.operation), strict=True
+                physics.scenarios, split(physics, point.operation), strict=True
             )
         },
     }
@@ -157,7 +158,7 @@ def _design(physics, data):
     blade = physics.blade
     if shape.radius_bounds is not None:
         blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
-    gains = _numbers(data["gains"], len(physics.gain_units))
+    gains = _numbers(data["gains"], len(physics.law.gain_units))
     blade = shape.nearest(blade.with_shape(*found))
     if physics.designs_hub:
         blade = physics.with_hub(blade, _numbers(data["hub_inertia_kg_m2"], 1)[0])

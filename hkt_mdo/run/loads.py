@@ -6,13 +6,17 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
-from hkt_mdo.problem.physics import STATIONS, Physics
+from hkt_mdo.problem.evaluation import loads_along
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.physics import STATIONS, with_many_stations
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.model import RotorModel
 
 Known = dict[str, Any]
-"""Quantities and loads of a trajectory, (n_times,), and the scalars of `Physics.scalars`."""
+"""Quantities and loads of a trajectory, (n_times,), and the scalars of the design."""
 
 
 def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
@@ -35,7 +39,7 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
 
 
 def over_span(
-    physics: Physics, blade: Blade, trajectories: Iterable[Known]
+    rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return radii (m) and values along the blade of the stress, of the suction and of the moment.
 
@@ -45,13 +49,13 @@ def over_span(
     """
     found, several = {}, list(trajectories)
     for name in ("stress", "cavitation"):
-        if name not in physics.loads.names:
+        if name not in rotor.loads.names:
             continue
         known = max(several, key=lambda known, name=name: np.max(known[name]))  # type: ignore[misc]
         worst = int(np.argmax(known[name]))
         flow = float(known["inflow_speed"][worst])
         ratio = max(float(known["tip_speed_ratio"][worst]), SLOWEST_RATIO)
-        model, pressure = physics.rotor.at_flow(flow).loads, 0.5 * physics.density * flow**2
+        model, pressure = rotor.at_flow(flow).loads, 0.5 * rotor.water_density * flow**2
         seen = known.get("sections")  # of a wake that is not in equilibrium
         seen = seen and type(seen)(*(each[worst : worst + 1] for each in seen))
         load = model.coefficients(blade, ratio, names=(name,), flow=seen)[name]
@@ -65,66 +69,69 @@ def over_span(
     return found
 
 
-def placed(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
+def placed(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
     """Return `largest`, with the places along the blade of the loads of `over_span`."""
     several = list(trajectories)
     found = largest(several)
-    for name, (r, values) in over_span(physics, blade, several).items():
+    for name, (r, values) in over_span(rotor, blade, several).items():
         if name in found:
             place = {"r_m": float(r[np.argmax(values)])}
             found[name] = found[name].model_copy(update=place)
     return found
 
 
-def resolved(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> list[Known]:
+def resolved(
+    physics: Physics, blade: Blade, trajectories: Iterable[tuple[Scenario, Known]]
+) -> list[Known]:
     """Return trajectories at the times of their largest loads, with those of a resolved blade.
 
-    It has `STATIONS` stations; between those of the blade itself chord, twist and a designed
-    thickness are linear. Suction counts up to the blade's own last station: closer to the tip, its
-    loss alone decides the angle of attack. Only loads that limits need; none if there are no such
-    loads or the blade has as many stations.
+    Each comes with its scenario. The resolved blade has `STATIONS` stations; between those of the
+    blade itself chord, twist and a designed thickness are linear. Suction counts up to the blade's
+    own last station: closer to the tip, its loss alone decides the angle of attack. Only loads that
+    limits need; none if there are no such loads or the blade has as many stations.
     """
     names = physics.load_names
     if not names or blade.r.size >= STATIONS:
         return []
-    finer = physics.resolved
+    finer = with_many_stations(physics)
     many = finer.blade.with_rotor_radius(blade.rotor_radius)
     own = blade.chord, blade.twist, blade.thickness
     shape = (each if each is None else np.interp(many.r, blade.r, each) for each in own)
     many, found = many.with_shape(*shape), []
-    for known in trajectories:
+    for scenario, known in trajectories:
+        rotor = finer.rotor_in(scenario)
         worst = np.unique([np.argmax(known[name]) for name in names])
         size = known["time"].size
         at = {name: x for name, x in known.items() if name != "sections"}
         there = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
         own = dict(there)
-        there |= finer.loads_along(many, there, tuple(set(names) - {"cavitation"}))
+        there |= loads_along(rotor, many, there, tuple(set(names) - {"cavitation"}))
         if "cavitation" in names:
-            there |= _cavitation(finer, many, there, many.r <= blade.r[-1])
+            there |= _cavitation(rotor, many, there, many.r <= blade.r[-1])
         if "sections" in known:  # in the same proportion as with a wake in equilibrium
-            steady = physics.loads_along(blade, own, names)
+            steady = loads_along(physics.rotor_in(scenario), blade, own, names)
             there |= {name: own[name] * there[name] / steady[name] for name in names}
         found.append(there)
     return found
 
 
-def _cavitation(physics, blade, known, stations) -> Known:
+def _cavitation(rotor, blade, known, stations) -> Known:
     """Return the largest suction at some stations, (n_stations,) of bool, at each time."""
     ratio = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO)
-    load = physics.loads.coefficients(blade, ratio, names=("cavitation",))["cavitation"]
+    load = rotor.loads.coefficients(blade, ratio, names=("cavitation",))["cavitation"]
     largest = load.exact.reshape(ratio.size, 2, -1)[..., stations].max(axis=(1, 2))
-    return {"cavitation": 0.5 * physics.density * known["inflow_speed"] ** 2 * largest}
+    return {"cavitation": 0.5 * rotor.water_density * known["inflow_speed"] ** 2 * largest}
 
 
-def tip_deflection(physics: Physics, blade: Blade, trajectories: Iterable[Known]) -> float | None:
+def tip_deflection(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> float | None:
     """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
-    if physics.rotor.follows_reynolds:
+    if rotor.follows_reynolds:
         return None
     most = 0.0
     for known in trajectories:
         ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
         ratio = np.maximum(ratio, SLOWEST_RATIO)
         at = np.linspace(ratio.min(), ratio.max(), 201)
-        found = np.interp(ratio, at, physics.loads.tip_deflection(blade, at))
-        most = max(most, float(np.max(0.5 * physics.density * flow**2 * found)))
+        found = np.interp(ratio, at, rotor.loads.tip_deflection(blade, at))
+        most = max(most, float(np.max(0.5 * rotor.water_density * flow**2 * found)))
     return most

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import openmdao.api as om
 
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.summary import PassEntry, Summary

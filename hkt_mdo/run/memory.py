@@ -16,7 +16,8 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import on_start
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.rotor.blade import Blade
@@ -68,12 +69,13 @@ def stability_of(physics: Physics, result: Optimized) -> MemoryEntry | None:
     """Return the same along the trajectories of an optimization whose case asks for memory."""
     along = []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        own, names = physics.of(scenario), ("time", "rotor_speed", "inflow_speed", *physics.states)
-        if scenario.steady and not own.law.is_feedback:
+        names = "time", "rotor_speed", "inflow_speed", *physics.law.states
+        if scenario.steady and not physics.law.is_feedback:
             continue
-        inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
-        plant = plant_of(own, result.point.blade, inertia)
-        controller = controller_of(own, result, plant, nodes)
+        rotor = physics.rotor_in(scenario)
+        inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
+        plant = plant_of(physics, rotor, result.point.blade, inertia)
+        controller = controller_of(physics.law_in(scenario), result, plant, nodes)
         along.append((plant, controller, [nodes[name] for name in names]))
     return _verdict(along)
 
@@ -142,10 +144,12 @@ def first_hub(physics: Physics, start: StartingPoint) -> float:
 def _at_start(physics, start):
     """Return the verdict along a quasi-steady start, and the series of each scenario."""
     along = []
-    for scenario, known in zip(physics.scenarios, physics.on_start(start), strict=True):
-        own, names = physics.of(scenario), ("time", "rotor_speed", "inflow_speed", *physics.states)
-        plant = plant_of(own, start.blade, own.mass_and_inertia(start.blade)[1])
-        controller = FeedbackTorque(own.law, start.gains)
+    for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True):
+        names = "time", "rotor_speed", "inflow_speed", *physics.law.states
+        rotor = physics.rotor_in(scenario)
+        inertia = float(rotor.mass_and_inertia(start.blade).inertia)
+        plant = plant_of(physics, rotor, start.blade, inertia)
+        controller = FeedbackTorque(physics.law_in(scenario), start.gains)
         along.append((plant, controller, [known[name] for name in names]))
     return _verdict(along), along
 

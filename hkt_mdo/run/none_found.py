@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.evaluation import excesses, on_start
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.quantities import RATES
 from hkt_mdo.results.summary import CheckEntry
 
@@ -22,7 +23,7 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     `physics` is on the mesh of the start; `checks` are those of the end.
     """
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
-    over = physics.excesses(start)
+    over = excesses(physics, start)
     if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
         over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
     at_end = {
@@ -35,7 +36,7 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
-    law = "control.law: curve, which can keep more limits, " * (len(physics.gain_units) == 1)
+    law = "control.law: curve, which can keep more limits, " * (len(physics.law.gain_units) == 1)
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
     return NONE_FOUND.format(starts=starts(start), **about)
 
@@ -44,7 +45,7 @@ def _in_flow(physics, start, name) -> str:
     """Return in which flow a starting point exceeds a limit most."""
     excesses = [
         (limit.excess(known), known["inflow_speed"])
-        for scenario, known in zip(physics.scenarios, physics.on_start(start), strict=True)
+        for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True)
         for limit in (*physics.limits_in(scenario), *physics.design_limits)
         if limit.name == name
     ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.problem.build import assemble, make_driver, point_of, series
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.run.state import RunState
@@ -92,7 +92,7 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
     outcome
         How the optimizer ended.
     """
-    names = *TRAJECTORY, *physics.states
+    names = *TRAJECTORY, *physics.law.states
     trajectories = tuple(
         {name: series(problem, scenario, name) for name in names} for scenario in physics.scenarios
     )

@@ -14,7 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import point_of
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import excesses
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
@@ -87,7 +88,7 @@ class Task:
         The torque of several sections is rough: their curve has twice the nodes, since its
         accuracy for the blade of the start says little of others (iea3_4 needed five passes).
         """
-        nodes = curve_nodes(physics, start, finer=physics.several_sections)
+        nodes = curve_nodes(physics, start, finer=physics.rotor.several_sections)
         setup = Setup(start, nodes, least_hub=first_hub(physics, start))
         return cls(start, reference, physics, setup, **others)
 
@@ -366,7 +367,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
     ends = []
     while task is not None:
         if task.passes == 0:
-            near = max(state.first.excesses(task.start).values(), default=0.0) < FAR
+            near = max(excesses(state.first, task.start).values(), default=0.0) < FAR
         if task.passes == 0 or task.physics is not state.physics:
             state.go_on_from(task.physics, task.setup.start, task.reference)
         began = time.perf_counter()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
@@ -273,7 +273,7 @@ def _left(physics, verification, energy, best) -> np.ndarray:
     simulated = verification.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and physics.starting_generator is None:
-        density = physics.of(scenario).density
+        density = physics.rotor_in(scenario).water_density
         scale = power_scale(
             density, verification.scalars["rotor_radius"], simulated["inflow_speed"]
         )

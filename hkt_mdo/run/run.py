@@ -24,7 +24,8 @@ from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import broken_limits
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
@@ -220,7 +221,7 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         gains = shadow_prices(
             physics, result, [each.at_nodes for each in verifications], state.scratch
         )
-    breaks = state.first.broken_limits(best.start)
+    breaks = broken_limits(state.first, best.start)
     parts = Finished(
         physics, best.optimum, best.start, breaks, result, verifications, best.checks, remedy, gains
     )

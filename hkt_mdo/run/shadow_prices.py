@@ -10,7 +10,7 @@ import numpy as np
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.constraints import constraint_of, limited_nodes
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.run.verification import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 

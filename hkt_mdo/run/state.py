@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.summary import PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum

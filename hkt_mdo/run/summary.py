@@ -19,7 +19,7 @@ from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
@@ -194,7 +194,7 @@ def _energies(finished):
             "simulated": simulated_objective(physics, verifications),
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
-            "measure": physics.aggregate.measure if len(finished.scenarios) > 1 else None,
+            "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
         },
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
@@ -212,7 +212,7 @@ def _controller(finished):
     )
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
-        "gain_units": list(finished.physics.gain_units),
+        "gain_units": list(finished.physics.law.gain_units),
         "tip_speed_ratio": _span(_nodes(finished.verifications, "tip_speed_ratio")),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
@@ -229,7 +229,7 @@ def _blade(finished):
         "set_angle_deg": _set_angle(physics, blade),
         "inertia_kg_m2": finished.result.inertia,
         "hub_inertia_kg_m2": blade.hub_inertia,
-        "water_inertia_kg_m2": physics.water_inertias(blade),
+        "water_inertia_kg_m2": physics.rotor.water_inertias(blade),
         "mass_kg": finished.result.mass,
         "r_m": blade.r,
         "chord_m": blade.chord,
@@ -278,9 +278,9 @@ def _extremes(finished, scenarios):
             over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
-    blade = finished.result.point.blade
+    blade, model = finished.result.point.blade, physics.rotor.loads
     bent = [
-        loads.tip_deflection(physics.of(each.scenario), blade, [each.told])
+        loads.tip_deflection(physics.rotor_in(each.scenario), blade, [each.told])
         for each in finished.verifications
     ]
     return {
@@ -288,7 +288,7 @@ def _extremes(finished, scenarios):
         "limits": limits,
         "loads": found,
         "tip_deflection_m": None if None in bent else max(bent),
-        "weight_moment_Nm": physics.loads.structure and physics.loads.weight_moment(blade),
+        "weight_moment_Nm": model.structure and model.weight_moment(blade),
     }
 
 
@@ -353,7 +353,7 @@ def _deciding(physics, scenarios):
     if None in powers:
         return {}
     shares = np.array(list(physics.shares.values()))
-    decides = physics.aggregate.binding(physics.rate_factors * np.array(powers), shares)
+    decides = physics.case.robustness.binding(physics.rate_factors * np.array(powers), shares)
     return dict(zip(physics.shares, decides.tolist(), strict=True))
 
 
@@ -404,7 +404,7 @@ def _notes(finished):
     physics, blade = finished.physics, finished.result.point.blade
     ratios = _nodes(finished.verifications, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    met = Stations.of(blade, physics.built(blade), working).messages("found blade")
+    met = Stations.of(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
     return [
         *physics.messages,
         *finished.start.messages,
@@ -421,11 +421,8 @@ def _notes(finished):
 def _unresolved(physics, blade, verifications):
     """Yield a note if the loads are larger on a blade of many stations."""
     known = [verification.told for verification in verifications]
-    finer = [
-        each
-        for verification, own in zip(verifications, known, strict=True)
-        for each in loads.resolved(physics.of(verification.scenario), blade, [own])
-    ]
+    scenarios = [verification.scenario for verification in verifications]
+    finer = loads.resolved(physics, blade, zip(scenarios, known, strict=True))
     changes = {
         name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
         for name in (physics.load_names if finer else ())
@@ -488,8 +485,8 @@ def _limit(pairs):
 def _loads(finished, verifications):
     """Return the largest loads along some integrations, when and where along the blade."""
     simulated = [verification.told for verification in verifications]
-    own = finished.physics.of(verifications[0].scenario)
-    found = loads.placed(own, finished.result.point.blade, simulated)
+    rotor = finished.physics.rotor_in(verifications[0].scenario)
+    found = loads.placed(rotor, finished.result.point.blade, simulated)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
@@ -545,7 +542,7 @@ def write_tables(out: Path, finished: Finished) -> None:
             if name == "simulation":  # open loop repeats the trajectory, at every node
                 rows = rows[_shown(rows)]
             write_csv(out / f"{name}{suffix}.csv", table, rows)
-        span = loads.over_span(physics.of(verifications[0].scenario), blade, simulated)
+        span = loads.over_span(physics.rotor_in(verifications[0].scenario), blade, simulated)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(verifications[0], SteadyVerification):
             bins = a_year.table(verifications)

@@ -6,7 +6,6 @@ the result.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -16,6 +15,7 @@ import openmdao.api as om
 from scipy.integrate import simpson, trapezoid
 
 from hkt_mdo.dynamics.equilibrium import equilibria
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -29,13 +29,16 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.build import MANY_SEGMENTS
-from hkt_mdo.problem.physics import BEM, Physics
+from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant, united
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import names
 from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.solve.drivers import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
@@ -67,24 +70,21 @@ class Optimized:
 class SimulatedDesign:
     """An integration of a design, and what is reported of it."""
 
+    physics: Physics
+    rotor: RotorModel
+    """The rotor of the plant, one of those of the physics."""
+    plant: Plant
     simulation: Simulation
     controller: RecordedTorque | FeedbackTorque
-    scalars: dict[str, Any]
-    """`Physics.scalars` of the design."""
-    plant: Plant
-    loads: Callable[[dict], dict]
-    """Function from a trajectory's quantities to all loads of the model, by direct BEM."""
 
-    @classmethod
-    def of(cls, physics: Physics, plant: Plant, simulation: Simulation, controller, **others):
-        """Return an integration of a plant, with `others` of the fields of a subclass."""
-        blade, names = plant.blade, physics.loads.names
-        scalars = physics.scalars(blade, plant.inertia)
+    @cached_property
+    def scalars(self) -> dict[str, Any]:
+        """The quantities of the design."""
+        return scalars(self.physics, self.rotor, self.plant.blade, self.plant.inertia)
 
-        def loads(known):
-            return physics.loads_along(blade, known, names)
-
-        return cls(simulation, controller, scalars, plant, loads, **others)
+    def loads(self, known: dict) -> dict[str, np.ndarray]:
+        """Return all loads of the model, of a trajectory's quantities, by direct BEM."""
+        return loads_along(self.rotor, self.plant.blade, known, self.rotor.loads.names)
 
     @cached_property
     def simulated_loads(self) -> dict[str, np.ndarray]:
@@ -272,7 +272,7 @@ class SteadyVerification(Verification):
         return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
 
 
-def _balanced(plant: Plant, scenario, law, gains, nodes, states):
+def _balanced(plant: Plant, scenario, law, gains, nodes):
     """Return the equilibria in a steady scenario by direct BEM, and the controller."""
     flow, time = scenario.speeds, scenario.node_times
     if law.is_feedback:
@@ -280,7 +280,7 @@ def _balanced(plant: Plant, scenario, law, gains, nodes, states):
         speed, running = equilibria(plant, controller, flow)
         driving = plant.torque(speed, flow)
         torque = plant.generator_torque(speed, flow)
-        rest = np.array(law.at_rest(torque, flow)).reshape(len(states), flow.size)
+        rest = np.array(law.at_rest(torque, flow)).reshape(len(law.states), flow.size)
         control = law.torque(speed, gains, *rest)
     else:
         speed, rest = nodes["rotor_speed"], np.empty((0, flow.size))
@@ -314,47 +314,43 @@ def verify(
     """
     blade, limited, verifications = result.point.blade, bool(physics.load_names), []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        own, mesh = physics.of(scenario), scenario.mesh
-        inertia = result.inertia * own.rotor.inertia_factor / physics.rotor.inertia_factor
-        plant = plant_of(own, blade, inertia)
+        rotor, law, mesh = physics.rotor_in(scenario), physics.law_in(scenario), scenario.mesh
+        inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
+        plant = plant_of(physics, rotor, blade, inertia)
         plant = plant.tabulated(TABULATED) if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
-            simulated = _balanced(
-                plant, scenario, own.law, result.point.gains, nodes, physics.states
-            )
-            verifications.append(SteadyVerification.of(own, plant, *simulated, **options))
+            run = _balanced(plant, scenario, law, result.point.gains, nodes)
+            verifications.append(SteadyVerification(physics, rotor, plant, *run, **options))
             continue
-        controller = controller_of(own, result, plant, nodes)
+        controller = controller_of(law, result, plant, nodes)
         start = Start(
             float(nodes["rotor_speed"][0]),
-            [nodes[name][0] for name in physics.states],
+            [nodes[name][0] for name in physics.law.states],
             float(scenario.edges[0]),
         )
         about = scenario, controller, start, mesh.duration / mesh.segments
         if plant.wake is not None:
-            mean = plant.with_mean_wake(physics.band(result.setup))
-            simulated = _simulated(mean, *about)
-            options["two_filters"] = Verification.of(own, mean, simulated, controller, **options)
-        simulated = _simulated(plant, *about)
-        verifications.append(Verification.of(own, plant, simulated, controller, **options))
+            mean = plant.with_mean_wake(band_of(physics, result.setup))
+            run = _simulated(mean, *about), controller
+            options["two_filters"] = Verification(physics, rotor, mean, *run, **options)
+        run = _simulated(plant, *about), controller
+        verifications.append(Verification(physics, rotor, plant, *run, **options))
     return tuple(verifications)
 
 
-def plant_of(physics: Physics, blade: Blade, inertia: float) -> Plant:
+def plant_of(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
     """Return a rotor (inertia in kg*m**2) with direct BEM and the wake of the case."""
-    check, dynamics = BEM[physics.case.hydrodynamics.check], physics.case.inflow_dynamics
-    water, generator = physics.density, physics.generator
-    plant = Plant(blade, physics.built(blade), inertia, water, check, generator)
+    plant, dynamics = steady_plant(physics, rotor, blade, inertia), physics.case.inflow_dynamics
     return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
 
 
-def controller_of(physics: Physics, result: Optimized, plant: Plant, nodes: dict):
+def controller_of(law: Law, result: Optimized, plant: Plant, nodes: dict):
     """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
-    if physics.law.is_feedback:
-        return FeedbackTorque(physics.law, result.point.gains)
-    return RecordedTorque.of(plant, nodes, physics.law.torque_limit)
+    if law.is_feedback:
+        return FeedbackTorque(law, result.point.gains)
+    return RecordedTorque.of(plant, nodes, law.torque_limit)
 
 
 def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
@@ -401,12 +397,8 @@ def simulated_objective(physics: Physics, verifications: tuple[Verification, ...
     """Return the objective of the integrations, in its unit, less the price of the shaft."""
     price = physics.price_of(verifications[0].plant.blade) if physics.designs_hub else 0.0
     if physics.objective.is_rate:
-        return (
-            physics.united(
-                verification.objective(physics.objective) for verification in verifications
-            )
-            - price
-        )
+        integrals = (verification.objective(physics.objective) for verification in verifications)
+        return united(physics, integrals) - price
     return float(physics.objective.value_of(design_and_result(verifications))) - price
 
 

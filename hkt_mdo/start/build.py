@@ -6,7 +6,8 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.physics import Physics, physics
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.find import find_start, improves, steady_optimum

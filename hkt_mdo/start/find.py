@@ -20,7 +20,8 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import split
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
@@ -361,7 +362,7 @@ class Search:
         over, law, blade = over or self.steady, self.physics.law, point.blade
         (flow, _), table = sampled_flow(over), self._table(blade)
         speed, torque = point.operation.rotor_speed, point.operation.hydrodynamic_torque
-        held = torque - self.physics.generator.friction(speed)
+        held = torque - self.physics.case.generator.friction(speed)
         if gains is None and law.states:
             unit = blade.rotor_radius / flow
             _, slope = self._schedules.spline.values(table, speed * unit)
@@ -391,7 +392,7 @@ class Search:
             speed = law.speed_at_rest(problem.inflow_speed, point.gains)
             return replace(point, operation=problem.held(table, speed))
         speeds, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
-        designed = self.steady.split(point.operation)
+        designed = split(self.steady, point.operation)
         for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
             flow = scenario.inflow.speed_at(scenario.samples)
             speeds.append(_smooth(flow, steady.speeds, speed / steady.speeds) * flow)

@@ -21,7 +21,7 @@ from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 if TYPE_CHECKING:  # operation itself needs neither Dymos nor BEM
-    from hkt_mdo.problem.physics import Physics
+    from hkt_mdo.problem.model import Physics
     from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip speed ratio; nodes
@@ -69,8 +69,8 @@ class QuasiSteady:
     @classmethod
     def of(cls, physics: Physics, optimum: SteadyOptimum, rotor_radius: float) -> QuasiSteady:
         """Return the operation of a rotor, of a radius in m, over all flows of a case."""
-        about = physics.density, rotor_radius, ratio_spline(optimum), physics.law, physics.generator
-        return cls(*sampled_flow(physics), *about)
+        about = physics.density, rotor_radius, ratio_spline(optimum), physics.law
+        return cls(*sampled_flow(physics), *about, physics.case.generator)
 
     def operate(self, table, gains) -> Operation:
         """Return the operation of a rotor under a static law, at its fastest equilibria.

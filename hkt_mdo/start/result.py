@@ -6,7 +6,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.blade import Blade
@@ -93,7 +93,7 @@ def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
         return None
     gains = np.atleast_1d(np.asarray(gains, dtype=float))
     fixed = type(law).in_flow is FeedbackLaw.in_flow
-    if gains.size != len(physics.gain_units) or not (
+    if gains.size != len(physics.law.gain_units) or not (
         fixed or solution.case.inflow == physics.case.inflow
     ):
         return None

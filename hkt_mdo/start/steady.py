@@ -18,8 +18,9 @@ from hkt_mdo.dynamics.resource import DurationCurve
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.physics import START_EXCESS, Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.evaluation import excesses, split
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.point import KEPT_EXCESS, START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import MoveLimits, Setup, curve_nodes
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
@@ -116,7 +117,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         *("casadi", "IPOPT", TOLERANCE, ITERATIONS),
         barrier=BARRIER / count,
         # a law of one gain has better optima far from its start (rm1_turbulent_limits)
-        cautious=steady.several_sections and len(steady.law.gain_units) != 1,
+        cautious=steady.rotor.several_sections and len(steady.law.gain_units) != 1,
         progress=progress,
     )
     # without equations, corrections for their curvature only cost time
@@ -132,7 +133,7 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
     finally:
         problem.cleanup()
     end, excess = point_of(steady, problem), driver.violation()
-    exceeds = [name for name, over in steady.excesses(end).items() if over > KEPT_EXCESS]
+    exceeds = [name for name, over in excesses(steady, end).items() if over > KEPT_EXCESS]
     if excess > KEPT_EXCESS and not exceeds:
         exceeds = ["balance_of_torques"]
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
@@ -143,11 +144,11 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
 def _curve_error(steady: Physics, end: StartingPoint) -> float:
     """Return the largest relative error of the torque at an end, which is that of a curve."""
     worst = 0.0
-    operations = steady.split(end.operation) if steady.has_curve else ()
+    operations = split(steady, end.operation) if steady.has_curve else ()
     for scenario, (speed, torque) in zip(steady.scenarios, operations, strict=False):
-        own, radius = steady.of(scenario), end.blade.rotor_radius
+        rotor, radius = steady.rotor_in(scenario), end.blade.rotor_radius
         ratio = np.maximum(speed * radius / scenario.speeds, SLOWEST_RATIO)
-        exact = own.rotor.coefficients(end.blade, ratio).torque
-        exact = exact * torque_scale(own.density, radius, scenario.speeds)
+        exact = rotor.coefficients(end.blade, ratio).torque
+        exact = exact * torque_scale(rotor.water_density, radius, scenario.speeds)
         worst = max(worst, float(np.max(np.abs(torque - exact)) / np.max(np.abs(exact))))
     return worst

@@ -13,7 +13,8 @@ import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.trajectory import trajectory_of
-from hkt_mdo.problem.physics import Physics
+from hkt_mdo.problem.evaluation import scalars
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
 from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
@@ -118,10 +119,11 @@ class SteadyFlow:
         if blade not in self._curves:
             physics, nodes = self.physics, self.spline.nodes
             values = {"torque": physics.rotor.coefficients(blade, nodes).torque}
-            loads = physics.loads.coefficients(blade, nodes, names=physics.load_names)
+            loads = physics.rotor.loads.coefficients(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
-                values[name] = load.envelope(physics.loads.exponent).values
-            inertia, weight = physics.mass_and_inertia(blade)[1], physics.weight_stress(blade)
+                values[name] = load.envelope(physics.rotor.loads.exponent).values
+            inertia = physics.mass_and_inertia(blade)[1]
+            weight = scalars(physics, physics.rotor, blade, inertia)["weight_stress"]
             self._curves[blade] = Curves(blade, inertia, values, weight)
         return self._curves[blade]
 
@@ -142,11 +144,12 @@ class SteadyFlow:
             By the names of `hkt_mdo.quantities`, SI units.
         """
         flow, physics = self.speeds if flow is None else flow, self.physics
+        generator = physics.case.generator
         ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
         torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
         speed = ratio * flow / radius
-        both = torque, torque - physics.generator.friction(speed)  # of the flow, of the generator
-        series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, physics.generator)
+        both = torque, torque - generator.friction(speed)  # of the flow, of the generator
+        series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, generator)
         for name in physics.load_names:
             if name in coefficients:
                 series[name] = 0.5 * physics.density * flow**2 * coefficients[name]

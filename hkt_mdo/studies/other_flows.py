@@ -136,10 +136,11 @@ class Run:
             In SI units.
         """
         physics, plant = self.design.physics, self.design.plant
-        known = SimulatedDesign.of(physics, plant, self.simulation, self.design.controller).told
+        about = physics.rotor, plant, self.simulation, self.design.controller
+        known = SimulatedDesign(physics, *about).told
         limits = physics.limits_in(physics.scenarios[0])
         found = {each.name: _told(each, known) for each in limits if not each.bounded}
-        for name, load in placed(physics, plant.blade, [known]).items():
+        for name, load in placed(physics.rotor, plant.blade, [known]).items():
             remark = unasked(name, load.value, physics.case) or "not limited"
             own = found.get(name, Told(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
@@ -220,7 +221,7 @@ class Run:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         pairs = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
-        return joined(*texts[: 2 if self.design.physics.generator.lossless else 3])
+        return joined(*texts[: 2 if self.design.physics.case.generator.lossless else 3])
 
     @property
     def verdicts(self) -> str:

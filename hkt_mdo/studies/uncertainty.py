@@ -31,7 +31,8 @@ from hkt_mdo.dynamics.simulation import (
     simulate,
 )
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import Physics, complete
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.physics import complete
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.solution import Solution

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 from hkt_mdo.case import read_case
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.physics import BEM, physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.quantities import TRAJECTORY
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.verification import verify
 from hkt_mdo.start.find import find_start, steady_optimum
@@ -33,7 +33,7 @@ def case_of(control=QUADRATIC, segments=60, duration=None, final_speed="auto", *
 def start_of(case, cold=False):
     """Return physics of a case and the setup it begins with; cold: the blade as it is given."""
     world = physics(case)
-    blade, polar = world.blade, world.polar
+    blade, polar = world.blade, world.rotor.polar
     optimum = best_operation(blade, Hydrodynamics(polar)) if cold else steady_optimum(world, blade)
     start = find_start(world, optimum)
     return world, Setup(start, curve_nodes(world, start))
@@ -57,7 +57,7 @@ def integrate(world, problem):
     """Return the independent integration of an optimized problem, by which a run checks it."""
     (scenario,) = world.scenarios
     blade = world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist"))
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(world.gain_units))]
+    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(world.law.gain_units))]
     nodes = {name: problem.get_val(f"{scenario.path}.{name}").ravel() for name in TRAJECTORY}
     result = SimpleNamespace(
         point=SimpleNamespace(blade=blade, gains=gains),
@@ -71,7 +71,7 @@ class TimedBEM:
     """A BEM solver that adds up the time spent in it."""
 
     def __init__(self, name):
-        self.seconds, self._solve = 0.0, BEM[name]
+        self.seconds, self._solve = 0.0, SOLVERS[name]
 
     def __call__(self, *arguments, **options):
         """Solve."""

@@ -33,7 +33,7 @@ class Plant:
         case = case_of(OPEN_LOOP, segments, duration, "free", design="{blade: fixed}")
         self.world, self.setup = start_of(case)
         self.radius, self.density = case.rotor.radius, case.fluid.density
-        blade, polar, self.nodes = self.world.blade, self.world.polar, self.setup.nodes
+        blade, polar, self.nodes = self.world.blade, self.world.rotor.polar, self.setup.nodes
         self.table = rotor_coefficients(blade, polar, self.nodes).torque
         _, self.inertia = self.world.mass_and_inertia(blade)
         best = best_operation(blade, Hydrodynamics(polar)).tip_speed_ratio

@@ -30,7 +30,7 @@ def test_optimization(benchmark, full, in_turns, monkeypatch):
     size = 60 if full else 6
     cases = {name: case_of(segments=size, hydrodynamics=f"{{bem: {name}}}") for name in solvers}
     world, setup = start_of(cases["vectorized"])
-    solvers["ccblade"](world.blade, world.polar, setup.nodes[:2])  # imports WISDEM
+    solvers["ccblade"](world.blade, world.rotor.polar, setup.nodes[:2])  # imports WISDEM
     shares = {name: [] for name in cases}
 
     def run(name):

@@ -193,7 +193,7 @@ def test_copper_losses_move_the_best_tip_speed_ratio_up():
         def lost(ratio, place=place):
             torque = plain.rotor.coefficients(plain.blade, np.array([ratio])).torque[0]
             torque *= torque_scale(plain.density, radius, flow[place])
-            return -lossy.generator.electrical_power(torque, ratio * flow[place] / radius)
+            return -lossy.case.generator.electrical_power(torque, ratio * flow[place] / radius)
 
         expected = minimize_scalar(lost, bounds=(4.0, 12.0), method="bounded")
         assert -lost(ratios[1][place]) == pytest.approx(-expected.fun, rel=1e-6)
@@ -202,12 +202,13 @@ def test_copper_losses_move_the_best_tip_speed_ratio_up():
 
 def test_quantities_that_are_not_maximized_are_not_bounded():
     case = load_case(CASE | {"generator": {"rated_torque": 700, "copper_loss": 9}})
-    from hkt_mdo.problem.physics import Physics
+    from hkt_mdo.problem.model import Physics
 
-    lossy = SimpleNamespace(objective=case.objective, generator=case.generator)
+    lossy = SimpleNamespace(objective=case.objective, case=case)
     assert Physics.starting_generator.fget(lossy) is None
     electrical = case.with_overrides("objective=electrical").objective
-    lossy = SimpleNamespace(objective=electrical, generator=case.generator)
+    lossy = SimpleNamespace(objective=electrical, case=case)
     assert Physics.starting_generator.fget(lossy) is case.generator
-    constant = SimpleNamespace(objective=electrical, generator=Generator(efficiency=0.9))
+    efficient = SimpleNamespace(generator=Generator(efficiency=0.9))
+    constant = SimpleNamespace(objective=electrical, case=efficient)
     assert Physics.starting_generator.fget(constant) is None

@@ -164,7 +164,7 @@ def test_a_bad_file_is_refused(tmp_path, text, words):
 def test_equilibria_are_those_of_brentq():
     """The fastest root of Q = u, from direct BEM, each by itself."""
     world = physics(year(profile="histogram", speeds=[1, 1.5, 2.5], hours=[1, 1, 1]))
-    plant = Plant(world.blade, world.polar, 1.0, 1000.0, bem.rotor_coefficients)
+    plant = Plant(world.blade, world.rotor.polar, 1.0, 1000.0, bem.rotor_coefficients)
     law = LinearFeedback(torque_limit=700.0)
     flow = world.scenarios[0].speeds
     speed, running = equilibria(plant, FeedbackTorque(law, np.array([70.0])), flow)

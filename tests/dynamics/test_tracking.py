@@ -1,7 +1,5 @@
 """Control of the speed to a schedule: linear theory, then the motion, then derivatives."""
 
-from dataclasses import replace
-
 import numpy as np
 import openmdao.api as om
 import pytest
@@ -44,14 +42,14 @@ def steady(law, plant, flow, ratio, kp=150.0, ki=600.0):
 
 
 def plant_of(world):
-    return Plant(world.blade, world.polar, INERTIA, world.density, bem.rotor_coefficients)
+    return Plant(world.blade, world.rotor.polar, INERTIA, world.density, bem.rotor_coefficients)
 
 
 def following(*overrides):
     """Return physics, run and start of a blade as it is that follows its open loop's schedule."""
     world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
     start = find_start(
-        world, best_operation(world.blade, Hydrodynamics(world.polar)), improve=False
+        world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)), improve=False
     )
     speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
     states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
@@ -135,7 +133,7 @@ def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
     world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
-    best = best_operation(world.blade, Hydrodynamics(world.polar))
+    best = best_operation(world.blade, Hydrodynamics(world.rotor.polar))
     ideal = find_start(world, best, improve=False).operation
     world, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
     assert run.energy == pytest.approx(ideal.energy, rel=1e-4)
@@ -261,4 +259,4 @@ def test_knots_span_the_design_flow():
         )
     )
     assert still.law.flow_range[0] < still.law.flow_range[1]
-    assert replace(world, law=OpenLoop()).states == {}
+    assert OpenLoop().states == {}

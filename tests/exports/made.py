@@ -36,7 +36,7 @@ def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solut
         "success": True,
         "message": "converged and verified",
         "gain": None if gains is None else list(gains),
-        "gain_units": list(world.gain_units),
+        "gain_units": list(world.law.gain_units),
         "scenarios": {name: {"weight": 1.0} for name in names},
         "rotor_radius_m": blade.rotor_radius,
         "inertia_kg_m2": float(world.mass_and_inertia(blade)[1]),

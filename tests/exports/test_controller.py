@@ -14,7 +14,7 @@ from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source, export
-from hkt_mdo.problem.physics import BEM
+from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
 from tests.exports.made import made
 
@@ -171,7 +171,7 @@ def test_steps_of_tracking_drive_the_rotor_as_the_law_does(tracking, tmp_path):
     # the rotor's own equation of motion, by a fine curve of its torque and the Runge-Kutta method
     design = tracking.design()
     world, blade, law = design.physics, design.blade, design.law
-    plant = Plant(blade, design.polars, design.inertia, world.density, BEM["vectorized"])
+    plant = Plant(blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"])
     ratios, radius = np.linspace(0.5, 15.0, 3001), blade.rotor_radius
     curve = CubicSpline(ratios, world.rotor.coefficients(blade, ratios).torque)
     begin = float(law.speed_at_rest(np.array([1.5]), design.gains)[0])
@@ -220,7 +220,7 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path):
     export(solution, ["controller"], tmp_path)
     design, module = solution.design(), module_of(tmp_path)
     world = design.physics
-    plant = Plant(design.blade, design.polars, design.inertia, world.density, BEM["vectorized"])
+    plant = Plant(design.blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"])
     estimate, random = FlowEstimate(plant), np.random.default_rng(1)
     speed, torque = random.uniform(3.0, 12.0, 500), random.uniform(0.0, 900.0, 500)
     acceleration = random.uniform(-2.0, 2.0, 500)

@@ -39,7 +39,7 @@ def coarse_physics(control, more="", segments=5):
 
 def assembled(world, **options):
     """Return the problem of some physics at the start of its own blade, run once."""
-    start = find_start(world, best_operation(world.blade, Hydrodynamics(world.polar)))
+    start = find_start(world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)))
     problem = assemble(world, Setup(start, NODES, **options))
     problem.run_model()
     return problem, start

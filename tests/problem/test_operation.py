@@ -6,6 +6,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.certificate import Passing
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.operation import MOST_INTERVALS
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -61,7 +62,7 @@ def test_a_cut_sine_is_what_is_left_of_it():
 def test_quasi_steady_energy_of_a_cut_sine():
     """Quadratic feedback with its best gain has the largest power coefficient in every flow."""
     found = world()
-    best = best_operation(found.blade, Hydrodynamics(found.polar))
+    best = best_operation(found.blade, Hydrodynamics(found.rotor.polar))
     gain = power_scale(found.density, found.blade.rotor_radius, 1.0) * best.power_coefficient
     gain *= (found.blade.rotor_radius / best.tip_speed_ratio) ** 3
     found = world(control={"law": "quadratic", "cut_out": 1.6, "gain": gain})
@@ -77,9 +78,9 @@ def test_a_limit_that_the_fast_flow_alone_breaks_is_kept():
     for cut_out in (None, 1.6):
         found = world(cut_out, limits=limits)
         start = find_start(
-            found, best_operation(found.blade, Hydrodynamics(found.polar)), improve=False
+            found, best_operation(found.blade, Hydrodynamics(found.rotor.polar)), improve=False
         )
-        broken.append(found.broken_limits(start))
+        broken.append(broken_limits(found, start))
     assert broken == [["power"], []]
 
 

@@ -36,7 +36,7 @@ def plant(rotor=None, **limits):
 
 def stress(found):
     """Return the stress over q at tip speed ratios and places."""
-    return found.loads.coefficients(found.blade, RATIO, names=("stress",))["stress"].exact
+    return found.rotor.loads.coefficients(found.blade, RATIO, names=("stress",))["stress"].exact
 
 
 def ellipse(height):
@@ -80,7 +80,7 @@ def test_tube(wall):
     """Area pi/4 (1 - k²), second moments pi/64 (1 - k⁴), k the inner over the outer diameter."""
     found, k = plant({"outline": "cylinder", "wall": wall}), 1.0 - 2.0 * wall
     area, second = 0.25 * np.pi * (1.0 - k**2), np.pi / 64.0 * (1.0 - k**4)
-    structure = found.loads.structure
+    structure = found.rotor.loads.structure
     assert structure.area == pytest.approx(area, rel=2e-3)
     assert [*structure.xx, *structure.yy] == pytest.approx([second, second], rel=2e-3)
     assert abs(structure.xy) < 1e-12
@@ -113,7 +113,7 @@ def test_thin_ellipse(outline, height):
     """Integrals along the outline times the wall; the error is of the order of the wall."""
     x, y = ellipse(height)
     wall, path = 1e-3, outline(x, y)
-    structure = plant({"outline": path, "wall": wall}).loads.structure
+    structure = plant({"outline": path, "wall": wall}).rotor.loads.structure
     length = np.hypot(np.diff(x), np.diff(y))
     x, y = 0.5 * (x[1:] + x[:-1]) - 0.5, 0.5 * (y[1:] + y[:-1])
     assert structure.area == pytest.approx(wall * np.sum(length), rel=0.01)
@@ -126,7 +126,7 @@ def test_box(outline, wall):
     """b h - b' h' and (b h³ - b' h'³)/12, b' and h' less than b and h by two walls."""
     height = 0.3
     found = plant({"outline": outline(*rectangle(height)), "wall": wall})
-    structure, b, h = found.loads.structure, 1.0 - 2.0 * wall, height - 2.0 * wall
+    structure, b, h = found.rotor.loads.structure, 1.0 - 2.0 * wall, height - 2.0 * wall
     assert structure.area == pytest.approx(height - b * h, rel=0.01)
     assert structure.xx == pytest.approx((height**3 - b * h**3) / 12.0, rel=0.01)
     assert structure.yy == pytest.approx((height - b**3 * h) / 12.0, rel=0.01)
@@ -136,7 +136,7 @@ def test_a_wall_of_half_the_thickness_is_solid():
     solid = plant()
     for wall in (0.5, 0.5 * Outline.from_file("naca4415").thickness):
         found = plant({"wall": wall})
-        assert found.section_area == solid.section_area
+        assert found.rotor.section_area == solid.rotor.section_area
         np.testing.assert_array_equal(stress(found), stress(solid))
 
 
@@ -149,7 +149,7 @@ def test_the_outlines_own_numbers_change_nothing():
     numbers = dict(zip(("flapwise", "edgewise", "product"), moments, strict=True))
     found = plant({"sections": [SECTION | {"area": area, "second_moments": numbers}]})
     np.testing.assert_allclose(stress(found), stress(plain), rtol=1e-12)
-    deflection = [each.loads.tip_deflection(each.blade, RATIO) for each in (found, plain)]
+    deflection = [each.rotor.loads.tip_deflection(each.blade, RATIO) for each in (found, plain)]
     np.testing.assert_allclose(*deflection, rtol=1e-12)
     assert found.mass_and_inertia(found.blade) == pytest.approx(
         plain.mass_and_inertia(plain.blade), rel=1e-12
@@ -168,9 +168,9 @@ def test_given_numbers_stand_in_for_the_outlines():
     assert heavy.mass_and_inertia(heavy.blade)[0] == pytest.approx(
         3.0 * DENSITY * 0.05 * CHORD**2 * (TIP - HUB), rel=1e-12
     )
-    hollow = plant({"wall": 0.01}).loads.structure
-    assert heavy.loads.structure.area == 0.05
-    assert heavy.loads.structure.xx == hollow.xx
+    hollow = plant({"wall": 0.01}).rotor.loads.structure
+    assert heavy.rotor.loads.structure.area == 0.05
+    assert heavy.rotor.loads.structure.xx == hollow.xx
 
 
 def spanwise(inner, outer, tmp_path):
@@ -194,9 +194,9 @@ def test_sections_are_linear_between_those_that_are_given(tmp_path):
         {"second_moments": each, "area": a} for each, a in zip(moments, (0.1, 0.06), strict=True)
     ]
     found = spanwise(*ends, tmp_path)
-    np.testing.assert_allclose(found.section_area, np.linspace(0.1, 0.06, 5), rtol=1e-12)
+    np.testing.assert_allclose(found.rotor.section_area, np.linspace(0.1, 0.06, 5), rtol=1e-12)
     share = place_weights(5) @ np.linspace(0.0, 1.0, 5)
-    structure = found.loads.structure
+    structure = found.rotor.loads.structure
     for name, key in (("xx", "flapwise"), ("yy", "edgewise"), ("xy", "product")):
         one, two = (each[key] for each in moments)
         expected = (1.0 - share) * one + share * two
@@ -206,20 +206,20 @@ def test_sections_are_linear_between_those_that_are_given(tmp_path):
 
 def test_a_solid_section_beside_a_hollow_one(tmp_path):
     found, solid = spanwise({}, {"wall": 0.02}, tmp_path), spanwise({}, {}, tmp_path)
-    at, whole = found.loads.structure, solid.loads.structure
+    at, whole = found.rotor.loads.structure, solid.rotor.loads.structure
     base = Outline.from_file("naca4415")
     thin = material_section(base.stretched(0.12 / base.thickness), 0.02)
     assert (at.area[0], at.xx[0]) == pytest.approx((whole.area[0], whole.xx[0]), rel=1e-9)
     assert (at.area[-1], at.xx[-1]) == pytest.approx((thin[0], thin[1].xx), rel=1e-9)
     assert np.all(at.xx <= whole.xx * (1.0 + 1e-9))
-    assert found.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
+    assert found.rotor.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
     # mass and centrifugal force have one area
-    np.testing.assert_allclose(at.area, place_weights(5) @ found.section_area, rtol=1e-12)
+    np.testing.assert_allclose(at.area, place_weights(5) @ found.rotor.section_area, rtol=1e-12)
 
 
 def test_one_section_with_second_moments_beside_one_without(tmp_path):
     moments = {"flapwise": 4e-4, "edgewise": 6e-3}
-    found = spanwise({"second_moments": moments}, {}, tmp_path).loads.structure
+    found = spanwise({"second_moments": moments}, {}, tmp_path).rotor.loads.structure
     base = Outline.from_file("naca4415")
     own = material_section(base.stretched(0.12 / base.thickness))[1]
     assert [found.xx[0], found.yy[0], found.xy[0]] == pytest.approx([4e-4, 6e-3, 0.0])
@@ -229,7 +229,7 @@ def test_one_section_with_second_moments_beside_one_without(tmp_path):
 def test_derivatives_of_the_stress_in_a_hollow_blade(tmp_path):
     """By chord and twist, against central differences of fourth order."""
     found = spanwise({"wall": 0.05}, {"wall": 0.01}, tmp_path)
-    model, blade, h = found.loads, found.blade, 1e-4
+    model, blade, h = found.rotor.loads, found.blade, 1e-4
     rng = np.random.default_rng(5)
     chord, twist = 0.1 * rng.normal(size=5), 0.2 * rng.normal(size=5)
 
@@ -262,7 +262,7 @@ def test_shipped_materials(name):
     solid, own = plant(), MATERIALS[name]
     mass = [each.mass_and_inertia(each.blade)[0] for each in (found, solid)]
     assert mass[0] / mass[1] == pytest.approx(own["density"] / DENSITY, rel=1e-12)
-    sag = [each.loads.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
+    sag = [each.rotor.loads.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
     assert sag[0] / sag[1] == pytest.approx(68.9e9 / own["modulus"], rel=1e-12)
     assert {each.name: each.upper for each in found.limits}["stress"] == own["allowable_stress"]
     assert 500.0 < own["density"] < 9e3
@@ -274,11 +274,14 @@ def test_a_material_of_ones_own_and_keys_beside_it():
     own = {"density": "1.9 g/cm^3", "modulus": "30 GPa", "allowable_stress": "60 MPa"}
     rotor = {"material": own, "material_density": None}
     found = plant(rotor, stress={"bound": "allowable"})
-    assert found.loads.structure.density == pytest.approx(1900.0)
-    assert found.loads.structure.modulus == 30e9
+    assert found.rotor.loads.structure.density == pytest.approx(1900.0)
+    assert found.rotor.loads.structure.modulus == 30e9
     assert {each.name: each.upper for each in found.limits}["stress"] == pytest.approx(60e6)
     beside = plant(rotor | {"material_density": 900.0, "modulus": "20 GPa"})
-    assert (beside.loads.structure.density, beside.loads.structure.modulus) == (900.0, 20e9)
+    assert (beside.rotor.loads.structure.density, beside.rotor.loads.structure.modulus) == (
+        900.0,
+        20e9,
+    )
 
 
 def test_a_written_case_is_the_same_and_takes_another_material():
@@ -289,7 +292,7 @@ def test_a_written_case_is_the_same_and_takes_another_material():
     case = load_case(given | {"limits": {"stress": "allowable"}})
     assert read_case(case.to_yaml()) == case
     other = physics(case.with_overrides("rotor.material=glass_epoxy_uniaxial"))
-    assert other.loads.structure.density == 1940.0
+    assert other.rotor.loads.structure.density == 1940.0
     assert {each.name: each.upper for each in other.limits}["stress"] == 370.69e6
 
 

@@ -19,7 +19,7 @@ DEGREES = np.pi / 180.0
 @pytest.fixture(scope="module", params=["bahaj2007", "rm1", "river"])
 def shipped(request):
     world = physics(load_case(STEADY | {"rotor": {"blade": request.param}}))
-    return world.blade, world.polar
+    return world.blade, world.rotor.polar
 
 
 # Theory
@@ -57,7 +57,7 @@ def test_no_section_of_a_grid_is_better(shipped, chords, twists):
 
 def test_the_load_of_a_cylinder_is_least_where_the_chord_is():
     world = physics(load_case(STEADY | {"rotor": {"blade": "rm1", "station_count": 100}}))
-    found = best_sections(world.blade, world.polar, [4.0, 8.0], (0.3, 2.5), (-0.5, 0.5))
+    found = best_sections(world.blade, world.rotor.polar, [4.0, 8.0], (0.3, 2.5), (-0.5, 0.5))
     assert np.all(found.load[:, 0] < 0.0)
     assert np.all(found.chord[:, 0] == 0.3)
 
@@ -67,9 +67,9 @@ def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sec
     turbine = {"rotor": {"blade": "rm1"}, "design": {"chord_points": 100, "twist_points": 100}}
     world = physics(load_case(STEADY | turbine))
     bounds = world.shape.chord_bounds, world.shape.twist_bounds
-    best = best_rotor(world.blade, Hydrodynamics(world.polar), *bounds)
+    best = best_rotor(world.blade, Hydrodynamics(world.rotor.polar), *bounds)
     for ratio in np.append(np.linspace(5.0, 15.0, 11), best.tip_speed_ratio):
-        load = best_sections(world.blade, world.polar, ratio, *bounds).load[0]
+        load = best_sections(world.blade, world.rotor.polar, ratio, *bounds).load[0]
         power = ratio * bem.torque_weights(world.blade) @ load
         assert power <= best.power_coefficient + 1e-9
     assert power == pytest.approx(best.power_coefficient, abs=1e-12)

@@ -10,7 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.objectives import GeneratorEnergy
-from hkt_mdo.problem.physics import Physics, physics
+from hkt_mdo.problem.evaluation import objective_at
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry, PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
@@ -54,7 +56,7 @@ def _solve(
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
         state = RunState(world, Log(Path(folder), False, Summary(success=False)), folder)
         start = find_start(world, state.optimum)
-        reference = world.objective_at(start)
+        reference = objective_at(world, start)
         end = optimize(state, start, reference)
     about = end.physics, start, end.optimum, end.reference, end.result, end.verifications
     return Solved(*about, world, state.passes)

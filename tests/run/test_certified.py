@@ -30,7 +30,11 @@ def _certified(world):
 def _simulated(world, blade, torque, speed):
     """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
     plant = Plant(
-        blade, world.polar, world.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
+        blade,
+        world.rotor.polar,
+        world.mass_and_inertia(blade)[1],
+        world.density,
+        bem.rotor_coefficients,
     )
     return simulate(plant, world.inflow, torque, speed, 60.0, samples=601, max_step=1.0).energy
 
@@ -115,7 +119,7 @@ def test_a_heavier_blade_than_the_certificate_regards_has_less_power():
     for _ in range(40):
         chord = optimum.blade.chord * rng.uniform(1.0, 2.5)
         blade = optimum.blade.with_shape(chord, optimum.blade.twist + rng.uniform(-0.05, 0.1))
-        power = bem.rotor_coefficients(blade, world.polar, ratios).power.max()
+        power = bem.rotor_coefficients(blade, world.rotor.polar, ratios).power.max()
         share = power / optimum.power_coefficient
         assert world.mass_and_inertia(blade)[1] <= heaviest(share) * (1.0 + 1e-9)
 

@@ -73,7 +73,7 @@ def warnings(report: CheckReport) -> list[str]:
 def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
     found = check("control.torque_limit=700", *polar).findings
     ratio, radius = found.best.tip_speed_ratio, found.physics.blade.rotor_radius
-    assert isinstance(found.physics.polar, LocalReynolds) == bool(polar)
+    assert isinstance(found.physics.rotor.polar, LocalReynolds) == bool(polar)
     told = rows(check("control.torque_limit=700", *polar), "Optimization")
     assert ("torque: at every node" in told) == bool(polar)
     torque = found.torque(ratio * found.rated_speed / radius, found.rated_speed)
@@ -85,7 +85,7 @@ def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
 def test_rated_speed_by_hand() -> None:
     found = check("control.torque_limit=700").findings
     blade, ratio = found.physics.blade, found.best.tip_speed_ratio
-    torque = rotor_coefficients(blade, found.physics.polar, ratio).torque[0]
+    torque = rotor_coefficients(blade, found.physics.rotor.polar, ratio).torque[0]
     by_hand = np.sqrt(700.0 / (0.5 * 1000.0 * np.pi * blade.rotor_radius**3 * torque))
     assert found.rated_speed == pytest.approx(by_hand, rel=1e-12)
     (flow,) = found.flows
@@ -183,7 +183,7 @@ def test_spectrum_has_the_variance() -> None:
 )
 def test_counts_are_those_of_the_problem(overrides: tuple[str, ...]) -> None:
     whole = physics(read_case(BASE, overrides))
-    best = best_operation(whole.blade, Hydrodynamics(whole.polar))
+    best = best_operation(whole.blade, Hydrodynamics(whole.rotor.polar))
     size = problem_size(whole, best)
     start = find_start(whole, best, improve=False)
     problem = assemble(whole, Setup(start, np.linspace(0.5, 1.6, 40) * best.tip_speed_ratio))
@@ -418,7 +418,7 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     ]
     q = 0.5 * world.density * start["inflow_speed"] ** 2
     blade, ratio = report.findings.start.blade, start["tip_speed_ratio"]
-    loads = {n: q * x.largest for n, x in world.loads.coefficients(blade, ratio).items()}
+    loads = {n: q * x.largest for n, x in world.rotor.loads.coefficients(blade, ratio).items()}
     stress, thrust = loads["stress"].max(), loads["thrust"].max()
     power = (start["control_torque"] * start["rotor_speed"]).max()
     assert power > 5e3

@@ -11,6 +11,7 @@ from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
 from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.dynamics.wide_laws import CurveFeedback
+from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
@@ -189,8 +190,8 @@ def near_stall(solved):
     speed, gains = verification.simulation.rotor_speed, solved.result.point.gains
 
     class Stalls:
-        generator = solved.physics.generator
-        inertia = solved.result.inertia
+        generator = solved.physics.case.generator
+        blade, inertia = solved.result.point.blade, solved.result.inertia
         wake = None
 
         def torque(self, slowed, flow):
@@ -421,7 +422,7 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     start = replace(open_loop.start, starts=open_loop.start.starts[:1] * 11)
     world = open_loop.on_first_mesh
     checks = list(open_loop.checks().values())
-    (steady,) = world.on_start(start)
+    (steady,) = on_start(world, start)
     steepest = np.max(np.abs(steady["torque_rate"]))
 
     def told(bound, at_end):
@@ -464,7 +465,7 @@ def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
     held = solve_physics(case, two_flows, LargestInertia)
     checks = held.checks()
     assert all(check.passed for check in checks.values()), checks
-    assert held.on_first_mesh.broken_limits(held.start) == []
+    assert broken_limits(held.on_first_mesh, held.start) == []
     assert held.result.inertia == pytest.approx(bound, rel=1e-6)
     assert 0.99 * free.result.energy < held.result.energy < free.result.energy
     entry = summarize(held.finished()).limits["largest_inertia"]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.physics import RATIOS, physics
+from hkt_mdo.problem.evaluation import RATIOS, loads_along, scalars
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.solution import TABLES, Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
@@ -35,8 +36,8 @@ def trajectory(world, count=40):
         "tip_speed_ratio": speed * world.blade.rotor_radius / flow,
         "generator_power": 600.0 * speed,
     }
-    known |= world.loads_along(world.blade, known, world.loads.names)
-    return known | world.scalars(world.blade, 10.0)
+    known |= loads_along(world.rotor, world.blade, known, world.rotor.loads.names)
+    return known | scalars(world, world.rotor, world.blade, 10.0)
 
 
 def pressure(world, known, at):
@@ -49,8 +50,8 @@ def pressure(world, known, at):
 def test_flapwise_moment_is_the_integral_of_load_times_arm():
     """The trapezoidal rule over stations and tip, by hand; at the hub it is the root moment."""
     world = physics(load_case(PLAIN))
-    blade, model, ratio = world.blade, world.loads, 6.3
-    normal = bem.sections(blade, world.polar, np.array([ratio])).normal_load[0]
+    blade, model, ratio = world.blade, world.rotor.loads, 6.3
+    normal = bem.sections(blade, world.rotor.polar, np.array([ratio])).normal_load[0]
     edges = np.append(blade.r, blade.tip_radius)
     by_hand = []
     for first in range(blade.r.size):
@@ -66,10 +67,10 @@ def test_flapwise_moment_is_the_integral_of_load_times_arm():
 def test_the_largest_is_reported_with_its_time():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
-    slower = {name: 0.5 * known[name] for name in world.loads.names}
+    slower = {name: 0.5 * known[name] for name in world.rotor.loads.names}
     found = loads.largest([known, known | slower])
     assert {"thrust", "root_moment", "stress", "cavitation"} < set(found)
-    for name in world.loads.names:
+    for name in world.rotor.loads.names:
         worst = np.argmax(known[name])
         assert found[name].value == known[name][worst]
         assert found[name].time_s == known["time"][worst]
@@ -82,8 +83,8 @@ def test_the_largest_is_reported_with_its_time():
 def test_the_span_is_that_of_the_worst_instants():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
-    weaker = known | {name: 0.9 * known[name] for name in world.loads.names}
-    found = loads.over_span(world, world.blade, [weaker, known])
+    weaker = known | {name: 0.9 * known[name] for name in world.rotor.loads.names}
+    found = loads.over_span(world.rotor, world.blade, [weaker, known])
     assert set(found) == {"stress", "flapwise_moment", "cavitation"}
     for name in ("stress", "cavitation"):
         r, values = found[name]
@@ -91,12 +92,12 @@ def test_the_span_is_that_of_the_worst_instants():
         assert world.blade.r[0] <= r[np.argmax(values)] <= world.blade.r[-1]
     at = np.argmax(known["stress"])
     ratio = known["tip_speed_ratio"][at]
-    moment = world.loads.flapwise_moment(world.blade, ratio, found["stress"][0])[0]
+    moment = world.rotor.loads.flapwise_moment(world.blade, ratio, found["stress"][0])[0]
     expected = pressure(world, known, at) * moment
     np.testing.assert_allclose(found["flapwise_moment"][1], expected, rtol=1e-12)
     at = np.argmax(known["cavitation"])
-    sections = bem.sections(world.blade, world.polar, known["tip_speed_ratio"][at : at + 1])
-    suction, _ = world.loads.cavitation.suction(sections.angle_of_attack)
+    sections = bem.sections(world.blade, world.rotor.polar, known["tip_speed_ratio"][at : at + 1])
+    suction, _ = world.rotor.loads.cavitation.suction(sections.angle_of_attack)
     available = 101325.0 - 1705.0 + 9.80665 * world.density * (3.0 - world.blade.r)
     dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
@@ -107,10 +108,10 @@ def test_deflection_is_the_largest_of_the_instants():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
     each = [
-        pressure(world, known, at) * world.loads.tip_deflection(world.blade, ratio)[0]
+        pressure(world, known, at) * world.rotor.loads.tip_deflection(world.blade, ratio)[0]
         for at, ratio in enumerate(known["tip_speed_ratio"])
     ]
-    found = loads.tip_deflection(world, world.blade, [known])
+    found = loads.tip_deflection(world.rotor, world.blade, [known])
     assert found == pytest.approx(max(each), rel=1e-4)  # linear between 201 tip speed ratios
 
 
@@ -118,7 +119,7 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
     """More instants than are looked at together; each as if it were alone."""
     rotor = {"polar": "naca63815", "reynolds": "local"}
     world = physics(load_case(PLAIN | {"rotor": rotor}))
-    assert world.loads.names == ("thrust", "root_moment", "stress")
+    assert world.rotor.loads.names == ("thrust", "root_moment", "stress")
     known = trajectory(world, RATIOS + 20)
     for at in (0, RATIOS - 1, RATIOS, RATIOS + 19):
         model = world.rotor.at_flow(known["inflow_speed"][at]).loads
@@ -126,8 +127,8 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
         for name, load in found.items():
             expected = pressure(world, known, at) * load.largest[0]
             assert known[name][at] == pytest.approx(expected, rel=1e-9)
-    assert loads.tip_deflection(world, world.blade, [known]) is None
-    found = loads.over_span(world, world.blade, [known])
+    assert loads.tip_deflection(world.rotor, world.blade, [known]) is None
+    found = loads.over_span(world.rotor, world.blade, [known])
     assert set(found) == {"stress", "flapwise_moment"}
     assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)
 
@@ -149,7 +150,7 @@ def test_the_tables_have_the_loads(result):
     for table in (result.trajectory, result.simulation):
         assert set(table) == set(TABLES["trajectory"])
         q = 0.5 * world.density * table["inflow_speed_m_s"] ** 2
-        model = world.loads.coefficients(found, table["tip_speed_ratio"])
+        model = world.rotor.loads.coefficients(found, table["tip_speed_ratio"])
         for name, column in (
             ("thrust", "thrust_N"),
             ("root_moment", "root_moment_Nm"),
@@ -233,7 +234,8 @@ def test_loads_of_a_resolved_blade_are_reported(solve_physics):
     coarse = solve_physics(limited | {"rotor": {"stations": NINE}})
     told = [each.told for each in coarse.verifications]
     blade = coarse.result.point.blade
-    (resolved,) = loads.resolved(coarse.physics, blade, told)
+    pairs = zip(coarse.physics.scenarios, told, strict=True)
+    (resolved,) = loads.resolved(coarse.physics, blade, pairs)
     change = resolved["stress"][0] / np.max(told[0]["stress"]) - 1.0
     assert 0.05 < change < 0.6
     (note,) = [each for each in summarize(coarse.finished()).notes if "stations" in each]
@@ -244,5 +246,5 @@ def test_loads_of_a_resolved_blade_are_reported(solve_physics):
     many = fine.blade.with_shape(*shape, fine.blade.thickness)
     worst = [int(np.argmax(told[0]["stress"]))]
     instant = {key: told[0][key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
-    stress = fine.loads_along(many, instant, ("stress",))["stress"][0]
+    stress = loads_along(fine.rotor, many, instant, ("stress",))["stress"][0]
     assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(change, abs=0.02)

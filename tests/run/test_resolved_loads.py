@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
+from hkt_mdo.problem.evaluation import loads_along
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.run import loads
 
@@ -25,12 +26,16 @@ def of_case(**rotor):
 
 
 def loads_of(made, blade, known=KNOWN):
-    return made.loads_along(blade, known, ("thrust", "stress", "cavitation"))
+    return loads_along(made.rotor, blade, known, ("thrust", "stress", "cavitation"))
+
+
+def resolved(made, blade, known):
+    return loads.resolved(made, blade, [(made.scenarios[0], known)])
 
 
 def test_a_resolved_blade_is_that_of_a_case_with_its_stations():
     made, blade = of_case(stations=NINE)
-    (found,) = loads.resolved(made, blade, [KNOWN | loads_of(made, blade)])
+    (found,) = resolved(made, blade, KNOWN | loads_of(made, blade))
     angle = np.pi * (np.arange(loads.STATIONS) + 0.5) / loads.STATIONS
     inner = blade.hub_radius / blade.tip_radius
     r = inner + (1.0 - inner) * 0.5 * (1.0 - np.cos(angle))
@@ -52,7 +57,7 @@ def test_a_resolved_blade_changes_little_where_it_has_the_default_stations():
     made, blade = of_case()
     assert blade.r.size == 40
     own = loads_of(made, blade)
-    (found,) = loads.resolved(made, blade, [KNOWN | own])
+    (found,) = resolved(made, blade, KNOWN | own)
     for name, values in own.items():
         assert np.max(found[name]) == pytest.approx(np.max(values), rel=5e-3)
 
@@ -60,19 +65,19 @@ def test_a_resolved_blade_changes_little_where_it_has_the_default_stations():
 def test_given_chords_are_resolved_too():
     made, blade = of_case(stations=NINE, chord=[0.1] * 9, twist=[5.0] * 9)
     own = loads_of(made, blade)
-    (found,) = loads.resolved(made, blade, [KNOWN | own])
+    (found,) = resolved(made, blade, KNOWN | own)
     assert np.max(found["thrust"]) == pytest.approx(np.max(own["thrust"]), rel=0.05)
 
 
 def test_a_designed_thickness_is_resolved_too():
     case = load_case("cases/examples/designed_thickness.yaml", ["rotor.stations=" + str(NINE)])
     made = physics(case)
-    own = made.loads_along(made.blade, KNOWN, ("stress",))
-    (found,) = loads.resolved(made, made.blade, [KNOWN | own])
+    own = loads_along(made.rotor, made.blade, KNOWN, ("stress",))
+    (found,) = resolved(made, made.blade, KNOWN | own)
     assert np.max(found["stress"]) > np.max(own["stress"])
 
 
 def test_loads_that_nobody_asks_for_are_not_resolved():
     made = physics(load_case(CASE | {"limits": {"power": "5 kW"}}))
     assert made.blade.r.size == 40
-    assert loads.resolved(made, made.blade, [KNOWN]) == []
+    assert resolved(made, made.blade, KNOWN) == []

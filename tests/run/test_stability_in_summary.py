@@ -60,8 +60,8 @@ def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refuse
         setup = SimpleNamespace(nodes=nodes)
         trajectories = [known | changes]
         result = SimpleNamespace(setup=setup, trajectories=trajectories, problem=problem)
-        physics = SimpleNamespace(band=lambda setup: SimpleNamespace(direction=direction))
-        return {name: value for name, value, *_ in _of_tables(physics, result)}
+        band = SimpleNamespace(direction=direction)
+        return {name: value for name, value, *_ in _of_tables(band, result)}
 
     rising = 0.03 * nodes
     kept = {"wake_in_tables": 0.0, "wake_induction_turns": 0.0}
@@ -95,13 +95,13 @@ def test_scenarios_with_memory_in_other_water_fouled_and_steady():
     problem.run_model()
     world = physics(load_case(case, MEMORY))
     for scenario in world.scenarios:
-        own = world.of(scenario)
+        rotor = world.rotor_in(scenario)
         path, loads = scenario.path, f"loads_{scenario.name}.thrust"
         ratio = problem.get_val(f"{path}.tip_speed_ratio")[:1, 0]
-        pressure = 0.5 * own.density * 1.2**2
-        load = own.loads.coefficients(world.blade, ratio, names=("thrust",))["thrust"].exact[0, 0]
+        pressure = 0.5 * rotor.water_density * 1.2**2
+        load = rotor.loads.coefficients(world.blade, ratio, names=("thrust",))["thrust"].exact[0, 0]
         assert problem.get_val(loads)[0, 0] == pytest.approx(pressure * load, rel=1e-3)
-        torque = pressure * np.pi * 1.4**3 * own.rotor.coefficients(world.blade, ratio).torque
+        torque = pressure * np.pi * 1.4**3 * rotor.coefficients(world.blade, ratio).torque
         assert problem.get_val(f"{path}.hydrodynamic_torque")[0] == pytest.approx(torque, rel=1e-3)
 
 

@@ -63,7 +63,7 @@ def check_derivatives(control, **more):
     """Compare partials and totals of a coarse problem with differences."""
     more = {"resource": HISTOGRAM, "control": control, "start": {"method": "blade"}} | more
     world = physics(load_case(more))
-    start = find_start(world, best_operation(world.blade, Hydrodynamics(world.polar)))
+    start = find_start(world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)))
     problem = assemble(world, Setup(start, curve_nodes(world, start)))
     problem.run_model()
     about = {"method": "fd", "form": "central", "step_calc": "rel_avg", "out_stream": None}
@@ -83,7 +83,7 @@ def test_a_fixed_blades_year_is_the_sum_over_its_bins(year):
     """Each by SciPy's root finding on direct BEM, with the hours of the histogram."""
     assert year.success, year.message
     world, law = physics(year.case), year.case.control
-    plant = Plant(world.blade, world.polar, 1.0, 1000.0, bem.rotor_coefficients)
+    plant = Plant(world.blade, world.rotor.polar, 1.0, 1000.0, bem.rotor_coefficients)
     gain, total = np.array([year.gain]), 0.0
     hours = np.array(HISTOGRAM["hours"]) / sum(HISTOGRAM["hours"]) * YEAR
     for v, time in zip(HISTOGRAM["speeds"], hours, strict=True):
@@ -105,7 +105,7 @@ def test_a_fixed_blades_year_is_the_sum_over_its_bins(year):
 def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year):
     """By SciPy's root finding, in all flows one per cent faster and slower."""
     world, law, gain = physics(year.case), year.case.control, np.array([year.gain])
-    plant = Plant(world.blade, world.polar, 1.0, 1000.0, bem.rotor_coefficients)
+    plant = Plant(world.blade, world.rotor.polar, 1.0, 1000.0, bem.rotor_coefficients)
 
     def energy(scale):
         total = 0.0
@@ -192,7 +192,7 @@ def test_a_section_in_flow_from_behind_has_the_forces_of_the_blade_in_its_own_fr
     rotor = {"polar": reversed_polar(tmp_path / "reversed.csv")}
     world = physics(load_case({"resource": HISTOGRAM, "control": QUADRATIC, "rotor": rotor}))
     blade, ratio = world.blade, 6.0
-    found = bem.sections(blade, world.polar, np.array([ratio]))
+    found = bem.sections(blade, world.rotor.polar, np.array([ratio]))
     checked = 0
     for i, r in enumerate(blade.r):
         if abs(found.angle_of_attack[0, i]) > np.deg2rad(18.0):
@@ -238,7 +238,7 @@ def test_a_year_backwards_is_the_sum_over_its_bins(tmp_path):
     assert found.success, found.message
     world, law, total = physics(found.case), found.case.control, 0.0
     rotor = found.case.rotor.model_copy(update={"polar": file})
-    polars = world.polar, build_turbine(rotor, found.case.fluid, 1.0).polar
+    polars = world.rotor.polar, build_turbine(rotor, found.case.fluid, 1.0).polar
     hours = np.array(HISTOGRAM["hours"]) / sum(HISTOGRAM["hours"]) * YEAR
     for v, time in zip(HISTOGRAM["speeds"][1:], hours[1:], strict=True):
         plant = Plant(world.blade, polars[v < 0.0], 1.0, 1000.0, bem.rotor_coefficients)

@@ -95,7 +95,7 @@ def test_gains_of_another_law_are_fitted(result):
 
 
 def test_gains_over_the_flow_s_range_are_those_of_the_same_flow(result):
-    gains = [10.0 * n for n in range(len(physics(TRACKING).gain_units))]
+    gains = [10.0 * n for n in range(len(physics(TRACKING).law.gain_units))]
     folder = result("tracking", gains)
     assert list(design_of_result(world(folder, "tracking"))[0][1]) == gains
     gust = {"profile": "sine", "mean": "1 m/s"}

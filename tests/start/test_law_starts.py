@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.physics import START_EXCESS, physics
+from hkt_mdo.problem.evaluation import on_start
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.start.find import find_start, steady_optimum
 from tests.conftest import NINE
 
@@ -51,7 +53,7 @@ def test_laws_with_constant_power_keep_a_limit_of_the_power_nearly_for_nothing()
 
 def test_constant_power_is_passed_on_the_fast_side():
     world, found, _ = start("rated", "{power: 5 kW}", 700.0)
-    (known,) = world.on_start(found)
+    (known,) = on_start(world, found)
     limited = known["generator_power"] > 0.999 * 5000.0
     assert np.mean(limited) > 0.3
     slopes = np.polyfit(known["rotor_speed"][limited], known["control_torque"][limited], 1)

@@ -39,14 +39,14 @@ def test_the_optimum_of_one_blade_is_start_enough(optimum):
     case = world(limit=700.0)
     energy = [
         find_start(case, each).operation.energy
-        for each in (optimum, best_operation(case.blade, Hydrodynamics(case.polar)))
+        for each in (optimum, best_operation(case.blade, Hydrodynamics(case.rotor.polar)))
     ]
     assert energy[1] == pytest.approx(energy[0], rel=1e-5)
 
 
 def test_a_fixed_blade_is_kept():
     case = world("quadratic", blade="fixed")
-    best = best_operation(case.blade, Hydrodynamics(case.polar))
+    best = best_operation(case.blade, Hydrodynamics(case.rotor.polar))
     start, radius = find_start(case, best), case.blade.rotor_radius
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     gain = 0.5 * case.density * np.pi * radius**5 * best.power_coefficient

@@ -11,7 +11,8 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import START_EXCESS, physics
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.run.run import run_case
 from hkt_mdo.start.build import start_of_case
 from studies.study_common import case_file

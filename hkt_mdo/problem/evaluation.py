@@ -1,0 +1,199 @@
+"""The evaluation of an operation without time: its quantities, limits and objective.
+
+The operation of a starting point is quasi-steady: at every sample of the flow the generator torque
+balances that of the flow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from hkt_mdo.dynamics.limits import DesignBounds
+from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
+from hkt_mdo.dynamics.trajectory import trajectory_of
+from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
+from hkt_mdo.quantities import names
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.hydrodynamics import SOLVERS
+from hkt_mdo.rotor.model import RotorModel
+from hkt_mdo.rotor.planform import planform_area
+from hkt_mdo.rotor.scales import torque_scale
+
+RATIOS = 1001  # tip speed ratios at which loads are computed at most
+
+
+def split(physics: Physics, operation: Operation) -> list[np.ndarray]:
+    """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""
+    ends = np.cumsum([each.samples.size for each in physics.scenarios])[:-1]
+    both = np.stack((operation.rotor_speed, operation.hydrodynamic_torque))
+    return np.split(both, ends, axis=1)
+
+
+def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
+    """Return the quantities of a quasi-steady starting point, one dict a scenario.
+
+    Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the scalars
+    that limits and objectives may take; the generator torque balances the flow's, and states of the
+    control law are in equilibrium.
+    """
+    if point not in physics.known:
+        physics.known[point] = _quantities(physics, point)
+    return [dict(each) for each in physics.known[point]]
+
+
+def _quantities(physics, point) -> list[dict]:
+    """Compute the quantities of `on_start`."""
+    found, blade, generator = [], point.blade, physics.case.generator
+    for scenario, (speed, torque) in zip(
+        physics.scenarios, split(physics, point.operation), strict=True
+    ):
+        rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
+        time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
+        if rotor is not physics.rotor:  # the operation is that of the case's own turbine
+            ratio = np.maximum(speed * radius / flow, SLOWEST_RATIO)
+            torque = rotor.coefficients(blade, ratio).torque
+            torque = torque * torque_scale(rotor.water_density, radius, flow)
+        held = torque - generator.friction(speed)
+        known = trajectory_of(time, flow, speed, torque, held, radius, generator)
+        known |= loads_along(rotor, blade, known, physics.load_names)
+        known["torque_rate"] = scenario.rate_of(held)
+        known["steady"] = scenario.steady
+        inertia = float(rotor.mass_and_inertia(blade).inertia)
+        known |= scalars(physics, rotor, blade, inertia)
+        found.append(known | physics.states_at_rest(held, flow))
+    kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
+    totals = (_total(physics, kind, found) for kind in kinds)
+    energies = dict(zip(names(over="result"), totals, strict=True))
+    return [known | energies for known in found]
+
+
+def _total(physics, energy, several) -> float:
+    """Return an energy of all scenarios together, J, from their quantities."""
+    return sum(
+        scenario.weight * float(scenario.sample_weights @ energy.rate_of(known))
+        for scenario, known in zip(physics.scenarios, several, strict=True)
+    )
+
+
+def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
+    """Return the largest loads along a blade at each time of a trajectory, SI units.
+
+    By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are more,
+    between which they are linear. known has the quantities of the trajectory, and the `sections`
+    where the wake is not in equilibrium: the flow at each time.
+    """
+    ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
+    if not names:
+        return {}
+    if "sections" in known:
+        given = {"names": names, "flow": known["sections"]}
+        found = rotor.loads.coefficients(blade, ratio, **given)
+        largest = {name: load.largest for name, load in found.items()}
+    elif rotor.follows_reynolds:  # the flow counts too: every instant by itself
+        parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
+        found = [
+            rotor.at_flow(flow[part]).loads.coefficients(blade, ratio[part], names=names)
+            for part in parts
+        ]
+        largest = {name: np.concatenate([each[name].largest for each in found]) for name in names}
+    else:
+        at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
+        known_at = rotor.loads.coefficients(blade, at, names=names)
+        largest = {name: load.largest for name, load in known_at.items()}
+        if at is not ratio:
+            largest = {name: np.interp(ratio, at, each) for name, each in largest.items()}
+    pressure = 0.5 * rotor.water_density * flow**2
+    return {name: pressure * each for name, each in largest.items()}
+
+
+def scalars(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> dict[str, Any]:
+    """Return the quantities of a design, along the span and as numbers, by name; SI units.
+
+    `rotor` is one of those of the physics, `inertia` (kg*m**2) that of its rotor with the blade.
+    The weight's stress is 0 where nothing asks for it.
+    """
+    thickness = rotor.thickness if blade.thickness is None else blade.thickness
+    stress = 0.0
+    if physics.asks_for("weight_stress"):
+        stress = float(rotor.loads.weight_stress(blade, derivatives=False).values[0])
+    return {
+        "rotor_radius": blade.rotor_radius,
+        "density": rotor.water_density,
+        "inertia": inertia,
+        "mass": float(rotor.mass_and_inertia(blade).mass),
+        "blade_area": planform_area(blade),
+        "weight_stress": stress,
+        "chord": blade.chord,
+        "twist": blade.twist,
+        "thickness": np.broadcast_to(thickness, blade.r.shape),
+    }
+
+
+def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
+    """Return a rotor (inertia in kg*m**2) with direct BEM, its wake in equilibrium."""
+    solver = SOLVERS[physics.case.hydrodynamics.check]
+    polar, water = rotor.as_built(blade).polar, rotor.water_density
+    return Plant(blade, polar, inertia, water, solver, physics.case.generator)
+
+
+def united(physics: Physics, integrals: Iterable[float]) -> float:
+    """Return the objective that follows from its integrals over the scenarios, one for each.
+
+    Those of `scenarios`, in their order, over the time of each.
+    """
+    return physics.case.phase.duration * physics.case.robustness.of(*_means(physics, integrals))
+
+
+def _means(physics, integrals) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rates that the aggregate takes, of integrals over the scenarios, and shares."""
+    means = dict.fromkeys(physics.shares, 0.0)
+    for scenario, integral in zip(physics.scenarios, integrals, strict=True):
+        means[scenario.group] += float(integral) / scenario.mesh.duration
+    rates, shares = (np.array(list(each.values())) for each in (means, physics.shares))
+    return physics.rate_factors * rates, shares
+
+
+def _integrals(physics, starts) -> list[float]:
+    """Return the integrals of the objective's rate over each scenario, of `on_start`."""
+    pairs = zip(physics.scenarios, starts, strict=True)
+    return [each.sample_weights @ physics.objective.rate_of(known) for each, known in pairs]
+
+
+def epigraph(physics: Physics, point: StartingPoint) -> tuple[np.ndarray, int]:
+    """Return the aggregate's unknowns at a starting point, and the number of its rows."""
+    aggregate, integrals = physics.case.robustness, _integrals(physics, on_start(physics, point))
+    means = _means(physics, integrals)
+    unknowns = aggregate.best_unknowns(*means)
+    return unknowns, np.size(aggregate.rows(*means, unknowns))
+
+
+def objective_at(physics: Physics, point: StartingPoint) -> float:
+    """Return the objective of a quasi-steady starting point, in its unit, less its price."""
+    starts, price = on_start(physics, point), physics.price_of(point.blade)
+    if not physics.objective.is_rate:
+        return float(physics.objective.value_of(starts[0])) - price
+    return united(physics, _integrals(physics, starts)) - price
+
+
+def excesses(physics: Physics, point: StartingPoint) -> dict[str, float]:
+    """Return by how much a starting point exceeds each limit, design bounds aside, by name.
+
+    Relatively, at most 0 if it is kept.
+    """
+    found: dict[str, float] = {}
+    for scenario, start in zip(physics.scenarios, on_start(physics, point), strict=True):
+        for limit in (*physics.limits_in(scenario), *physics.design_limits):
+            if not isinstance(limit, DesignBounds):
+                over = float(np.max(limit.excess(start)))
+                found[limit.name] = max(over, found.get(limit.name, -np.inf))
+    return found
+
+
+def broken_limits(physics: Physics, point: StartingPoint) -> list[str]:
+    """Return the names of the limits, design bounds aside, that a starting point exceeds."""
+    return [name for name, over in excesses(physics, point).items() if over > START_EXCESS]

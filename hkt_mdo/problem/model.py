@@ -1,0 +1,208 @@
+"""What a case describes, as the values that the optimization and the checks work with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from hkt_mdo.case import Case
+from hkt_mdo.dynamics.flows import Inflow
+from hkt_mdo.dynamics.generator import LOSSLESS, Generator
+from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
+from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.turbine import Turbine
+from hkt_mdo.quantities import LOADS, STEADY
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.model import RotorModel
+from hkt_mdo.rotor.shape import Shape
+
+OWN = (None, None)  # `Scenario.turbine` in the case's own water and condition
+
+
+@dataclass(frozen=True, eq=False)
+class Physics:
+    """What a case describes, as the values that the optimization and the checks work with.
+
+    `case` is complete: its time span and segments are numbers. `shape` has the blade as given and
+    its design variables; `rotors` compute inertia, torque and loads of any such blade, in the water
+    and the condition of each `Scenario.turbine`; `turbine` has the contents of the section `rotor`,
+    not fouled. There is usually one scenario; with a cut-out speed, one for each interval of
+    operation.
+    `messages` say what was converted, repaired or left out, `warnings` what is probably a mistake.
+    `law` has no torque limit where the case gives one that no blade can reach in its flow.
+    `ceilings` (W) are upper bounds on the mean power of each scenario, by name, where the aggregate
+    compares with them; they do not change with the blade.
+    """
+
+    case: Case
+    shape: Shape
+    rotors: dict[tuple, RotorModel]
+    turbine: Turbine
+    scenarios: tuple[Scenario, ...]
+    law: Law
+    limits: tuple[Limit, ...]
+    objective: Objective
+    messages: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    ceilings: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def rotor(self) -> RotorModel:
+        """The rotor in the case's own water and condition."""
+        return self.rotors[OWN]
+
+    def rotor_in(self, scenario: Scenario) -> RotorModel:
+        """Return the rotor in the water and the condition of a scenario."""
+        return self.rotors[scenario.turbine]
+
+    def law_in(self, scenario: Scenario) -> Law:
+        """Return the control law with the torque constant that the generator has in a scenario."""
+        if scenario.condition is None or not isinstance(self.law, FeedbackLaw):
+            return self.law
+        return self.law.applied(scenario.condition.torque_constant)
+
+    def variant(self, scenario: Scenario) -> str:
+        """Return the ending of the names in the model of quantities of a scenario's own rotor."""
+        number = list(self.rotors).index(scenario.turbine)
+        return f"_{number}" if number else ""
+
+    def limits_in(self, scenario: Scenario) -> tuple[Limit, ...]:
+        """Return the limits over time that hold in a scenario."""
+        if scenario.limits is not None:
+            return scenario.limits
+        return tuple(limit for limit in self.limits if limit.place == "time")
+
+    @property
+    def design_limits(self) -> tuple[Limit, ...]:
+        """The limits on the design or the result."""
+        return tuple(limit for limit in self.limits if limit.place != "time")
+
+    @cached_property
+    def all_limits(self) -> tuple[Limit, ...]:
+        """The limits of the design, and those over time of all scenarios, each once."""
+        over_time = (limit for each in self.scenarios for limit in self.limits_in(each))
+        return *dict.fromkeys(over_time), *self.design_limits
+
+    def asks_for(self, name: str) -> bool:
+        """Tell whether the objective or a limit takes a quantity."""
+        return any(name in each.inputs for each in (*self.all_limits, self.objective))
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of the loads that limits and objective need."""
+        return tuple(filter(self.asks_for, LOADS))
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Share of time of each scenario, by name; intervals of one scenario are one."""
+        times = ((each.group, each.weight * each.mesh.duration) for each in self.scenarios)
+        return {group: time / self.case.phase.duration for group, time in times}
+
+    @cached_property
+    def rate_factors(self) -> np.ndarray:
+        """Factors on the scenarios' mean rates as the aggregate takes them, (n_scenarios,).
+
+        1, or the mean of all ceilings over that of the scenario where it compares with these.
+        """
+        if not self.ceilings:
+            return np.ones(len(self.shares))
+        own = np.array([self.ceilings[name] for name in self.shares])
+        return float(np.array(list(self.shares.values())) @ own) / own
+
+    @property
+    def starting_generator(self) -> Generator | None:
+        """The generator that decides where the rotor works best; None: the largest shaft power.
+
+        A constant efficiency does not change the optimum, and losses have no effect on an objective
+        that does not contain the electrical power. The shaft's friction has, on that of the shaft.
+        """
+        counts = "electrical_power" in self.objective.inputs
+        if counts and not self.case.generator.proportional:
+            return self.case.generator
+        delivers = counts or "generator_power" in self.objective.inputs
+        return LOSSLESS if delivers and self.case.generator.rubs else None
+
+    @property
+    def blade(self) -> Blade:
+        """The blade as given."""
+        return self.shape.blade
+
+    @property
+    def inflow(self) -> Inflow:
+        """The flow of the first scenario."""
+        return self.scenarios[0].inflow
+
+    @property
+    def density(self) -> float:
+        """Density of the water, kg/m**3."""
+        return self.case.fluid.density
+
+    def states_at_rest(self, torque, inflow_speed) -> dict[str, np.ndarray]:
+        """Return the states of the control law in equilibrium, by name; SI units."""
+        return dict(zip(self.law.states, self.law.at_rest(torque, inflow_speed), strict=True))
+
+    @property
+    def has_curve(self) -> bool:
+        """Whether the optimization takes torque from a curve over the tip speed ratio.
+
+        A local Reynolds number depends on the speed of the flow too, which the curve does not have.
+        """
+        return self.case.hydrodynamics.torque == "curve" and not self.rotor.follows_reynolds
+
+    @property
+    def designs_hub(self) -> bool:
+        """Whether the inertia of all that is not a blade is designed."""
+        return self.blade.hub_inertia is not None
+
+    def with_hub(self, blade: Blade, inertia: float) -> Blade:
+        """Return a blade with a designed `hub_inertia`, kg*m**2, within its bounds."""
+        inertia = float(np.clip(inertia, *self.case.design.hub_inertia_bounds))
+        return replace(blade, hub_inertia=inertia)
+
+    def price_of(self, blade: Blade) -> float:
+        """Return the price of a designed `hub_inertia`, J, which lowers the objective."""
+        return self.case.design.hub_inertia_price * (blade.hub_inertia or 0.0)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the wake has memory."""
+        return self.case.inflow_dynamics.remembers
+
+    @property
+    def may_pulse(self) -> bool:
+        """Whether the optimizer could let the rotor pulse, now faster, now slower than its wake.
+
+        That captures more in this model, the more so the finer the mesh (docs/studies/memory.md).
+        """
+        return self.remembers and not self.law.is_feedback
+
+    @property
+    def start_objective(self) -> Objective:
+        """The quantity that the search for a start maximizes: the objective if that is an energy.
+
+        Otherwise the captured energy, since minimizing a cost would stop the rotor. The same holds
+        for an energy minus a cost of quantities that a schedule does not have.
+        """
+        simple = self.objective.is_energy and STEADY >= {*self.objective.inputs}
+        return self.objective if simple else CapturedEnergy()
+
+    def objective_bound(self, captured: float) -> float | None:
+        """Return an upper bound on the objective, J, from one on the captured energy."""
+        if isinstance(self.objective, ElectricalEnergy):
+            captured *= self.case.generator.largest_efficiency
+        return self.objective.bound(captured)
+
+    def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
+        """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
+        mass, inertia = self.rotor.mass_and_inertia(blade)
+        return float(mass), float(inertia)
+
+    @cached_property
+    def known(self) -> WeakKeyDictionary:
+        """The quantities of starting points (`evaluation.on_start`), kept as long as these are."""
+        return WeakKeyDictionary()
