@@ -64,6 +64,7 @@ def test_a_random_mixture_succeeds(tmp_path, seed, law, optimizer):
     assert solution.success, solution.message
 
 
+@pytest.mark.slow
 def test_coarse_segments_keep_the_torque_limit_between_nodes(tmp_path):
     overrides = ["phase.segments=16", "phase.duration=40"]
     case = load_case(CASES / "sine_limited_oloc.yaml", overrides)
@@ -71,6 +72,7 @@ def test_coarse_segments_keep_the_torque_limit_between_nodes(tmp_path):
     assert solution.success, solution.message
 
 
+@pytest.mark.slow
 def test_linear_feedback_keeps_its_distance_from_stall(tmp_path):
     """At this Reynolds number the optimum without that distance is a false one."""
     overrides = ["rotor.polar=naca63815_Re1e5", "phase.duration=24", "phase.segments=24"]
@@ -83,7 +85,7 @@ def test_linear_feedback_keeps_its_distance_from_stall(tmp_path):
     assert np.min(driving / design.law.torque(speed, design.gains)) > 1.0 - 2e-3
 
 
-@pytest.mark.parametrize("law", ["linear", "quadratic"])
+@pytest.mark.parametrize("law", [pytest.param("linear", marks=pytest.mark.slow), "quadratic"])
 def test_the_optimum_is_stationary(tmp_path, law):
     """No design variable, a little off, captures more under direct BEM."""
     case = load_case(CASES / f"sine_limited_{law}.yaml", ["phase.duration=20", "phase.segments=20"])
