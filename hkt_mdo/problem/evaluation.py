@@ -63,8 +63,7 @@ def _quantities(physics, point) -> list[dict]:
         known |= loads_along(rotor, blade, known, physics.load_names)
         known["torque_rate"] = scenario.rate_of(held)
         known["steady"] = scenario.steady
-        inertia = float(rotor.mass_and_inertia(blade).inertia)
-        known |= scalars(physics, rotor, blade, inertia)
+        known |= scalars(physics, rotor, blade, float(rotor.mass_and_inertia(blade).inertia))
         found.append(known | physics.states_at_rest(held, flow))
     kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
     totals = (_total(physics, kind, found) for kind in kinds)
@@ -91,8 +90,7 @@ def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, 
     if not names:
         return {}
     if "sections" in known:
-        given = {"names": names, "flow": known["sections"]}
-        found = rotor.loads.coefficients(blade, ratio, **given)
+        found = rotor.loads.coefficients(blade, ratio, names=names, flow=known["sections"])
         largest = {name: load.largest for name, load in found.items()}
     elif rotor.follows_reynolds:  # the flow counts too: every instant by itself
         parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))

@@ -295,8 +295,7 @@ def refine(this: Pass) -> Task | None:
     start = point_of(finer or physics, this.result.problem)
     if this.coarse_curve:
         nodes = curve_nodes(finer or physics, start, finer=True)
-    why = "; ".join(reasons)
-    return this.next(why, physics=finer, start=start, nodes=nodes, shares=shares)
+    return this.next("; ".join(reasons), physics=finer, start=start, nodes=nodes, shares=shares)
 
 
 def other_branch(this: Pass) -> Task | None:
