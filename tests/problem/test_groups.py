@@ -290,7 +290,7 @@ def test_what_a_turbine_keeps_is_an_input_and_what_it_designs_an_output():
 # The N2 diagram -----------------------------------------------------------------------------------
 
 
-PAGE = (Path(__file__).parents[2] / "docs" / "openmdao.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "dev" / "architecture.md").read_text(encoding="utf-8")
 DYMOS = "traj"
 
 
