@@ -76,7 +76,7 @@ def solution(request, tmp_path_factory):
         return request.getfixturevalue("two")
     flows = SLOW, FAST | {"limits": {"thrust": "6 kN"}}
     limits = {"limits": {"power": "5 kW"}}
-    data = case(request.param, *flows, duration=15.0, segments=15, **limits)
+    data = case(request.param, *flows, **limits)
     return run(tmp_path_factory.mktemp("scenarios") / request.param, data)
 
 

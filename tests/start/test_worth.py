@@ -6,7 +6,7 @@ import pytest
 from tests.conftest import NINE
 
 CASE = "sine_limited_oloc"
-FEW = "phase.segments=30"
+FEW = "phase.segments=30", f"rotor.stations={NINE}"
 
 
 def worth(solution, name):
@@ -39,7 +39,7 @@ def test_optimizers_agree(solve):
     ("name", "bound", "larger"), [("thrust", "6 kN", "6.06 kN"), ("power", "5 kW", "5.05 kW")]
 )
 def test_others(solve, name, bound, larger):
-    first, more = (solve(CASE, FEW, f"limits.{name}={each}") for each in (bound, larger))
+    first, more = (solve(CASE, *FEW, f"limits.{name}={each}") for each in (bound, larger))
     gained = more.summary.energy_J - first.summary.energy_J
     assert worth(first, name) == pytest.approx(gained, rel=0.1)
     entry = first.summary.limits[name]
@@ -48,7 +48,7 @@ def test_others(solve, name, bound, larger):
 
 @pytest.mark.slow
 def test_share_of_time(solve):
-    limited = solve(CASE, FEW, "limits.power=5 kW", f"rotor.stations={NINE}")
+    limited = solve(CASE, *FEW, "limits.power=5 kW")
     entry = limited.summary.limits["power"]
     time = np.linspace(0.0, 60.0, 60001)
     # the flow in which the rotor reaches 5 kW is between 1.51 and 1.52 m/s

@@ -75,7 +75,7 @@ def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
     quiet = fly_noisy(estimating, flow, sensor, 1, 0).energy[0]
     assert quiet == pytest.approx(exact.energy, rel=1e-4)
     loud = replace(sensor, snr=30.0, reference="total")
-    told, estimated = (fly_noisy(each, flow, loud, 4, 1).energy for each in (tracking, estimating))
+    told, estimated = (fly_noisy(each, flow, loud, 2, 1).energy for each in (tracking, estimating))
     assert np.all(estimated < told)
 
 
