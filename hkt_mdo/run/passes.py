@@ -147,7 +147,7 @@ class Pass:
 
     @property
     def runs_away(self) -> bool:
-        """Whether the loop is unstable with dynamic inflow, in a case with memory."""
+        """Whether the loop is unstable, in a case with dynamic inflow."""
         return self.memory is not None and not self.memory.stable
 
     @cached_property
