@@ -66,12 +66,17 @@ def test_a_generator_s_table_ends_at_a_limit_of_the_speed():
 
 @pytest.mark.slow
 def test_under_quadratic_feedback_power_is_kept_by_a_poor_blade_or_a_constant_torque():
-    """K w^2 keeps the tip speed ratio, so the power goes with v^3 up to the fastest flow's."""
+    """K w^2 keeps the tip speed ratio, so the power goes with v^3 up to the fastest flow's.
+
+    Which blade leads to the poor one, besides the solid one, depends on the machine: with
+    OPENBLAS_CORETYPE=Haswell the given blade does too.
+    """
     world, start = river("quadratic")
-    (kept,) = (each for each in start.starts if each.kept)
-    assert kept.strategy == CONSTANT
+    (solid,) = (each for each in start.starts if each.strategy == CONSTANT)
+    assert start.objective == pytest.approx(solid.objective, rel=1e-6)
     assert start.excess < 1e-3
-    proportional = [each for each in start.starts if each.strategy != CONSTANT]
+    proportional = [each for each in start.starts if each.objective < 0.999 * solid.objective]
+    assert len(proportional) >= 2
     assert all(each.objective < 0.8 * start.objective for each in proportional)
     flow, weights = sampled_flow(world)
     most = 25e3 * (weights @ flow**3) / flow.max() ** 3
