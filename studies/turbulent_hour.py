@@ -41,7 +41,7 @@ Written by `studies/turbulent_hour.py`; each case is one `hkt run` from the comm
 
 | control | segments | unknown speeds | evaluations | energy error | speed error | curve error |
 |---|---|---|---|---|---|---|
-{judges}
+{checks}
 
 Energy is that of the independent simulation. Errors are those of the checks: collocation against
 the independent integration with direct BEM
@@ -135,7 +135,7 @@ def shown(solution) -> dict:
 
 def from_data(data: dict) -> str:
     """Return the page of its data; its last section is written by hand, and stays."""
-    results, judges, spent = [], [], []
+    results, checks, spent = [], [], []
     best = data["results"]["oloc"]["simulated_energy_J"]
     for law, found in data["results"].items():
         energy, (low, high) = found["simulated_energy_J"], found["tip_speed_ratio"]
@@ -147,7 +147,7 @@ def from_data(data: dict) -> str:
         )
         counts = f"{found['segments']} | {found['segments'] + 1} | {found['evaluations']}"
         errors = " | ".join(f"{error:.1e}" for error in found["errors"])
-        judges.append(f"| {LAWS[law]} | {counts} | {errors} |")
+        checks.append(f"| {LAWS[law]} | {counts} | {errors} |")
         spent.append(
             f"| {LAWS[law]} | {found['seconds'] / 60.0:.1f} min | {found['bytes'] / 1e9:.2f} GB |"
         )
@@ -156,7 +156,7 @@ def from_data(data: dict) -> str:
         "{deviation:.3f} m/s,\n{lowest:.2f} to {highest:.2f} m/s, up to "
         "{cutoff_Hz:g} Hz.".format(**data["flow_m_s"]),
         results="\n".join(results),
-        judges="\n".join(judges),
+        checks="\n".join(checks),
         costs="\n".join(spent),
         machine=f"{data['machine']}; other work ran beside it.",
         text=page_data.text_of("hour").partition(LAST)[2].strip(),

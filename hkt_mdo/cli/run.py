@@ -130,7 +130,7 @@ def _reporters(
         ended = "converged" if entry.converged else "did not converge"
         line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
         line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"
-        then = "optimizing again" if entry.remedy else "judging"
+        then = "optimizing again" if entry.remedy else "checking"
         live.update(live.task_ids[0], description=then)
         _tell(live, f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 

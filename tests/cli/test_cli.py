@@ -363,7 +363,7 @@ def test_progress_reports_the_pass(monkeypatch):
     now[0] = 35.0
     evaluation(9, 2000.0, 1e-5)
     assert shown[0] == "pass 1, evaluation 1, 2.0000 kJ, infeasibility 1.0e-03"
-    assert shown[2] == "judging"
+    assert shown[2] == "checking"
     assert shown[3].startswith("pass 2, evaluation 9")
     live.console.is_terminal = False
     now[0] = 40.0

@@ -138,7 +138,7 @@ def test_a_flow_with_a_highest_frequency_has_no_message():
     assert not any("tells" in text for text in physics(load_case(data, extensions=[Told])).messages)
 
 
-def test_a_flow_that_no_mesh_resolves_is_left_to_the_judges():
+def test_a_flow_that_no_mesh_resolves_is_left_to_the_checks():
     (scenario,) = silent(jump=True).scenarios
     assert np.max(scenario.flow_missed) > 0.05
     assert scenario.segments < 100

@@ -69,7 +69,7 @@ class Reader(HTMLParser):
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory) -> list[Path]:
-    """Two invented results, of which judges refused the second one, with a tag in its message."""
+    """Two invented results, of which checks refused the second one, with a tag in its message."""
     base = tmp_path_factory.mktemp("report")
     found = [make_result(base / "one"), make_result(base / "two", "linear", None)]
     summary = json.loads((found[1] / "summary.json").read_text())
