@@ -137,6 +137,7 @@ def test_resume_takes_no_other_setting(tmp_path, capsys):
     assert "case.yaml" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_run_that_gave_up_is_resumed(tmp_path, undisturbed):
     folder = tmp_path / "out"
     few = run.run_case(

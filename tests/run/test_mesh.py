@@ -20,7 +20,8 @@ def solved(solve_physics, law, *sections, limit=700, **more):
     return found
 
 
-@pytest.mark.parametrize("width", [0.05, pytest.param(0.4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [0.05, 0.4])
 def test_a_gust_between_two_nodes_is_seen(solve_physics, width):
     gust = {"profile": "gust", "amplitude": 1.0, "time": 7.03, "width": width}
     with_gust = solved(solve_physics, "quadratic", FIXED, inflow=gust)

@@ -120,6 +120,7 @@ def test_other_formulations_find_the_same_optimum(solve, override, blade):
     )
 
 
+@pytest.mark.slow
 def test_bounds_away_from_the_gain_of_the_start_are_kept(solve):
     found = solve("sine_limited_quadratic", *SHORT, "design.gain_bounds=[0,1]")
     assert found.success, found.summary["message"]
@@ -295,6 +296,7 @@ def test_bad_files_are_reported_before_anything_is_written(tmp_path):
 # At the same time ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
     """In one process: a run changes neither folder nor environment, which its threads share."""
     names = ["sine_limited_quadratic", "sine_baseline_oloc"]

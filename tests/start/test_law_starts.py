@@ -51,6 +51,7 @@ def test_laws_with_constant_power_keep_a_limit_of_the_power_nearly_for_nothing()
     assert below("power_law", "{power: 5 kW}", 700.0) > 0.01
 
 
+@pytest.mark.slow
 def test_constant_power_is_passed_on_the_fast_side():
     world, found, _ = start("rated", "{power: 5 kW}", 700.0)
     (known,) = on_start(world, found)

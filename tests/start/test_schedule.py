@@ -67,13 +67,14 @@ def test_a_refused_optimum_may_be_sought_on_the_other_branch():
     assert other_branch(start()) is None  # without limits there is one branch
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limit", "value"),
     [
-        pytest.param("thrust", "6 kN", marks=pytest.mark.slow),
-        pytest.param("root_moment", "1.5 kN m", marks=pytest.mark.slow),
+        ("thrust", "6 kN"),
+        ("root_moment", "1.5 kN m"),
         ("cavitation", 3),
-        pytest.param("stress", "100 MPa", marks=pytest.mark.slow),
+        ("stress", "100 MPa"),
     ],
 )
 def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):

@@ -40,6 +40,7 @@ def test_design_flow_gives_the_simulated_energy_again(quadratic, open_loop):
         assert run.energy == pytest.approx(design.solution.summary["simulated_energy_J"], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
     """Without noise and with a filter far above the flow's frequency, the loop is ideal."""
     inflow = paper_flow(quadratic, "A")
