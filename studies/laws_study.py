@@ -215,7 +215,9 @@ def simulated(folder, count, estimated=False):
 def exceeded(design, run):
     """Return the share of time in which a limit is exceeded by 0.1 %, and by how much at most."""
     physics, blade = design.physics, design.plant.blade
-    known = {
+    known = scalars(physics, physics.rotor, blade)
+    known |= {
+        "inertia": design.plant.inertia,
         "time": run.time,
         "inflow_speed": run.inflow_speed,
         "rotor_speed": run.rotor_speed,
@@ -223,7 +225,7 @@ def exceeded(design, run):
         "hydrodynamic_torque": run.hydrodynamic_torque,
         "tip_speed_ratio": run.rotor_speed * blade.rotor_radius / run.inflow_speed,
         "generator_power": run.control_torque * run.rotor_speed,
-    } | scalars(physics, physics.rotor, blade, design.plant.inertia)
+    }
     known |= loads_along(physics.rotor, blade, known, physics.load_names)
     over = [each.excess(known) for each in physics.limits if each.caps_series]
     over = np.max(over, axis=0)

@@ -201,7 +201,7 @@ def _design(source: Source) -> Table:
         ("cone", blade.cone, "rad", "angle of the blades to the rotor plane"),
         ("blade_count", blade.blade_count, None, "number of blades"),
     ]
-    design_scalars = scalars(world, world.rotor, blade, design.inertia)
+    design_scalars = scalars(world, world.rotor, blade)
     for name in ("rotor_radius", "density", "inertia", "mass", "blade_area"):
         rows.append((name, design_scalars[name], QUANTITIES[name].unit, QUANTITIES[name].text))
     viscosity = world.case.fluid.kinematic_viscosity
@@ -328,7 +328,7 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     scale = power_scale(world.density, design.blade.rotor_radius, flow)
     rpm, power = steady["rotor_speed"] * REVOLUTIONS, steady["hydrodynamic_power"] / scale
     columns |= _columns("operation", (rpm, power, np.zeros(flow.size)))
-    known = steady | scalars(world, world.rotor, design.blade, design.inertia)
+    known = steady | scalars(world, world.rotor, design.blade)
     for limit in world.all_limits:
         if limit.caps_series and limit.upper > 0.0 and known.keys() >= set(limit.inputs):
             name, share = f"{limit.name}_over_limit", limit.told(known) / limit.upper

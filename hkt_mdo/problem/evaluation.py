@@ -49,9 +49,8 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
 def _quantities(physics, point) -> list[dict]:
     """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
-    for scenario, (speed, torque) in zip(
-        physics.scenarios, split(physics, point.operation), strict=True
-    ):
+    pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
+    for scenario, (speed, torque) in pairs:
         rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
         time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
         if rotor is not physics.rotor:  # the operation is that of the case's own turbine
@@ -61,9 +60,8 @@ def _quantities(physics, point) -> list[dict]:
         held = torque - generator.friction(speed)
         known = trajectory_of(time, flow, speed, torque, held, radius, generator)
         known |= loads_along(rotor, blade, known, physics.load_names)
-        known["torque_rate"] = scenario.rate_of(held)
-        known["steady"] = scenario.steady
-        known |= scalars(physics, rotor, blade, float(rotor.mass_and_inertia(blade).inertia))
+        known |= {"torque_rate": scenario.rate_of(held), "steady": scenario.steady}
+        known |= scalars(physics, rotor, blade)
         found.append(known | physics.states_at_rest(held, flow))
     kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
     totals = (_total(physics, kind, found) for kind in kinds)
@@ -109,34 +107,32 @@ def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, 
     return {name: pressure * each for name, each in largest.items()}
 
 
-def scalars(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> dict[str, Any]:
+def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]:
     """Return the quantities of a design, along the span and as numbers, by name; SI units.
 
-    `rotor` is one of those of the physics, `inertia` (kg*m**2) that of its rotor with the blade.
-    The weight's stress is 0 where nothing asks for it.
+    `rotor` is one of those of the physics. The weight's stress is 0 where nothing asks for it.
     """
-    thickness = rotor.thickness if blade.thickness is None else blade.thickness
+    mass, inertia = rotor.mass_and_inertia(blade)
     stress = 0.0
     if physics.asks_for("weight_stress"):
         stress = float(rotor.loads.weight_stress(blade, derivatives=False).values[0])
     return {
         "rotor_radius": blade.rotor_radius,
         "density": rotor.water_density,
-        "inertia": inertia,
-        "mass": float(rotor.mass_and_inertia(blade).mass),
+        "inertia": float(inertia),
+        "mass": float(mass),
         "blade_area": planform_area(blade),
         "weight_stress": stress,
         "chord": blade.chord,
         "twist": blade.twist,
-        "thickness": np.broadcast_to(thickness, blade.r.shape),
+        "thickness": rotor.thickness_of(blade),
     }
 
 
 def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
     """Return a rotor (inertia in kg*m**2) with direct BEM, its wake in equilibrium."""
-    solver = SOLVERS[physics.case.hydrodynamics.check]
-    polar, water = rotor.as_built(blade).polar, rotor.water_density
-    return Plant(blade, polar, inertia, water, solver, physics.case.generator)
+    polar, solver = rotor.as_built(blade).polar, SOLVERS[physics.case.hydrodynamics.check]
+    return Plant(blade, polar, inertia, rotor.water_density, solver, physics.case.generator)
 
 
 def united(physics: Physics, integrals: Iterable[float]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -214,6 +215,7 @@ def physics(case: Case) -> Physics:
     return replace(made, ceilings=_ceilings(made)) if case.robustness.relative else made
 
 
+@lru_cache(maxsize=1)  # a second on several sections, and the checks and the notes of a run ask
 def with_many_stations(physics: Physics) -> Physics:
     """Return the physics of the same turbine with `STATIONS` stations, whatever the case gives."""
     case = physics.case
@@ -229,15 +231,16 @@ def _ceilings(physics: Physics) -> dict[str, float]:
     That of a rotor at the steady optimum of the case's own radius at every instant, or of the
     generator's limit where that is smaller.
     """
-    found = dict.fromkeys(physics.shares, 0.0)
+    found, radius = dict.fromkeys(physics.shares, 0.0), physics.blade.rotor_radius
+    best = {
+        key: rotor.best_of_shape(physics.shape, physics.blade).power_coefficient
+        * float(power_scale(rotor.water_density, radius, 1.0))
+        for key, rotor in physics.rotors.items()
+    }
     for each in physics.scenarios:
-        rotor, blade = physics.rotor_in(each), physics.blade
-        best = rotor.best_of_shape(physics.shape, blade).power_coefficient
-        best *= float(power_scale(rotor.water_density, blade.rotor_radius, 1.0))
         most = [x.upper for x in physics.limits_in(each) if isinstance(x, PowerLimit)]
-        power = np.minimum(
-            best * each.inflow.speed_at(each.node_times) ** 3, min(most, default=np.inf)
-        )
+        flow = each.inflow.speed_at(each.node_times)
+        power = np.minimum(best[each.turbine] * flow**3, min(most, default=np.inf))
         found[each.group] += float(each.node_weights @ power) / each.mesh.duration
     return found
 

@@ -14,7 +14,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.evaluation import scalars, steady_plant
+from hkt_mdo.problem.evaluation import steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import Turbine
@@ -103,7 +103,7 @@ class Design:
     @property
     def thickness(self) -> np.ndarray:
         """Largest thickness over chord at the stations, shape (n_stations,)."""
-        return scalars(self.physics, self.physics.rotor, self.blade, self.inertia)["thickness"]
+        return self.physics.rotor.thickness_of(self.blade)
 
     @property
     def plant(self) -> Plant:

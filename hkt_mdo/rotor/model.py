@@ -99,6 +99,22 @@ class RotorModel(Hydrodynamics):
         """
         return self.hub_inertia if blade.hub_inertia is None else blade.hub_inertia
 
+    def thickness_of(self, blade):
+        """Return the largest thickness over chord of a blade's sections, designed or not.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+
+        Returns
+        -------
+        ndarray of shape (n_stations,)
+            At the stations.
+        """
+        thickness = self.thickness if blade.thickness is None else blade.thickness
+        return np.broadcast_to(thickness, blade.r.shape)
+
     def water_inertia(self, blade, model):
         """Return the inertia of the water that a turning blade accelerates; see `water_inertia`.
 
@@ -114,8 +130,8 @@ class RotorModel(Hydrodynamics):
         float
             In kg*m**2.
         """
-        thickness = self.thickness if blade.thickness is None else blade.thickness
-        return water_inertia(blade, self.water_density, thickness * (model == "ellipse"))
+        thickness = self.thickness_of(blade) * (model == "ellipse")
+        return water_inertia(blade, self.water_density, thickness)
 
     def water_inertias(self, blade):
         """Return the inertia of the water that a turning blade accelerates, by both models.

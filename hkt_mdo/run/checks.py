@@ -283,13 +283,12 @@ def _resolved(physics, result, verifications):
     pairs = [(each.scenario, each.simulated) for each in verifications]
     finer = loads.resolved(physics, result.point.blade, pairs)
     for verification, each in zip(verifications, finer, strict=False):
-        for limit in filter(
-            lambda limit: limit.is_of(LOADS), physics.limits_in(verification.scenario)
-        ):
-            over = limit.excess(each)
-            worst = int(np.argmax(over))
-            when = verification.scenario.when(each["time"][worst])
-            found.append((float(over[worst]), limit.name, when))
+        scenario = verification.scenario
+        for limit in physics.limits_in(scenario):
+            if limit.is_of(LOADS):
+                over = limit.excess(each)
+                worst = int(np.argmax(over))
+                found.append((float(over[worst]), limit.name, scenario.when(each["time"][worst])))
     if found:
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"

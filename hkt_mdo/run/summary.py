@@ -598,7 +598,6 @@ def _write_blade(path, physics, blade):
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
         f"to start from it, with the path of this file: rotor: {section}",
     )
-    thickness = physics.turbine.thickness if blade.thickness is None else blade.thickness
-    thickness = np.broadcast_to(np.asarray(thickness, dtype=float), blade.r.shape)
+    thickness = physics.rotor.thickness_of(blade)
     table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)
     write_blade_csv(path, table, remarks)

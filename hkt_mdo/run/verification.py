@@ -80,7 +80,7 @@ class SimulatedDesign:
     @cached_property
     def scalars(self) -> dict[str, Any]:
         """The quantities of the design."""
-        return scalars(self.physics, self.rotor, self.plant.blade, self.plant.inertia)
+        return scalars(self.physics, self.rotor, self.plant.blade) | {"inertia": self.plant.inertia}
 
     def loads(self, known: dict) -> dict[str, np.ndarray]:
         """Return all loads of the model, of a trajectory's quantities, by direct BEM."""

@@ -122,9 +122,8 @@ class SteadyFlow:
             loads = physics.rotor.loads.coefficients(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
                 values[name] = load.envelope(physics.rotor.loads.exponent).values
-            inertia = physics.mass_and_inertia(blade)[1]
-            weight = scalars(physics, physics.rotor, blade, inertia)["weight_stress"]
-            self._curves[blade] = Curves(blade, inertia, values, weight)
+            design = scalars(physics, physics.rotor, blade)
+            self._curves[blade] = Curves(blade, design["inertia"], values, design["weight_stress"])
         return self._curves[blade]
 
     def quantities(self, coefficients: dict, flow: np.ndarray | None = None) -> dict:

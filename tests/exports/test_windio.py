@@ -14,7 +14,6 @@ from hkt_mdo.exports.base import Source, export
 from hkt_mdo.exports.openfast import polar_rows
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import steady_operation
-from hkt_mdo.problem.evaluation import scalars
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.outline import Outline
 from tests.exports.made import made
@@ -101,7 +100,7 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
     mass = design.physics.mass_and_inertia(blade)
     np.testing.assert_allclose(read.mass_and_inertia(read.blade), mass, rtol=5e-4)
     thickness = design.thickness
-    found = scalars(read, read.rotor, read.blade, 1.0)["thickness"]
+    found = read.rotor.thickness_of(read.blade)
     np.testing.assert_allclose(found, thickness, rtol=1e-9)
 
 

@@ -37,7 +37,7 @@ def trajectory(world, count=40):
         "generator_power": 600.0 * speed,
     }
     known |= loads_along(world.rotor, world.blade, known, world.rotor.loads.names)
-    return known | scalars(world, world.rotor, world.blade, 10.0)
+    return known | scalars(world, world.rotor, world.blade) | {"inertia": 10.0}
 
 
 def pressure(world, known, at):
