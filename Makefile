@@ -3,6 +3,8 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
+# each worker takes half of the tests in order, so that a module's results are computed once
+WORKERS = -n 2 --dist worksteal
 
 .PHONY: run test check docs fuzz coverage verify cases bench lint lock newest oldest clean
 
@@ -11,12 +13,12 @@ run: $(STAMP)-run
 
 # fast tests (under four minutes on two cores)
 test: $(STAMP)-test
-	$(BIN)/python -m pytest -n 2 -m "not slow"
+	$(BIN)/python -m pytest $(WORKERS) -m "not slow"
 
 # slow tests: installed package, commands of the documentation, benchmarks in small; then lint
 check: $(STAMP)-test lint
-	$(BIN)/python -m pytest -n 2 -m slow
-	$(BIN)/python -m pytest -n 2 studies/benchmarks
+	$(BIN)/python -m pytest $(WORKERS) -m slow
+	$(BIN)/python -m pytest $(WORKERS) studies/benchmarks
 
 # the documentation site in build/docs; a warning is an error, and the notebooks are run (a minute)
 docs: $(STAMP)-docs
@@ -24,13 +26,13 @@ docs: $(STAMP)-docs
 
 # the properties among the tests with random seeds, ten times as often (about five minutes)
 fuzz: $(STAMP)-test
-	$(BIN)/python -m pytest -n 2 -m hypothesis --hypothesis-profile=random
+	$(BIN)/python -m pytest $(WORKERS) -m hypothesis --hypothesis-profile=random
 
 # branch coverage of every module by all tests, slow ones too, and by the processes that they start
 # (half an hour on two cores): make coverage COVERED='tests/rotor'
 COVERED ?=
 coverage: $(STAMP)-dev
-	$(BIN)/python -m pytest -n 2 $(COVERED) --cov=hkt_mdo --cov-report=term:skip-covered
+	$(BIN)/python -m pytest $(WORKERS) $(COVERED) --cov=hkt_mdo --cov-report=term:skip-covered
 
 lint: $(STAMP)-dev
 	$(BIN)/ruff check .
@@ -75,7 +77,7 @@ newest oldest:
 	.venv-$@/bin/pip install --quiet uv
 	.venv-$@/bin/uv pip install --quiet --no-config --python .venv-$@/bin/python \
 	    --resolution $(RESOLUTION) --editable '.[test]'
-	.venv-$@/bin/python -m pytest -n 2 -m "not slow"
+	.venv-$@/bin/python -m pytest $(WORKERS) -m "not slow"
 
 # a run and its report need little; tests bring their own packages, lint those of the developers;
 # older releases of pip pin the packages of the build by the first variable, newer ones by the second

@@ -75,8 +75,8 @@ def solution(request, tmp_path_factory):
     if request.param == "two":
         return request.getfixturevalue("two")
     flows = SLOW, FAST | {"limits": {"thrust": "6 kN"}}
-    limits = {"limits": {"power": "5 kW"}}
-    data = case(request.param, *flows, **limits)
+    sections = {"limits": {"power": "5 kW"}, "rotor": {"station_count": 24}}
+    data = case(request.param, *flows, **sections)
     return run(tmp_path_factory.mktemp("scenarios") / request.param, data)
 
 

@@ -22,7 +22,8 @@ def quadratic(solve):
 @pytest.fixture(scope="module")
 def tracking(solve):
     control = "control={law: tracking, torque_limit: 700}"
-    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT", control))
+    short = "phase.duration=20", "phase.segments=20"
+    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT", control, *short))
 
 
 @pytest.fixture(scope="module")

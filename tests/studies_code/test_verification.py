@@ -253,18 +253,12 @@ def test_a_global_search_evaluates_designs_as_the_start_does():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "law", "known", "within"),
-    [
-        # its fastest equilibrium is a nearly free rotor, at which it once began
-        (1, "curve", 12.07e6, 0.03),
-        # every usual candidate leaves overspeed for an optimum that is 5 % lower
-        (2, "open_loop", 104_824.0, 1e-4),
-    ],
-)
-def test_optima_that_random_turbines_had_missed_are_found(tmp_path, number, law, known, within):
-    """`known` is the best quasi-steady objective of open loop, by the search from many blades."""
-    turbine = turbines.draw(np.random.default_rng([0, number]))
-    start = start_of_case(load_case(turbines.write(tmp_path, law, turbine)))[1].start
+def test_the_optimum_that_a_random_turbine_had_missed_is_found(tmp_path):
+    """Every usual candidate leaves overspeed for an optimum that is 5 % lower.
+
+    The other one is of the search from many blades.
+    """
+    turbine = turbines.draw(np.random.default_rng([0, 2]))
+    start = start_of_case(load_case(turbines.write(tmp_path, "open_loop", turbine)))[1].start
     assert start.excess <= START_EXCESS
-    assert (1.0 - within) * known <= start.objective <= (1.0 + 1e-3) * known
+    assert start.objective == pytest.approx(104_824.0, rel=1e-4)
