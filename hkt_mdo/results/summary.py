@@ -147,10 +147,12 @@ class LimitEntry(LoadEntry):
         if not self.binding:
             return word
         share, worth = self.share_of_time, self.worth
+        cost = ""
+        if worth is not None:
+            verb = "give" if worth >= 0.0 else "lose"
+            cost = f"1 % more would {verb} {measured(abs(worth), 'J', 3)}"
         return joined(
-            word,
-            "binding" + (f" {100.0 * share:.3g} % of the time" if share else ""),
-            "" if worth is None else f"1 % more would give {measured(worth, 'J', 3)}",
+            word, "binding" + (f" {100.0 * share:.3g} % of the time" if share else ""), cost
         )
 
     def row(self, name: str, load: LoadEntry | None = None) -> Row:
@@ -684,7 +686,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
         limit, margin = case.control.torque_limit, "no limit"
         if limit is not None:
-            entry = LimitEntry(value=torque, limit=limit)
+            entry = (self.limits or {}).get("control_torque", LimitEntry(value=torque, limit=limit))
             margin = joined(f"limit {measured(limit, 'N*m')}", entry.margin)
         yield Row("largest generator torque", torque, "N*m", margin)
         if case.design.radius_bounds is not None:
@@ -735,7 +737,7 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.tip_deflection_m is not None:
             yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
         if self.weight_moment_Nm is not None:
-            yield weight_moment(self.weight_moment_Nm)
+            yield weight_moment(self.weight_moment_Nm, case)
 
 
 def _largest(name: str) -> str:

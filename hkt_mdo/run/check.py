@@ -448,7 +448,8 @@ def _limits(found: Findings) -> Rows:
         if deflection is not None:
             yield tip_deflection(deflection, found.start.blade.tip_radius)
     if found.physics.rotor.loads.structure:
-        yield weight_moment(found.physics.rotor.loads.weight_moment(found.start.blade))
+        moment = found.physics.rotor.loads.weight_moment(found.start.blade)
+        yield weight_moment(moment, found.case)
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:
