@@ -686,7 +686,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
         limit, margin = case.control.torque_limit, "no limit"
         if limit is not None:
-            entry = (self.limits or {}).get("control_torque", LimitEntry(value=torque, limit=limit))
+            entry = (self.limits or {}).get("control_torque") or LimitEntry()
+            entry = entry.model_copy(update={"value": torque, "limit": limit})
             margin = joined(f"limit {measured(limit, 'N*m')}", entry.margin)
         yield Row("largest generator torque", torque, "N*m", margin)
         if case.design.radius_bounds is not None:
