@@ -165,8 +165,8 @@ class Case(Section):
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed in a year, in place of `inflow`, with a `profile` of the
-    last kinds there (docs/year.md)."""
+    """How long the flow has each speed in a year, in place of `inflow`: the profiles `histogram` to
+    `long_record` (docs/year.md)."""
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
