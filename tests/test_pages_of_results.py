@@ -17,8 +17,6 @@ OTHERWISE = {
     "studies/codesign_map": "its data are a table: tests/studies/test_codesign_map.py",
     "install": "versions of packages",
     "exports": "options, and versions of other programs",
-    "openmdao": "its code is run and compared: tests/test_model_pages.py",
-    "studies/openmdao_examples": "its code is run and compared: tests/test_model_pages.py",
     "tutorials/year": "values of a case, not results",
 }
 """Pages with decimal numbers but without data, and why."""

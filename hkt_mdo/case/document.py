@@ -99,7 +99,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters |= {"kind": _kind, "yaml": _yaml, "code": _code, "inner": _inner_sections}
-    environment.filters |= {"apart": _without_repeated_keys, "default_words": _default}
+    environment.filters["apart"] = _without_repeated_keys
     page = Path(__file__).with_name("page.md").read_text(encoding="utf-8")
     brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
     grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
@@ -122,15 +122,13 @@ def _without_repeated_keys(
 
     The third value has the names of these keys, by the title of the section that has them.
     """
-    known: dict[str, list[tuple[str, Any]]] = {}
+    known: dict[tuple[str, str], str] = {}  # the first section that has a key with these words
     for tag, section in sections.items():
         again: dict[str, list[str]] = {}
+        own_title = section.get("title", "")
         for key, value in section["properties"].items():
-            earlier = known.setdefault(key, [])
-            title = next((title for title, other in earlier if other == value), None)
-            if title is None:
-                earlier.append((section.get("title", ""), value))
-            else:
+            title = known.setdefault((key, str(value)), own_title)
+            if title != own_title:
                 again[title] = [*again.get(title, ()), key]
         repeated = {key for keys in again.values() for key in keys}
         own = {key: x for key, x in section["properties"].items() if key not in repeated}
@@ -150,9 +148,7 @@ def _inner_sections(value: Mapping[str, Any]) -> list[tuple[str, Mapping[str, An
 def _kind(value: Mapping[str, Any]) -> str:
     """Return in words what values a key takes: type, unit, range, choices."""
     if "anyOf" in value:
-        # a section whose only key is `bound` is written as that alone
-        options = [x for x in value["anyOf"] if x.get("properties", {}).keys() != {"bound"}]
-        return "; or ".join(map(_kind, options))
+        return "; or ".join(_kind(option) for option in value["anyOf"])
     if "discriminator" in value:
         return f"section with its `{value['discriminator']['propertyName']}`"
     if "enum" in value:
@@ -183,12 +179,6 @@ def _kind(value: Mapping[str, Any]) -> str:
     }
     given = [f"{words} {_yaml(value[key])}" for words, key in bounds.items() if key in value]
     return ", ".join(filter(None, (kind, " and ".join(given))))
-
-
-def _default(value: Mapping[str, Any]) -> str:
-    """Return the default of a key that may be left out, in words; nothing where it is null."""
-    default = value.get("default")
-    return "" if default is None else f" Default: `{_yaml(default)}`."
 
 
 def _yaml(value: object) -> str:

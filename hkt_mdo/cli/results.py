@@ -272,8 +272,6 @@ def simulate(
             lines, told = run.memory or [f"without noise: {run.outcome}"], [*told, run]
             if several:
                 lines[0] += f"; limits: {run.verdicts}"
-            elif not run.memory:
-                lines[0] += f"; {run.speeds}"
             if snr is not None:
                 sensor = Sensor(snr, reference, rate, cutoff or None)
                 lines += _with_noise(run, sensor, repeats, seed)

@@ -24,7 +24,6 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import CheckEntry, Summary, unasked
 from hkt_mdo.results.words import (
-    counts_weight,
     joined,
     limit_words,
     measured,
@@ -351,7 +350,7 @@ def not_modelled(case: Case) -> list[str]:
         What no case has, and what this case does not ask for.
     """
     limits = [*case.limits.given, *(x for part in case.scenarios for x in part.limits.given)]
-    weight = "" if counts_weight(case) else "no weight, "
+    weight = "" if any(getattr(each, "weight", False) for each in limits) else "no weight, "
     added = ", no added mass" if case.rotor.added_inertia == "none" else ""
     found = [
         "The flow has one speed over the whole disc: no shear, no waves, no yaw, no wake of "

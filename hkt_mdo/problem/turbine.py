@@ -386,30 +386,24 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
-    assumed = _assumed_outline(rotor, named)
     named = named or {"": (from_file(rotor.polar or POLAR), None, None, None)}
     sections = [
         _with_material(_section(rotor, *parts), rotor, entry) for *parts, entry in named.values()
     ]
-    notes = [note for each in sections for note in each.polars.messages] + assumed
+    notes = [note for each in sections for note in each.polars.messages]
+    shape = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
+    own = rotor.outline is None and rotor.polar and Path(rotor.polar).is_file()
+    notes += [
+        f"section {name or rotor.polar}: without an outline; mass and stress are by that of {shape}"
+        for name, (_, outline, *_) in named.items()
+        if outline is None and (name or own)
+    ]
     notes += [
         f"{each.outline}: outline from the coordinates that it names or holds (NumCoords)"
         for each in (*rotor.sections, rotor)
         if each.outline and each.outline == each.polar and Path(each.outline).is_file()
     ]
     return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
-
-
-def _assumed_outline(rotor, named) -> list[str]:
-    """Return a note on the outline of sections for which nothing gives one."""
-    lacking = [f"section {name}" for name, (_, outline, *_) in named.items() if outline is None]
-    if not named and rotor.outline is None and rotor.polar and Path(rotor.polar).is_file():
-        lacking = ["rotor.polar"]
-    if not lacking:
-        return []
-    shape = Path(rotor.outline or OUTLINE).stem
-    note = f"{', '.join(lacking)}: without an outline; mass, inertia and stress are by that of"
-    return [f"{note} {shape}, stretched to the thickness"]
 
 
 def _section(rotor, polars, outline, thickness) -> _Section:

@@ -187,17 +187,9 @@ def water_inertia(estimates: tuple[float, float], inertia: float, model: str) ->
     return Row("inertia of water", estimates, "kg*m**2", note, 3)
 
 
-def counts_weight(case: Any) -> bool:
-    """Return whether a limit of a case on the stress includes the blades' weight in water."""
-    limits = [*case.limits.given, *(x for part in case.scenarios for x in part.limits.given)]
-    return any(getattr(each, "weight", False) for each in limits)
-
-
-def weight_moment(moment: float, case: Any) -> Row:
+def weight_moment(moment: float) -> Row:
     """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
-    note = "edgewise, of one blade at the hub, reversing in every turn"
-    if not counts_weight(case):
-        note += ", not part of the stress"
+    note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
     return Row("weight in water", abs(moment), "N*m", note, 3)
 
 

@@ -448,8 +448,7 @@ def _limits(found: Findings) -> Rows:
         if deflection is not None:
             yield tip_deflection(deflection, found.start.blade.tip_radius)
     if found.physics.rotor.loads.structure:
-        moment = found.physics.rotor.loads.weight_moment(found.start.blade)
-        yield weight_moment(moment, found.case)
+        yield weight_moment(found.physics.rotor.loads.weight_moment(found.start.blade))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

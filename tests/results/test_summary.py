@@ -222,9 +222,9 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
             "9 rad/s (85.944 rpm), limit 9.5 rad/s (90.718 rpm), margin 5.26 %",
         ),
         (
-            {"control_torque_max_Nm": 1234.5},
+            {"limits": {"control_torque": {"unit": "N*m", "value": 1234.5, "limit": 700.0}}},
             "largest generator torque",
-            "1.2345 kN m, limit 700 N m, exceeded by 76.36 %, binding",
+            "1.2345 kN m, limit 700 N m, exceeded by 76.36 %",
         ),
         ({"energy_J": 1.23456789e9}, "energy", "1.2346 GJ"),
         ({"generator_energy_J": 1.5e6}, "energy of the generator", "1.5000 MJ"),
