@@ -78,12 +78,12 @@ def test_page_has_every_key_with_its_docstring_type_and_default(capsys):
     shipped = [*(ROOT / "cases").glob("*.yaml"), *(ROOT / "cases").glob("*/*.yaml")]
     assert {case.stem for case in shipped} <= set(re.findall(r"`(\w+)(?:\.yaml)?`", named))
     for line in (
-        "**`radius`**: number in m, greater than 0 and at most 1000; or null. Default: `null`.",
+        "**`radius`**: number in m, greater than 0 and at most 1000; or null.",
         "**`speed`**: number in m/s, greater than 0. Required.",
         "**`order`**: one of `3`, `5`, `7`, `9`. Default: `3`.",
         "**`twist_bounds`**: list of 2: number in deg, at least -180 and at most 180. Default: ",
         "**`parts`**: list of 2 to 20: section with its `profile`. Required.",
-        "**`segments`**: whole number, at least 2 and at most 20000; or null. Default: `null`.",
+        "**`segments`**: whole number, at least 2 and at most 20000; or null.",
     ):
         assert f"- {line}" in page
 

@@ -403,7 +403,8 @@ def test_what_a_scenario_does_not_say_is_the_case_s(tmp_path):
 def test_the_page_and_the_schema_have_the_scenarios():
     page = case_markdown()
     for text in (
-        "- [`scenarios`](#scenarios): Several flows,",
+        "[`scenarios`](#scenarios) ·",
+        "Several flows, for which",
         "### An entry of `scenarios`",
         "- **`weight`**: number, at least 0. Default: `1`.",
         "- **`duration`**: number in s, greater than 0",

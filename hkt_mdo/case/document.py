@@ -122,12 +122,13 @@ def _without_repeated_keys(
 
     The third value has the names of these keys, by the title of the section that has them.
     """
-    known: dict[str, tuple[str, Any]] = {}
+    known: dict[tuple[str, str], str] = {}  # the first section that has a key with these words
     for tag, section in sections.items():
         again: dict[str, list[str]] = {}
+        own_title = section.get("title", "")
         for key, value in section["properties"].items():
-            title, earlier = known.setdefault(key, (section.get("title", ""), value))
-            if earlier is not value and earlier == value:
+            title = known.setdefault((key, str(value)), own_title)
+            if title != own_title:
                 again[title] = [*again.get(title, ()), key]
         repeated = {key for keys in again.values() for key in keys}
         own = {key: x for key, x in section["properties"].items() if key not in repeated}

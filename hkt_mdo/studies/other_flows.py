@@ -182,7 +182,7 @@ class Run:
         tau1 = self.design.plant.wake.tau1
         how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
         lines = [
-            f"{word}: {each.outcome}; rotor at {measured(each.simulation.rotor_speed, 'rad/s', 4)}"
+            f"{word}: {each.outcome}"
             for word, each in (
                 (f"with dynamic inflow ({how})", self),
                 ("without memory", self.without),
@@ -210,7 +210,7 @@ class Run:
 
     @property
     def outcome(self) -> str:
-        """The energies as text, or when the rotor stops.
+        """The energies and the rotor's speeds as text, or when the rotor stops.
 
         Returns
         -------
@@ -221,7 +221,8 @@ class Run:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         pairs = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
-        return joined(*texts[: 2 if self.design.physics.case.generator.lossless else 3])
+        energies = joined(*texts[: 2 if self.design.physics.case.generator.lossless else 3])
+        return f"{energies}; rotor at {measured(self.simulation.rotor_speed, 'rad/s', 4)}"
 
     @property
     def verdicts(self) -> str:

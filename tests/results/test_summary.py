@@ -128,7 +128,7 @@ def test_the_table_has_units(result_folder: Path) -> None:
         ("gain, quadratic feedback", "10.98 N m s^2/rad^2"),
         ("tip speed ratio", "7.15 to 7.25, mean 7.202"),
         ("largest power coefficient", "0.47, at tip speed ratio 7.2"),
-        ("largest generator torque", "700 N m, limit 700 N m, margin 0.00 %"),
+        ("largest generator torque", "700 N m, limit 700 N m, margin 0.00 %, binding"),
         ("inertia", "35.2 kg m^2"),
         ("mass", "90.1 kg"),
         ("largest thrust", "7.514 kN, at t = 56.55 s"),
@@ -222,7 +222,7 @@ def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) 
             "9 rad/s (85.944 rpm), limit 9.5 rad/s (90.718 rpm), margin 5.26 %",
         ),
         (
-            {"control_torque_max_Nm": 1234.5},
+            {"limits": {"control_torque": {"unit": "N*m", "value": 1234.5, "limit": 700.0}}},
             "largest generator torque",
             "1.2345 kN m, limit 700 N m, exceeded by 76.36 %",
         ),
