@@ -1,7 +1,5 @@
 """Errors of pydantic in words for the user: the key, the problem and the remedy."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from typing import Any, NamedTuple, get_args

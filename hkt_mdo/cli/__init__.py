@@ -3,8 +3,6 @@
 What takes long to import waits inside the commands, so that help comes at once.
 """
 
-from __future__ import annotations
-
 import gc
 import inspect
 import io

@@ -1,7 +1,5 @@
 """The commands that help to write a case: new, check, n2, schema, polar."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Files of `hkt polar`: polars of an outline as a CSV file, and a figure of them."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from importlib.metadata import version

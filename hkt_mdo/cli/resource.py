@@ -1,7 +1,5 @@
 """The command that reads a record of a flow and writes what a case takes as `resource`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

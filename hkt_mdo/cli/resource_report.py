@@ -1,7 +1,5 @@
 """Files of `hkt resource`: hours of each speed, constituents of the tide, and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any

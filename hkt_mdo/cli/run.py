@@ -1,7 +1,5 @@
 """The command that runs a case."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

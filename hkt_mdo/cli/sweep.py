@@ -1,7 +1,5 @@
 """What runs many cases: the command that runs a sweep, and `hkt run` of several cases."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -3,8 +3,6 @@
 Expressions that are the same in C and Python, such as ``GAIN * w``, are written here once.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from inspect import cleandoc

@@ -5,8 +5,6 @@ by overspeed (VS_FBP 1), a speed that follows the flow (2), or a speed that foll
 which in equilibrium can be any law whose torque rises with the speed.
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import Annotated, Any, ClassVar, cast
 

@@ -1,7 +1,5 @@
 """The tables of a result as CSV, JSON and NetCDF: blade, coefficients, operation, loads, series."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Iterator

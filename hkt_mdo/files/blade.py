@@ -1,7 +1,5 @@
 """Blade files: CSV, AeroDyn 15 blade file, windIO turbine; one table of rows for all of them."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """Data files that come with the package: their names, their paths, and what they hold."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

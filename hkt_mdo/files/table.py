@@ -1,7 +1,5 @@
 """Files read and written whole, columns of numbers, and the reader of all CSV tables."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -1,7 +1,5 @@
 """The page of a report: what is shown of each result, put into the templates."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Iterable, Sequence

@@ -4,8 +4,6 @@ A chart is a dictionary with `data`, the traces, and `layout`. Colours are those
 (`hkt_mdo.results.panel`), and the page replaces them by `DARK` on a dark screen.
 """
 
-from __future__ import annotations
-
 import html
 from collections.abc import Sequence
 from itertools import pairwise

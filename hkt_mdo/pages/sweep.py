@@ -1,7 +1,5 @@
 """The report of a sweep: its front and its map, and a page for each run behind a point."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable
 from importlib import import_module

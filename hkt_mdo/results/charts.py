@@ -5,8 +5,6 @@ colour, line style and marker, so that they can be told apart in grey. Of a sing
 has the same colour in every chart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple

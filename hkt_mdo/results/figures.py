@@ -3,8 +3,6 @@
 A figure has the panels of a chart (`hkt_mdo.results.charts`) for which a result has data.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Sequence
 from functools import partial

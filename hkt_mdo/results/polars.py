@@ -1,7 +1,5 @@
 """Charts of polars, for `hkt check` and `hkt polar`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -3,8 +3,6 @@
 Nothing is drawn by pyplot, and no rcParams are set.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

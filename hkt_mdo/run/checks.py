@@ -4,8 +4,6 @@ A result is a success only if the optimizer converged and an integration that sh
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

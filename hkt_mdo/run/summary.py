@@ -1,7 +1,5 @@
 """The files of a finished run: the summary, the tables and the blade."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
