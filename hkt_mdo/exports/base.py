@@ -22,6 +22,7 @@ from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean, install, program_version
 from hkt_mdo.exports import FORMATS
 from hkt_mdo.files.table import make_folder, write_files
+from hkt_mdo.files.template import templates
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import printable
 from hkt_mdo.sections import Section
@@ -222,11 +223,11 @@ def filled(template: str, words: dict[str, Any]) -> str:
     template : str
         Name of a file in the folder of templates.
     words : dict
-        The text for each ``{field}``.
+        What the template names.
 
     Returns
     -------
     str
         The text.
     """
-    return (TEMPLATES / template).read_text(encoding="utf-8").format_map(words)
+    return str(templates(TEMPLATES).get_template(template).render(words))
