@@ -6,15 +6,13 @@ from typing import Any
 
 import numpy as np
 import yaml
-from pydantic import ValidationError
 
-from hkt_mdo.case.messages import translate
-from hkt_mdo.cli.parts import refuse_existing
+from hkt_mdo.case.messages import validated
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import make_folder
+from hkt_mdo.files.table import make_folder, refuse_existing
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_csv, write_text
@@ -94,12 +92,7 @@ def _record(file: Path, keys: Sequence[str]) -> RecordResource:
             raise InputError("is no key", "write key=value", key="--set", value=text)
         data[key.strip()] = parse(value, "--set", key.strip())
         given[key.strip()] = text
-    try:
-        return RecordResource.model_validate(data, context={"folder": "."})
-    except ValidationError as error:
-        raise translate(
-            error.errors(include_url=False), RecordResource, "hkt resource", given
-        ) from None
+    return validated(RecordResource, data, "hkt resource", given)
 
 
 def _yaml(section: dict[str, Any]) -> str:

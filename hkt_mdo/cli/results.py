@@ -120,9 +120,10 @@ def report(
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
+    from hkt_mdo.files.table import refuse_existing
     from hkt_mdo.pages.page import write_report
 
-    parts.refuse_existing([out], force)
+    refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
 
 

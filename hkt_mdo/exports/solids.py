@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source, filled
+from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
@@ -24,6 +25,7 @@ from hkt_mdo.sections import Quantity
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
+_COORDINATES = "x_m", "y_m", "z_m", "chordwise_m", "across_m"
 TRAILING_EDGE = 0.005
 """Thickness of the trailing edge over the local chord, where none is given."""
 
@@ -184,11 +186,10 @@ class Sections(Outer):
                 "chordwise_m: along the chord towards the trailing edge; across_m: towards the "
                 "suction side; both from the blade's axis",
             )
-            text = [f"# {line}" for line in (*remarks, *own)]
-            text.append("x_m,y_m,z_m,chordwise_m,across_m")
-            rows = np.hstack((placed[n], sections.plane[n]))
-            text += [",".join(f"{value:.9g}" for value in row) for row in rows]
-            found[f"sections/station_{n + 1:03d}.csv"] = ("\n".join(text) + "\n").encode()
+            points = np.hstack((placed[n], sections.plane[n]))
+            rows = ([f"{value:.9g}" for value in row] for row in points)
+            text = csv_text(_COORDINATES, rows, (*remarks, *own))
+            found[f"sections/station_{n + 1:03d}.csv"] = text.encode()
         return found
 
 

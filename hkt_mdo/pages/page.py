@@ -14,7 +14,7 @@ from pydantic import BaseModel
 from hkt_mdo.case import Case
 from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError, install
-from hkt_mdo.files.table import make_folder, read_text, write_files
+from hkt_mdo.files.table import read_text, write_new
 from hkt_mdo.pages import rendered
 from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
@@ -64,9 +64,7 @@ def write_report(
     chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
-    path = Path(out)
-    make_folder(path.parent)
-    write_files({path: _page(chosen, shared).encode()})
+    (path,) = write_new({Path(out): _page(chosen, shared).encode()}, force=True)
     return path
 
 

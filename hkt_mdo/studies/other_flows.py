@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import csv_text
 from hkt_mdo.quantities import names
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
@@ -354,10 +355,8 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
         The files.
     """
     entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    rows = (header, *(record.values() for record in entries))
-    lines = [",".join("" if x is None else str(x) for x in row) for row in rows]
     folder.mkdir(parents=True, exist_ok=True)
     table, data = folder / "simulations.csv", folder / "simulations.json"
-    write_text(table, "\n".join([*lines, ""]))
+    write_text(table, csv_text(header, (record.values() for record in entries)))
     write_json(data, entries)
     return [table, data]
