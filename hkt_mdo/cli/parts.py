@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from typer import Argument, BadParameter, Option, echo
+from typer import Argument, BadParameter, Exit, Option, echo
 
 if TYPE_CHECKING:
     from hkt_mdo.case import Case
@@ -79,6 +79,12 @@ def complain(what: str, message: str) -> None:
     """Print one line to standard error, such as ``error: ...``."""
     line = "".join(letter if letter.isprintable() else " " for letter in message)
     echo(f"{what}: {line}", err=True)
+
+
+def ended(code: int, message: str) -> Exit:
+    """Return the end of a command with a code, after its message on standard error."""
+    complain("interrupted" if code == INTERRUPTED else "error", message)
+    return Exit(code)
 
 
 def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bool = False) -> None:
