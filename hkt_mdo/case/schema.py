@@ -34,7 +34,7 @@ from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Quantity, Section, refusal

@@ -19,7 +19,7 @@ from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.messages import validated
 from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.sections import Section, refusal

@@ -14,7 +14,7 @@ from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES, PolarTable
 from hkt_mdo.files.table import parse_number, refuse_existing, write_new
 from hkt_mdo.results import style
-from hkt_mdo.results.polars import polar_panels
+from hkt_mdo.results.charts import polar_panels
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline

@@ -71,13 +71,11 @@ def report_resource(
     if tide is not None:
         write_text(written[2], _yaml(tide.section))
         yield from _of_tide(tide)
-    figures = {"resource": resource_panels(speed, share, samples)}
+    panels = resource_panels(speed, share, samples)
+    drawn = {"resource": style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: resource")}
     if tide is not None:
-        figures["tide"] = [tide_panel(samples, tide)]
-    drawn = {
-        name: style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: {name}")
-        for name, panels in figures.items()
-    }
+        panels = [tide_panel(samples, tide)]
+        drawn["tide"] = style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: tide")
     files = [path.name for path in (*written, *style.save(drawn, out))]
     yield f"Written: {out}: {', '.join(files)}"
 

@@ -147,22 +147,14 @@ class Outer(Format, ABC):
         InputError
             If the case gives no outline.
         """
-        outlines = outline_names(source.solution)
-        blade = source.design.blade
-        edge = "that of the outlines"
-        if self.trailing_edge != 0.0:
-            thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
-            thin = thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm"
-            edge = f"aft of the thickest place no section is thinner than {thin}"
+        thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
         words = {
+            "outlines": outline_names(source.solution),  # refuses where there are none
             "provenance": "\n".join(source.provenance),
-            "rotation": self.rotation,
-            "sign": "+" if self.rotation == "clockwise" else "-",
-            "blade": blade,
-            "cone": np.rad2deg(blade.cone),
-            "stacking": self.stacking,
-            "edge": edge,
-            "outlines": outlines,
+            "options": self,
+            "blade": source.design.blade,
+            "cone": np.rad2deg(source.design.blade.cone),
+            "thin": thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm",
         }
         return filled("solids.txt", words).rstrip("\n").split("\n")
 

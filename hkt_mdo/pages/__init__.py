@@ -6,6 +6,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
+from hkt_mdo.errors import install, needed
 from hkt_mdo.files.template import templates
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -34,6 +35,23 @@ def rendered(template: str | Path, **values: Any) -> str:
 def _number(value: Any, form: str) -> str:
     """Return a number in a format; a dash where there is none."""
     return form.format(value) if isinstance(value, Real) else "–"
+
+
+def plotly_script() -> str:
+    """Return plotly.js, which draws the charts of a page.
+
+    Returns
+    -------
+    str
+        Some megabytes of JavaScript.
+
+    Raises
+    ------
+    InputError
+        If the package that has it is not installed.
+    """
+    remedy = f"install it with: {install('report')}"
+    return str(needed("plotly.offline", remedy, "a report ").get_plotlyjs())
 
 
 def text_page(title: str, text: str, folder: Path) -> str:

@@ -3,8 +3,6 @@
 import base64
 import json
 from collections.abc import Iterable, Sequence
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +11,9 @@ from pydantic import BaseModel
 
 from hkt_mdo.case import Case
 from hkt_mdo.case.document import unit_of
-from hkt_mdo.errors import InputError, install
+from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_text, write_new
-from hkt_mdo.pages import rendered
+from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
@@ -31,7 +29,6 @@ from hkt_mdo.results.words import (
     texts,
 )
 
-PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
@@ -60,31 +57,16 @@ def write_report(
     InputError
         If a package is missing, there is no result, or the file cannot be written.
     """
-    require_packages()
+    script = "" if shared else plotly_script()
     chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
-    (path,) = write_new({Path(out): _page(chosen, shared).encode()}, force=True)
+    (path,) = write_new({Path(out): _page(chosen, shared, script).encode()}, force=True)
     return path
 
 
-def require_packages() -> None:
-    """Refuse to write a page without the packages that it needs.
-
-    Raises
-    ------
-    InputError
-        If one is missing.
-    """
-    missing = [name for name in PACKAGES if find_spec(name) is None]
-    if missing:
-        problem = f"a report needs {' and '.join(missing)}, which is not installed"
-        raise InputError(problem, f"install it with: {install('report')}")
-
-
-def _page(solutions: Sequence[Solution], shared: str) -> str:
+def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     """Return the page as HTML."""
-    offline = import_module("plotly.offline")
     from hkt_mdo.pages import blade, panels
 
     order, behind = ranked(solutions)
@@ -119,7 +101,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         view_charts=sorted({name for each in views.values() for name in each}),
         data=json.dumps({"charts": drawn, "views": views, "dark": panels.DARK}, allow_nan=False),
         shared=shared,
-        plotly="" if shared else offline.get_plotlyjs(),
+        plotly=script,
     )
 
 

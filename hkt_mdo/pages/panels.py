@@ -251,12 +251,8 @@ def limit_bars(results: Results) -> Chart | None:
         own = COLORS[index % len(COLORS)]
         words = [limit_words(limit) for limit in most]
         names |= dict.fromkeys(words)
-        bar: Chart = {
-            "type": "bar",
-            "orientation": "h",
-            "name": escaped(label),
-            "cliponaxis": False,
-        }
+        bar: Chart = {"type": "bar", "orientation": "h", "cliponaxis": False}
+        bar |= {"name": escaped(label)}
         bar |= {"x": plain([*most.values()]), "y": words, "insidetextanchor": "end"}
         gap = "\u2002" if label else ""  # beside the bar
         bar["text"] = [f"{gap}{x:.1f} %" for x in most.values()]

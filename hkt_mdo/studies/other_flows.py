@@ -182,12 +182,10 @@ class Run:
             return []
         tau1 = self.design.plant.wake.tau1
         how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
+        both = {f"with dynamic inflow ({how})": self, "without memory": self.without}
         lines = [
             f"{word}: {each.outcome}; rotor at {measured(each.simulation.rotor_speed, 'rad/s', 4)}"
-            for word, each in (
-                (f"with dynamic inflow ({how})", self),
-                ("without memory", self.without),
-            )
+            for word, each in both.items()
         ]
         if self.runs_away is not None:
             fastest, usual = (
