@@ -16,7 +16,6 @@ from pydantic import (
     Field,
     SerializeAsAny,
     Strict,
-    ValidationError,
     create_model,
     model_validator,
 )
@@ -24,7 +23,7 @@ from pydantic.fields import FieldInfo
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
-from hkt_mdo.case.messages import TAGS, translate
+from hkt_mdo.case.messages import TAGS, validated
 from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
@@ -35,7 +34,7 @@ from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Quantity, Section, refusal
@@ -620,12 +619,12 @@ def _make_case(
     data.setdefault("name", name)
     made = case_class(kinds)
     try:
-        return made.model_validate(data, context={"folder": folder, "check_files": check_files})
-    except ValidationError as error:
-        failure = translate(error.errors(include_url=False), made, file, given)
+        context = {"folder": folder, "check_files": check_files}
+        return validated(made, data, file, given, context)
+    except InputError as failure:
         if data.get("resource") and failure.key.partition(".")[0] == "inflow":
             failure.key = failure.key.replace("inflow", "resource", 1)
-        raise failure from None
+        raise
 
 
 def assign(data: dict[str, Any], override: str, file: str) -> str:

@@ -290,16 +290,14 @@ class Spread(Section):
         self, condition: Condition, density: float, number: int
     ) -> tuple[Condition, float | None]:
         """Return condition of the turbine and density of the water (kg/m**3) of a realization."""
-        names = "lift", "drag", "inertia", "torque_constant", "density"
-        draws = np.random.default_rng((self.seed, number)).standard_normal(len(names))
+        names = "lift", "drag", "inertia", "torque_constant"
+        draws = np.random.default_rng((self.seed, number)).standard_normal(len(names) + 1)
+        *factors, last = np.clip(draws, -MOST_DRAW, MOST_DRAW).tolist()
         moved = {
-            name: getattr(self, name) * float(draw)
-            for name, draw in zip(names, np.clip(draws, -MOST_DRAW, MOST_DRAW), strict=True)
+            name: getattr(condition, name) + getattr(self, name) * draw
+            for name, draw in zip(names, factors, strict=True)
         }
-        density += moved.pop("density")
-        return condition.model_copy(
-            update={name: getattr(condition, name) + by for name, by in moved.items()}
-        ), density
+        return condition.model_copy(update=moved), density + self.density * last
 
 
 class Fluid(Section):

@@ -1,7 +1,5 @@
 """Rows of a report, and quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import timedelta

@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import csv_text
 from hkt_mdo.quantities import names
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
@@ -181,13 +182,8 @@ class Run:
             return []
         tau1 = self.design.plant.wake.tau1
         how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
-        lines = [
-            f"{word}: {each.outcome}"
-            for word, each in (
-                (f"with dynamic inflow ({how})", self),
-                ("without memory", self.without),
-            )
-        ]
+        both = {f"with dynamic inflow ({how})": self, "without memory": self.without}
+        lines = [f"{word}: {each.outcome}" for word, each in both.items()]
         if self.runs_away is not None:
             fastest, usual = (
                 float(np.max(each.simulation.rotor_speed)) for each in (self, self.without)
@@ -355,10 +351,8 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
         The files.
     """
     entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    rows = (header, *(record.values() for record in entries))
-    lines = [",".join("" if x is None else str(x) for x in row) for row in rows]
     folder.mkdir(parents=True, exist_ok=True)
     table, data = folder / "simulations.csv", folder / "simulations.json"
-    write_text(table, "\n".join([*lines, ""]))
+    write_text(table, csv_text(header, (record.values() for record in entries)))
     write_json(data, entries)
     return [table, data]

@@ -19,7 +19,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.results import style
-from hkt_mdo.results.polars import polar_panels
+from hkt_mdo.results.charts import polar_panels
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
