@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from hkt_mdo import InputError, Solution, load_case, run_case
-from hkt_mdo.cli import main
 from tests.conftest import NINE
 
 EXTENSION = Path(__file__).parent / "data" / "extension.py"
@@ -104,27 +102,6 @@ def test_a_flow_is_followed(run):
     share = (time / 20.0) ** 2
     expected = 1.3 + 0.4 * share / (1.0 + share)
     np.testing.assert_allclose(ramp.trajectory["inflow_speed_m_s"], expected, rtol=1e-9)
-
-
-def test_the_command_line_takes_the_same(tmp_path, capsys):
-    case = SHORT | {
-        "limits": {"tip_acceleration": "95 m/s^2"},
-        "phase": {"segments": 15, "duration": 15},
-    }
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(case))
-    file, out = str(tmp_path / "own.yaml"), str(tmp_path / "out")
-    extend = ["--extend", str(EXTENSION)]
-    assert main(["check", file]) == 2
-    assert "limits.tip_acceleration" in capsys.readouterr().err
-    assert main([*extend, "check", file]) == 0
-    assert "limits.tip_acceleration" in capsys.readouterr().out
-    assert main([*extend, "schema"]) == 0
-    schema = capsys.readouterr().out
-    assert all(name in schema for name in ("tip_acceleration", "priced_torque", "mixed", "ramp"))
-    assert main([*extend, "run", file, "--out", out, "--no-figures"]) == 0
-    assert "tip acceleration" in capsys.readouterr().out
-    assert main([*extend, "show", out]) == 0
-    assert "tip acceleration" in capsys.readouterr().out
 
 
 def test_a_result_is_read_only_with_its_extension(run):

@@ -116,48 +116,6 @@ def test_realizations_are_scenarios_of_consecutive_seeds_that_share_a_weight():
     assert [each.inflow.parts[1].seed for each in made.scenarios] == [7, 8]
 
 
-BAD = {
-    "no seed": (
-        {"scenarios": [{"inflow": "sine"}, {"inflow": "sine", "realizations": 2}]},
-        r"scenarios\[1\].realizations = 2: asks for 2 flows, .* has no seed; leave realizations",
-    ),
-    "none": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 0}]},
-        r"scenarios\[0\].realizations = 0: .*at least 1",
-    ),
-    "too many": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 101} for _ in range(2)]},
-        r"scenarios = .*: are 202 flows .*; give at most 200",
-    ),
-    "a name of another": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 2}, {"name": "flow_1_2"}]},
-        r"scenarios\[1\].name = 'flow_1_2': is the name of two scenarios",
-    ),
-    "share of nothing": (
-        {"robustness": {"measure": "cvar", "share": 0}},
-        r"robustness.share = 0: must be greater than 0",
-    ),
-    "share beyond all": (
-        {"robustness": {"measure": "cvar", "share": 1.2}},
-        r"robustness.share = 1.2: must be at most 1",
-    ),
-    "unknown measure": ({"robustness": "cvr"}, r"robustness.measure = 'cvr'.*did you mean cvar"),
-    "unknown key": ({"robustness": {"measure": "worst", "shar": 1}}, r"robustness.shar = 1"),
-    "no weight": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 2, "weight": 0}]},
-        r"scenarios = .*have weights that are all zero",
-    ),
-}
-
-
-@pytest.mark.parametrize(("sections", "message"), BAD.values(), ids=BAD)
-def test_bad_input_is_refused_with_its_key(sections, message):
-    data = case({"inflow": "sine"}) | {"inflow": "sine"} | sections
-    with pytest.raises(InputError) as error:
-        load_case(data)
-    assert re.search(message, str(error.value)), str(error.value)
-
-
 # Designs ------------------------------------------------------------------------------------------
 
 

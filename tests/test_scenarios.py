@@ -4,24 +4,22 @@ One blade and one controller are designed for all flows of `scenarios`. Weights 
 the objective is the mean power, the sum of weight times mean power, times the case's duration.
 """
 
-import base64
 import json
 import re
 import subprocess
 import sys
 import time
-import zlib
 
 import numpy as np
 import pytest
 
-from hkt_mdo.case import case_json_schema, case_markdown, load_case, read_case
+from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
-from hkt_mdo.run.run import run_case, write_n2
+from hkt_mdo.run.run import run_case
 
 SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
 FAST = {"name": "fast", "inflow": "sine", "weight": 0.5}
@@ -216,22 +214,6 @@ def test_force_leaves_no_table_of_the_run_before(tmp_path):
     assert Solution.load(out).scenarios == ("slow", "fast")
 
 
-def test_a_check_and_the_diagram_name_the_flows(tmp_path, capsys):
-    file = tmp_path / "case.yaml"
-    data = case("quadratic", SLOW, FAST | {"limits": {"thrust": "6 kN"}})
-    file.write_text(load_case(data).to_yaml(), encoding="utf-8")
-    assert main(["check", str(file)]) == 0
-    checked = " ".join(capsys.readouterr().out.split())
-    assert "Flow of slow" in checked
-    assert "fast: limits.thrust" in checked
-    write_n2(load_case(data), tmp_path / "n2.html")
-    page = (tmp_path / "n2.html").read_text(encoding="utf-8")
-    model = re.search(r'compressedModel = "([^"]*)"', page)[1]
-    names = zlib.decompress(base64.b64decode(model)).decode()
-    for name in ("slow", "fast"):
-        assert f'"name": "{name}", "type": "subsystem"' in names
-
-
 # Weights and order --------------------------------------------------------------------------------
 
 
@@ -321,56 +303,6 @@ def test_one_of_two_flows_is_cut(tmp_path):
 
 # Cases --------------------------------------------------------------------------------------------
 
-BAD = {
-    "one name twice": ([{"name": "a"}, {"name": "a"}], r"scenarios\[1\].name = 'a'", "its own"),
-    "names of one file": ([{"name": "a"}, {"name": "A"}], r"\[1\].name = 'A'", "its own"),
-    "name of another": ([{"name": "flow_2"}, {}], r"scenarios\[1\].name = 'flow_2'", "its own"),
-    "no weight": ([{"weight": 0}, {"weight": 0}], r"scenarios = \[0.0, 0.0\]", "weight above 0"),
-    "negative weight": ([{"weight": -1}, {}], r"scenarios\[0\].weight = -1", "at least 0"),
-    "unknown key": ([{"wieght": 1}], r"scenarios\[0\].wieght = 1", "did you mean weight"),
-    "limit of the design": (
-        [{"limits": {"taper_from": 0.5}}],
-        r"scenarios\[0\].limits.taper_from = 0.5",
-        "give it as limits.taper_from",
-    ),
-    "torque": (
-        [{"limits": {"torque": 600}}],
-        r"scenarios\[0\].limits.torque = 600",
-        "write control.torque_limit",
-    ),
-    "unknown limit": ([{"limits": {"thrst": 1}}], r"\[0\].limits.thrst = 1", "did you mean thrust"),
-    "name": ([{"name": "a b"}], r"scenarios\[0\].name = 'a b'", "letters and digits and `_`"),
-    "name in another script": ([{"name": "ä"}], r"scenarios\[0\].name = 'ä'", "letters and digits"),
-    "bare profile": ([{"inflow": "sin"}], r"\[0\].inflow.profile = 'sin'", "did you mean sine"),
-    "profile": (
-        [{"inflow": {"profile": "sinee"}}],
-        r"scenarios\[0\].inflow.profile = 'sinee'",
-        "did you mean sine",
-    ),
-    "no profile": ([{"inflow": {"mean": 1}}], r"scenarios\[0\].inflow.profile: is missing", "sine"),
-    "key of a flow": (
-        [{"inflow": {"profile": "sine", "maen": 1}}],
-        r"scenarios\[0\].inflow.maen = 1",
-        "did you mean mean",
-    ),
-    "unit": ([{"duration": "6 m"}], r"scenarios\[0\].duration = '6 m'", "in s"),
-    "section": ({}, r"scenarios = \{\}", "must be a list"),
-    "text": ("two", r"scenarios = 'two'", "must be a list"),
-    "null": (None, r"scenarios = null", "must be a list"),
-    "bare flow": (["sine"], r"scenarios\[0\] = 'sine'", "keys and values"),
-}
-
-
-@pytest.mark.parametrize(("scenarios", "place", "remedy"), BAD.values(), ids=BAD)
-def test_bad_scenarios_are_refused_in_a_line(tmp_path, capsys, scenarios, place, remedy):
-    file = tmp_path / "case.yaml"
-    text = json.dumps(case() | {"scenarios": scenarios})
-    file.write_text(text, encoding="utf-8")
-    assert main(["check", str(file)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(place, line), line
-    assert remedy in line
-
 
 @pytest.mark.parametrize("scenarios", [[], [{"weight": 2.0}], [{}, FAST]])
 def test_a_flow_must_be_given_somewhere(scenarios):
@@ -398,21 +330,3 @@ def test_what_a_scenario_does_not_say_is_the_case_s(tmp_path):
     assert given.of_scenario("flow_1").phase.duration == 10.0
     with pytest.raises(InputError, match=r"scenarios\[0\]\."):
         physics(load_case(data | {"phase": {"duration": 30.0}}))
-
-
-def test_the_page_and_the_schema_have_the_scenarios():
-    page = case_markdown()
-    for text in (
-        "- [`scenarios`](#scenarios): Several flows,",
-        "### An entry of `scenarios`",
-        "- **`weight`**: number, at least 0. Default: `1`.",
-        "- **`duration`**: number in s, greater than 0",
-        "## robustness",
-        "### `measure: expected`",
-        "- **`version`**: whole number. Default: `2`.",
-    ):
-        assert text in page
-    entry = case_json_schema()["$defs"]["FlowScenario"]["properties"]
-    assert entry["duration"]["title"] == "duration [s]"
-    flows = entry["inflow"]["anyOf"][0]["oneOf"]
-    assert "sine" in flows[-1]["enum"]

@@ -10,13 +10,11 @@ import shutil
 import subprocess
 import sys
 import types
-import warnings
 from pathlib import Path
 
 import pytest
-from typer.main import get_command
 
-from hkt_mdo.cli import app, main
+from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
 from tests.conftest import edit_summary
@@ -157,26 +155,6 @@ def test_bad_input_exits_with_2(result_folder, capsys, command, told):
     assert "Traceback" not in err
 
 
-@pytest.mark.filterwarnings("default::RuntimeWarning")
-def test_only_our_warnings_are_shown(fake, capsys, monkeypatch):
-    import hkt_mdo.errors
-
-    def run_case(*_, **__):
-        for text, category, module in (
-            ("ours", UserWarning, hkt_mdo.errors),
-            ("of numbers", RuntimeWarning, hkt_mdo.errors),
-            ("theirs", UserWarning, json),
-        ):
-            warnings.warn_explicit(text, category, module.__file__, 1, module.__name__)
-        return Solution.load(fake.result)
-
-    monkeypatch.setattr(fake, "run_case", run_case)
-    show = warnings.showwarning
-    assert main(["run", CASE, "--quiet"]) == 0
-    assert capsys.readouterr().err == "warning: ours\n"
-    assert warnings.showwarning is show
-
-
 def test_module_is_the_command():
     command = [sys.executable, "-m", "hkt_mdo", "run", "not_here.yaml"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -222,14 +200,6 @@ def test_resume_is_given_the_extensions(fake, result_folder):
         assert list(fake.extensions) == known
 
 
-def test_n2_writes_to_the_given_file(fake, capsys):
-    assert main(["n2", CASE]) == 0
-    assert capsys.readouterr().out == "sine_limited_quadratic_n2.html\n"
-    assert Path("sine_limited_quadratic_n2.html").is_file()
-    assert main(["n2", CASE, "--out", "a.html", "--set", "name=other"]) == 0
-    assert Path("a.html").read_text() == "other"
-
-
 def test_plot_draws_the_figures(result_folder, capsys):
     assert main(["plot", str(result_folder), "--format", "svg"]) == 0
     assert (result_folder / "figures" / "operation.svg").is_file()
@@ -245,31 +215,6 @@ def test_plot_draws_the_figures(result_folder, capsys):
 
 
 # What is printed ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ([], ["hkt new", "hkt check", "hkt run", "hkt show", "hkt compare"]),
-        (["--help"], ["--install-completion", "Exit codes: 0 done", "Look at results"]),
-        (["--version"], ["hkt_mdo "]),
-        (["schema"], ['"rotor"']),
-    ],
-)
-def test_what_is_printed_without_a_case(capsys, arguments, words):
-    assert main(arguments) == 0
-    printed = capsys.readouterr().out
-    assert [word for word in words if word not in printed] == []
-
-
-@pytest.mark.parametrize("name", get_command(app).commands)
-def test_help_leaves_out_nothing(name, capsys):
-    """Words in brackets, such as the extra of a package, are no markup."""
-    command = get_command(app).commands[name]
-    assert main([name, "-h"]) == 0
-    shown = re.sub(r"[\s│]", "", capsys.readouterr().out)
-    for text in (command.help, *(each.help for each in command.params if not each.hidden)):
-        assert [word for word in text.replace("`", "").split() if word not in shown] == []
 
 
 def test_show_prints_values_and_failed_checks(result_folder, capsys):
@@ -342,30 +287,3 @@ def test_compare_ranks_by_mean_power_where_durations_differ(tmp_path, result_fol
     assert out.splitlines()[0].split() == ["short", "long"]
     assert "objective over duration, relative" in out
     assert shares(out) == ["+0.0000 %", "-25.0000 %"]
-
-
-def test_progress_reports_the_pass(monkeypatch):
-    from hkt_mdo.cli import run
-
-    now, shown, lines = [0.0], [], []
-    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
-    monkeypatch.setattr(run, "_tell", lambda _, line: lines.append(line))
-    live = types.SimpleNamespace(console=types.SimpleNamespace(is_terminal=True), task_ids=[7])
-    live.update = lambda task, description: shown.append(description)
-    evaluation, passed = run._reporters("mine", "J", live)
-    entry = types.SimpleNamespace(number=1, converged=True, iterations=9, objective_J=1.0)
-    entry.remedy = entry.why = ""
-    now[0] = 10.0  # the start is found
-    evaluation(1, 2000.0, 1e-3)
-    now[0] = 30.0
-    evaluation(50, 2000.0, 1e-4)
-    passed(entry)
-    now[0] = 35.0
-    evaluation(9, 2000.0, 1e-5)
-    assert shown[0] == "pass 1, evaluation 1, 2.0000 kJ, infeasibility 1.0e-03"
-    assert shown[2] == "checking"
-    assert shown[3].startswith("pass 2, evaluation 9")
-    live.console.is_terminal = False
-    now[0] = 40.0
-    evaluation(10, 2000.0, 1e-5)
-    assert lines[-1].startswith("mine: 40 s, pass 2, evaluation 10, 2.0000 kJ")

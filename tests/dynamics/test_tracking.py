@@ -115,20 +115,6 @@ def test_schedule_is_its_knots_and_a_straight_line_where_they_are():
 # Motion -------------------------------------------------------------------------------------------
 
 
-def test_steady_flow_gives_the_open_loops_energy(plant, blade, polar):
-    """Begun off its equilibrium, the rotor ends at the best tip speed ratio: power P v³."""
-    best = best_operation(blade, Hydrodynamics(polar))
-    gains, speed, torque, _ = steady(LAW, plant, 1.5, best.tip_speed_ratio)
-    loop, flow = FeedbackTorque(LAW, gains), ConstantInflow(speed=1.5)
-    states = np.array(LAW.at_rest(torque, 1.5))
-    run = simulate(plant, flow, loop, Start(speed[0] - 0.5, 0.9 * states), 20.0)
-    assert run.rotor_speed[-1] == pytest.approx(speed[0], rel=1e-9)
-    ideal = 0.5 * 1000.0 * np.pi * blade.rotor_radius**2 * best.power_coefficient * 1.5**3
-    assert run.hydrodynamic_torque[-1] * run.rotor_speed[-1] == pytest.approx(ideal, rel=1e-9)
-    assert run.control_torque[-1] == pytest.approx(torque, rel=1e-9)
-    np.testing.assert_allclose(run.states[:, -1], states, rtol=1e-9)
-
-
 def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]

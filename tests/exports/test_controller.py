@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Source, export
+from hkt_mdo.exports.base import export
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
 from tests.exports.made import made
@@ -240,18 +240,6 @@ def test_an_estimated_flow_in_c_is_that_of_python(tmp_path):
     module, random = module_of(tmp_path), np.random.default_rng(2)
     for row in random.uniform([3.0, 0.0, -2.0], [12.0, 900.0, 2.0], (500, 3)).tolist():
         assert flow(*row) == pytest.approx(module.flow(*row), rel=1e-12)
-
-
-@pytest.mark.parametrize("name", ["rated_power", "curve"])
-def test_each_file_names_its_source(name, tmp_path):
-    solution = result(tmp_path / "result", *LAWS[name])
-    for path in export(solution, ["controller"], tmp_path):
-        mark, text = ("#" if path.suffix == ".py" else "//"), path.read_text()
-        for line in Source(solution).provenance:
-            assert f"{mark} {line}\n" in text
-        assert "rad/s" in text
-        assert "this code does not check: power 6000 W\n" in text
-        assert ("cut-out, not part of this code: a flow of 2.5 m/s" in text) == (name != "curve")
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):

@@ -143,35 +143,12 @@ def test_a_limit_of_the_design_alone():
     np.testing.assert_allclose(limit.excess({"inertia": 3.6}), [0.2])
 
 
-def test_a_limit_of_one_quantity():
-    torque = np.linspace(-10.0, 700.0, N)
-    problem = checked(
-        FormulaComp(formula=TorqueLimit(bound=500.0), size=N, n_times=N), control_torque=torque
-    )
-    np.testing.assert_array_equal(problem.get_val("value"), torque)
-
-
 def test_excess_is_counted_in_bounds():
     """Above the upper or below the lower bound, over the larger of the two."""
     limit = TorqueLimit(bound=500.0)
     torque = np.array([-50.0, 0.0, 250.0, 500.0, 600.0])
     over = limit.excess({"control_torque": torque})
     np.testing.assert_allclose(over, [0.1, 0.0, -0.5, 0.0, 0.2], atol=1e-15)
-
-
-class InertiaCost(Objective):
-    """A rate that does not change over time."""
-
-    kind: str = "inertia_cost"
-    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
-
-    def rate(self, inertia):
-        return -2.0 * inertia
-
-
-def test_a_constant_rate_holds_at_every_instant():
-    trajectory = {"time": np.linspace(0.0, 20.0, N), "inertia": 3.5}
-    np.testing.assert_array_equal(InertiaCost().rate_of(trajectory), np.full(N, -7.0))
 
 
 def test_integrals_are_weighted_sums_over_all_scenarios():

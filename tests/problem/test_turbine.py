@@ -116,12 +116,6 @@ def test_sections_are_blended_by_thickness(turbine):
     )
 
 
-def test_sections_are_those_that_the_file_names(turbine):
-    a, b = (each[:-1] + f", name: {name}}}" for each, name in ((THICK, "a"), (THIN, "b")))
-    found = turbine(f"blade: n.csv, radius: 1, sections: [{b}, {a}]")
-    np.testing.assert_allclose(found.thickness, [0.24, 0.15, 0.15], rtol=1e-12)
-
-
 def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
     text = AERODYN.replace("5 NumBlNds", "4 NumBlNds").replace("0.0 0 0 0 20 0.2 1\n", "")
     (tmp_path / "o.dat").write_text(text, encoding="utf-8")
@@ -270,11 +264,3 @@ def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
     assert world.shape.chord_bounds == pytest.approx(bounds, rel=0.005)  # three digits
     again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
     assert again.case.design == world.case.design
-
-
-def test_bounds_of_the_paper_stay_with_its_rotor():
-    case = read_case("{inflow: sine, control: linear}")
-    assert physics(case.with_overrides("inflow.mean=1.4")).shape.chord_bounds == (0.01, 1.0)
-    assert physics(case.with_overrides("rotor.radius=14")).shape.chord_bounds != (0.01, 1.0)
-    given = case.with_overrides("design.chord_bounds=[0.02, 1]")
-    assert given.with_overrides("rotor.radius=14").design.chord_bounds == (0.02, 1.0)

@@ -129,28 +129,6 @@ def test_page_loads_nothing(texts, read):
         assert "default-src 'none'" in text
 
 
-def test_several_results_stand_side_by_side(read):
-    rows = cells(read["both"])
-    assert rows["largest thrust"] == [rows["largest thrust"][0]] * 2  # of the same operation
-    assert rows["control.law"] == ["quadratic", "linear"]
-    assert rows["power"][0] == ""  # a check that only the second one has
-    assert rows["power"][1].startswith("✗ failed")
-    assert rows["objective, relative to the best"] == ["+0.0000 %", "+0.0000 %"]
-
-
-def test_differences_of_cases_are_in_peoples_units():
-    flow = {"inflow": "sine", "control": {"law": "quadratic", "torque_limit": 700}}
-    limited = flow | {"limits": {"power": "5 kW", "stress": "100 MPa"}, "inflow": {"mean": 1.4}}
-    limited["inflow"]["profile"] = "sine"
-    limited["scenarios"] = [{"name": "fast", "limits": {"thrust": "6 kN"}}]
-    found = dict(page._differences([load_case(flow), load_case(limited)]))
-    assert found.pop("inflow.mean") == ["1.5 m/s", "1.4 m/s"]
-    assert found.pop("limits.power.bound") == ["-", "5 kW"]
-    assert found.pop("limits.stress.bound") == ["-", "100 MPa"]
-    assert found.pop("scenarios[0].limits.thrust.bound") == ["-", "6 kN"]
-    assert not {"inflow.amplitude", "control.law"} & found.keys()
-
-
 def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
     assert "<script>alert" not in texts["both"]
     assert "&lt;script&gt;alert(1)" in texts["both"]
@@ -256,16 +234,6 @@ def test_envelope_covers_every_scenario(tmp_path):
     assert "thrust limit 6 kN" not in {
         x["text"] for x in views["slow"]["time"]["layout"]["annotations"]
     }
-
-
-def test_a_blade_that_would_break_is_in_the_headline(folders, tmp_path):
-    solution = Solution.load(folders[0])
-    summary = solution.summary.model_copy(update={"tip_deflection_m": 5.1})
-    text = page.write_report([replace(solution, summary=summary)], tmp_path / "broken.html")
-    told, verdict = text.read_text("utf-8"), "verified, but the blade would break, 1 warning"
-    assert f'<p class="verdict refused"><strong>{verdict}</strong>' in told
-    assert f"<dt>verdict</dt><dd>{verdict}</dd>" in told
-    assert "the largest deflection of a tip is 364 % of the radius, above 10 %" in told
 
 
 def test_an_unfinished_result_is_reported(folders, tmp_path):

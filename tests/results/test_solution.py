@@ -69,12 +69,6 @@ def test_load_ignores_more_columns(result_folder: Path) -> None:
     assert solution.coefficients["tip_speed_ratio"][0] == 2.2
 
 
-def test_load_needs_no_blade_file(result_folder: Path) -> None:
-    path = result_folder / "case.yaml"
-    path.write_text(path.read_text().replace("blade: bahaj2007", "blade: /not/here.csv"))
-    assert Solution.load(result_folder).case.rotor.blade.endswith("here.csv")
-
-
 @pytest.mark.parametrize("name", ["case.yaml", "summary.json"])
 def test_load_refuses_a_folder_without(result_folder: Path, name: str) -> None:
     (result_folder / name).unlink()
@@ -130,18 +124,6 @@ def test_load_refuses_a_large_table(result_folder: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("hkt_mdo.results.solution.MAX_CSV_BYTES", 1000)
     with pytest.raises(InputError, match=r"trajectory\.csv: is larger than"):
         Solution.load(result_folder)
-
-
-def test_a_prompt_and_a_notebook_show_it(result_folder: Path) -> None:
-    write_json(
-        result_folder / "summary.json",
-        {"success": True, "energy_J": 322239.0, "message": "<script>"},
-    )
-    solution = Solution.load(result_folder)
-    assert repr(solution).startswith("<Solution sine_quadratic: verified, 322.24 kJ, ")
-    shown = solution._repr_html_()
-    assert "<tr><th>energy</th><td>322.24 kJ</td></tr>" in shown
-    assert "&lt;script&gt;" in shown
 
 
 @pytest.mark.parametrize("name", [name for name in TABLES if name != "year"])

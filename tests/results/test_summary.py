@@ -33,20 +33,6 @@ def test_what_is_written_is_read(result_folder: Path, tmp_path: Path) -> None:
     assert Summary.parse((tmp_path / "again.json").read_text()) == summary
 
 
-def test_attributes_and_keys(result_folder: Path) -> None:
-    summary = edit(result_folder, new_key={"a": [1]}).summary
-    assert summary.energy_J == summary["energy_J"] == summary.get("energy_J") == 322239.0
-    assert summary.tip_speed_ratio.min == summary["tip_speed_ratio"]["min"]
-    assert summary.checks[1].name == summary["checks"][1]["name"] == "energy_error"
-    assert summary["new_key"] == {"a": [1]}
-    assert "energy_J" in summary
-    assert "notes" not in summary
-    assert summary.notes is summary.get("notes") is None
-    assert list(summary)[:2] == ["case", "success"]
-    with pytest.raises(KeyError):
-        summary["notes"]
-
-
 def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
     values = {
         "success": np.bool_(True),
@@ -114,34 +100,6 @@ def test_a_large_summary_is_refused(result_folder: Path, monkeypatch: pytest.Mon
         Solution.load(result_folder)
 
 
-def test_the_table_has_units(result_folder: Path) -> None:
-    assert table(Solution.load(result_folder)) == [
-        ("case", "sine_quadratic"),
-        ("verdict", "verified"),
-        ("message", "converged and verified"),
-        ("energy", "322.24 kJ"),
-        ("energy, simulated", "322.24 kJ, +0.00047 %"),
-        ("energy of the generator", "321.00 kJ"),
-        ("energy, electrical", "288.90 kJ, losses 32.100 kJ (10 %)"),
-        ("share of quasi-steady bound", "99.982 %"),
-        ("certificate", "gap up to 0.12 %"),
-        ("gain, quadratic feedback", "10.98 N m s^2/rad^2"),
-        ("tip speed ratio", "7.15 to 7.25, mean 7.202"),
-        ("largest power coefficient", "0.47, at tip speed ratio 7.2"),
-        ("largest generator torque", "700 N m, limit 700 N m, margin 0.00 %"),
-        ("inertia", "35.2 kg m^2"),
-        ("mass", "90.1 kg"),
-        ("largest thrust", "7.514 kN, at t = 56.55 s"),
-        ("largest root moment", "1.9652 kN m, at t = 56.55 s"),
-        ("largest stress", "89.59 MPa, at t = 56.55 s"),
-        ("largest cavitation", "0.867, at t = 56.55 s"),
-        ("largest tip deflection", "32.1 mm, 2.29 % of the radius, as a linear beam"),
-        ("torque curve, relative error", "2.3e-05"),
-        ("rotor speed, relative error", "4e-06"),
-        ("optimizer", "IPOPT (pyoptsparse), 44 iterations, 12.3 s"),
-    ]
-
-
 def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     loads = {"stress": {"unit": "Pa", "value": 3.5e9}, "tip_speed": {"unit": "m/s", "value": 12.0}}
     told = edit(result_folder, loads=loads)
@@ -165,12 +123,6 @@ def test_a_share_of_next_to_nothing_is_not_told() -> None:
     """Such as the change of an objective that no optimization has had before."""
     assert [per_cent(1.0, 8.0), per_cent(-3.0, 3.0)] == ["12 %", "-100 %"]
     assert {per_cent(1.0, np.inf), per_cent(5.0, 1e-10), per_cent(0.0, 0.0)} == {""}
-
-
-def test_the_table_of_linear_feedback_without_limit(linear_result_folder: Path) -> None:
-    rows = dict(table(Solution.load(linear_result_folder)))
-    assert rows["gain, linear feedback"] == "90.9 N m s/rad"
-    assert rows["largest generator torque"].endswith(", no limit")
 
 
 @pytest.mark.parametrize(

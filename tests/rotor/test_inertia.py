@@ -23,13 +23,6 @@ def blade(chord, cone=0.0):
 # Theory
 
 
-def test_constant_chord_has_the_closed_form():
-    mass, inertia = mass_and_inertia(blade(np.full(5, 0.2)), AREA, DENSITY, 0.7)
-    line = COUNT * DENSITY * AREA * 0.2**2
-    assert mass == pytest.approx(line * (TIP - HUB), rel=1e-14)
-    assert inertia == pytest.approx(line * (TIP**3 - HUB**3) / 3.0 + 0.7, rel=1e-14)
-
-
 def test_tapered_blade_has_the_closed_form():
     """For chord = a + b r between first and last station, m and J are integrals of a polynomial."""
     a, b = 0.3, -0.12
@@ -48,40 +41,12 @@ def test_tapered_blade_has_the_closed_form():
     assert inertia == pytest.approx(integral(2), rel=1e-13)
 
 
-def test_dimensions():
-    """Mass grows with length cubed and inertia with its fifth power."""
-    chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
-    mass, inertia = mass_and_inertia(blade(chord), AREA, DENSITY)
-    large = mass_and_inertia(
-        Blade(2 * R, 2 * chord, np.zeros(5), 2 * HUB, 2 * TIP, COUNT), AREA, DENSITY
-    )
-    assert large[0] == pytest.approx(2**3 * mass, rel=1e-13)
-    assert large[1] == pytest.approx(2**5 * inertia, rel=1e-13)
-
-
 def test_coned_blades_have_the_mass_of_plane_ones_and_cosine_squared_of_their_inertia():
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
     plane = mass_and_inertia(blade(chord), AREA, DENSITY)
     coned = mass_and_inertia(blade(chord, 0.3), AREA, DENSITY)
     assert coned[0] == pytest.approx(plane[0], rel=1e-14)
     assert coned[1] == pytest.approx(plane[1] * np.cos(0.3) ** 2, rel=1e-14)
-
-
-def test_section_area_may_run_along_the_span():
-    """With a constant chord, area linear in r gives polynomial integrals."""
-    shape = 0.2 - 0.1 * R
-    mass, inertia = mass_and_inertia(blade(np.full(5, 0.2)), shape, DENSITY)
-    line = np.polynomial.Polynomial([0.2, -0.1])
-
-    def integral(power):
-        whole = (line * np.polynomial.Polynomial([0.0] * power + [1.0])).integ()
-        ends = shape[0] * (R[0] ** (power + 1) - HUB ** (power + 1)) + shape[-1] * (
-            TIP ** (power + 1) - R[-1] ** (power + 1)
-        )
-        return COUNT * DENSITY * 0.04 * (whole(R[-1]) - whole(R[0]) + ends / (power + 1))
-
-    assert mass == pytest.approx(integral(0), rel=1e-13)
-    assert inertia == pytest.approx(integral(2), rel=1e-13)
 
 
 def test_water_of_a_plate_turning_like_a_paddle():

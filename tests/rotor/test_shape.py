@@ -29,20 +29,6 @@ def test_spline_basis_is_a_partition_of_unity_and_reproduces_straight_lines(poin
     np.testing.assert_allclose(basis @ greville, position, rtol=1e-13)
 
 
-def test_ends_of_the_spline_are_its_first_and_last_control_points():
-    basis = spline_basis(6, np.array([0.2, 1.4]), 0.2, 1.4)
-    np.testing.assert_allclose(basis, np.eye(6)[[0, -1]], rtol=0.0, atol=1e-15)
-
-
-def test_chord_stays_within_the_bounds_of_its_control_points(blade):
-    shape = Shape.designed(blade, 5, 6, CHORDS, TWISTS)
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        control = rng.uniform(*CHORDS, 5)
-        made = shape.at(control, rng.uniform(*TWISTS, 6))
-        assert control.min() <= made.chord.min() <= made.chord.max() <= control.max()
-
-
 def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
     shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
     assert shape.blade is blade

@@ -73,14 +73,6 @@ def test_a_curve_over_the_thickness_meets_its_sections_and_is_linear_where_they_
     np.testing.assert_allclose(second[0], second[1], rtol=1e-6)
 
 
-def test_two_sections_are_blended_in_proportion(sections):
-    family = ByThickness.of([0.12, 0.24], (sections[0], sections[2]), (0.12, 0.24))
-    (found,) = family.at(np.array([0.15]))
-    expected = sections[0].blend(sections[2], 0.25)
-    np.testing.assert_allclose(found.coefficients, expected.coefficients, atol=1e-13)
-    np.testing.assert_allclose(found.suction, expected.suction, atol=1e-12)
-
-
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family, sections, place):
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[place]))
@@ -95,15 +87,6 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
     )
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
-
-
-def test_a_blade_as_built_has_polars_of_its_thickness(thick, family):
-    built = Hydrodynamics(family).as_built(thick).polar
-    assert isinstance(built, tuple)
-    mine = bem.sections(thick, family, RATIO)
-    its = bem.sections(thick, built, RATIO)
-    np.testing.assert_allclose(mine.normal_load, its.normal_load, rtol=1e-9, atol=1e-13)
-    assert Hydrodynamics(built).as_built(thick).polar is built
 
 
 def test_ellipses_have_their_closed_forms_between_the_sections():

@@ -18,22 +18,16 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.results import style
-from hkt_mdo.results.polars import polar_panels
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds, rotor_coefficients
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.check_figures import (
-    check_charts,
     power_spectrum,
-    save_check_figures,
-    spectrum_panel,
 )
 from hkt_mdo.run.findings import problem_size
 from hkt_mdo.start.find import find_start
-from tests.files.broken.blades import WINDIO
 
 CASES = Path(__file__).parents[2] / "cases"
 BASE = "{inflow: {profile: sine}, control: {law: quadratic}}"
@@ -125,13 +119,6 @@ def test_time_constant_by_simulation(law: str) -> None:
     assert 1.0 / rate == pytest.approx(constant, rel=5e-3)
 
 
-def test_own_time_constant_of_open_loop() -> None:
-    found = check("control={law: open_loop}").findings
-    torque = found.torque(found.steady_speed, found.mean)
-    own = found.plant.inertia * found.steady_speed / torque
-    assert found.time_constant == pytest.approx(own, rel=5e-3)
-
-
 def test_open_loop_captures_all_that_the_blade_can() -> None:
     """Without a limit the speed may follow the flow: the largest power coefficient throughout."""
     assert check("control={law: open_loop}").findings.captured == pytest.approx(1.0, abs=2e-4)
@@ -196,43 +183,6 @@ def test_counts_are_those_of_the_problem(overrides: tuple[str, ...]) -> None:
 
 
 # Words --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("path", sorted(CASES.glob("*.yaml")), ids=lambda path: path.stem)
-def test_the_cases_of_the_paper(path: Path) -> None:
-    report = check_case(load_case(path))
-    assert report.warnings == []
-    assert report.notes == []
-    assert report.name == path.stem
-    found = report.findings
-    assert found.best.power_coefficient == pytest.approx(0.4459, abs=1e-4)
-    assert found.start.operation.running
-    assert 0.01 < found.time_constant < 0.1
-    for title, table in report.tables.items():
-        assert table, title
-        for row in table:
-            text = row.text
-            assert row.label
-            assert text == " ".join(text.split())
-            assert not any(word in text for word in ("nan", "None", "e+", "inf "))
-
-
-def test_what_stands_in_the_tables() -> None:
-    report = check("control.torque_limit=700")
-    turbine = texts(report.tables["Turbine"])
-    assert (turbine["blades"], turbine["tip radius"]) == ("3", "1.4 m")
-    assert "polars for 2e5" in rows(report, "Turbine")
-    assert "mean 1.5 m/s, amplitude 0.2 m/s, angular frequency 0.25 rad/s" in rows(report, "Flow")
-    assert "a period of 25.1 s" in rows(report, "Flow")
-    assert "u = K2 w^2" in rows(report, "Control")
-    assert "700 N m, approached smoothly" in rows(report, "Control")
-    assert "0.4459, at tip speed ratio 5.5" in rows(report, "Starting blade")
-    assert "80: 9 chord_control, 9 twist_control, 1 gain_0, 61 states:rotor_speed" in rows(
-        report, "Optimization"
-    )
-    assert (
-        "241: 180 limit_distance_from_stall, 1 rotor_acceleration[initial], 60 defects:rotor_speed"
-    ) in rows(report, "Optimization")
 
 
 TURBULENCE = "inflow={profile: turbulence, cutoff: 0.5}"
@@ -367,45 +317,6 @@ def test_a_gust_of_seconds_in_a_season_is_reported() -> None:
     assert any("limits.thrust" in text and "broken" in text for text in warnings(report))
 
 
-@pytest.mark.parametrize(
-    ("override", "told"),
-    [
-        ("rotor.radius=1e308", "must be at most 1000 m"),
-        ("fluid.density=1e300", "must be at most 20000 kg/m"),
-        ("inflow.angular_frequency=1e6", "must be at most 100 rad/s"),
-        ("phase.duration=1e9", "must be at most 3.2e\\+07 s"),
-        ("inflow.mean=1e200", "at most 1000 m/s"),
-        (
-            "inflow={profile: tide, mean: 1.5, constituents: [{period: 1e-5, amplitude: 0.1}]}",
-            "periods of the flow's highest frequency",
-        ),
-    ],
-)
-def test_sizes_that_no_computer_holds_are_refused(override: str, told: str) -> None:
-    with pytest.raises(InputError, match=told):
-        check_case(read_case(BASE, [override]))
-
-
-def test_limits_and_objective_of_an_extension() -> None:
-    case = read_case(
-        "inflow: {profile: sine}\ncontrol: {law: quadratic}\nlimits: {tip_speed: 9 m/s}\n"
-        "objective: {kind: priced_torque}\nphase: {segments: 10}\n",
-        extensions=[CASES.parent / "tests" / "data" / "extension.py"],
-    )
-    report = check_case(case)
-    found = report.findings
-    told = rows(report, "Optimization")
-    assert "objective: Captured energy less a price on the mean squared torque" in told
-    fastest = np.max(found.at_start["phase"]["rotor_speed"]) * found.physics.blade.rotor_radius
-    assert fastest > 9.0
-    limits = rows(report, "Limits, and values of the starting blade")
-    assert "limits.tip_speed: at most 9 m/s, " in limits
-    over = f"broken by {fastest - 9.0:.3g} m/s ({100.0 * (fastest / 9.0 - 1.0):.3g} %)"
-    assert f" to {fastest:.4g} m/s: {over}" in limits
-    assert f"{found.physics.scenarios[0].distinct_nodes.size} limit_tip_speed" in told
-    assert any("limits.tip_speed: broken at the start" in line for line in warnings(report))
-
-
 def test_limits_and_loads_of_the_starting_blade() -> None:
     """Held to the quantities of the start: what is broken, what is kept, what is not limited."""
     limits = "limits={power: 5 kW, thrust: 20 kN, stress: 100 MPa, rotor_speed: 9 rad/s}"
@@ -441,24 +352,6 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     assert broken == ["limits.power", "limits.stress"]
 
 
-def test_stations_that_end_early() -> None:
-    report = check_case(read_case(BASE, ["rotor.stations=[0.2, 0.4, 0.6]"]))
-    assert any("outermost station = 0.6 of the tip radius" in line for line in warnings(report))
-
-
-def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
-    (tmp_path / "turbine.yaml").write_text(WINDIO)
-    (tmp_path / "a.yaml").write_text(
-        "rotor: {blade: turbine.yaml, station_count: 6}\ninflow: {profile: sine}\n"
-        "control: {law: open_loop}\ndesign: {radius_bounds: [2, 3]}\n"
-    )
-    report = check_case(load_case(tmp_path / "a.yaml"))
-    told = "design.radius_bounds: broken at the start, at least 2 and at most 3 m; 1.4 m with the"
-    assert any(told in line for line in warnings(report))
-    assert "thick, thin" in rows(report, "Turbine")
-    assert "polars for 1e6" in rows(report, "Turbine")
-
-
 def test_notes_of_files(tmp_path: Path) -> None:
     time = np.arange(0.0, 60.0, 0.5)
     speed = 150.0 + 20.0 * np.sin(0.25 * time)
@@ -473,14 +366,6 @@ def test_notes_of_files(tmp_path: Path) -> None:
     assert "river.csv" in rows(report, "Flow")
     assert "the length of the flow's data" in rows(report, "Flow")
     assert report.findings.mean == pytest.approx(np.mean(speed) / 100.0, rel=0.01)
-
-
-def test_sections_of_a_blade_that_blends() -> None:
-    report = check("rotor={blade: rm1}", "design.chord_bounds=[0.1, 2]", "inflow.mean=2")
-    assert "sections: naca63424, cylinder\nthickness: 24 to 100 %" in rows(report, "Turbine")
-    assert "taken at 3e6" in rows(report, "Turbine")
-    assert len(check_charts(report.findings)["polar"][0].curves) > 4
-    assert report.findings.rated_speed == np.inf
 
 
 # The command --------------------------------------------------------------------------------------
@@ -528,40 +413,3 @@ def test_a_missing_optimizer_is_reported(
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith(f"error: {case}: driver.optimizer = 'IPOPT': IPOPT is not installed; ")
-
-
-def test_figures_show_what_the_report_says(tmp_path) -> None:
-    from matplotlib import rcParams
-
-    report, before = check("control.torque_limit=700", "design.twist_points=5"), dict(rcParams)
-    charts, found = check_charts(report.findings), report.findings
-    assert list(charts) == ["blade", "polar", "inflow", "coefficients"]
-    words = [panel.title.partition(" (")[0] for panel in charts["polar"]]
-    assert words[2:] == ["lift over drag", "largest suction, -cp"]
-    written = save_check_figures(report, tmp_path)
-    assert [path.name for path in written] == [f"{name}.png" for name in charts]
-    file, start, points = charts["blade"][1].curves
-    np.testing.assert_allclose(start.y, np.rad2deg(found.physics.blade.twist))
-    np.testing.assert_allclose(file.y, np.rad2deg(found.given.twist))
-    assert points.x.size == 5
-    assert points.x[[0, -1]] == pytest.approx([0.175, 1.4])
-    (power,) = charts["coefficients"]
-    assert np.nanmax(power.curves[0].y) == pytest.approx(found.best.power_coefficient, rel=1e-3)
-    assert dict(rcParams) == before
-
-
-def test_of_many_polars_all_lines_are_alike_and_a_spectrum_ends_where_the_flow_does() -> None:
-    alpha = np.linspace(-5.0, 15.0, 21)
-    curves = [
-        {"alpha_deg": alpha, "lift": 0.1 * alpha + 0.01 * number, "sure": alpha < 10.0}
-        | {"label": f"polar {number}", "drag": 1.0 + alpha**2, "suction": np.nan * alpha}
-        for number in range(40)
-    ]
-    ax = style.draw(polar_panels(curves)[0])
-    solid = [line for line in ax.lines if line.get_linestyle() == "-"]
-    assert len(solid) == 40
-    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["polar 0", "polar 39"]
-    density = 10.0 ** -np.linspace(0.0, 12.0, 25)
-    (curve,) = spectrum_panel(np.linspace(0.1, 2.5, 25), density, 0.0).curves
-    assert np.nanmin(curve.y) > 1e-4
-    assert np.nanmax(curve.y) == 1.0

@@ -13,7 +13,7 @@ from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
 from hkt_mdo.run import loads
 from hkt_mdo.run.run import run_case
-from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.run.summary import summarize
 from tests.conftest import NINE
 
 PLAIN = {"inflow": "sine", "control": {"law": "quadratic"}, "site": {"hub_depth": 3.0}}
@@ -205,26 +205,6 @@ def test_an_older_result_is_read(result, tmp_path):
     assert list(old.simulation) == list(TABLES["simulation"])[:9]
     np.testing.assert_array_equal(old.trajectory["time_s"], result.trajectory["time_s"])
     assert list(old.limit_shares()) == ["control_torque"]
-
-
-def test_loads_are_computed_once(solve_physics, tmp_path):
-    solved = solve_physics(SHORT)
-    verifications, calls = solved.verifications, []
-    for verification in verifications:
-        own = verification.loads
-
-        def counted(known, own=own):
-            calls.append(known["time"].size)
-            return own(known)
-
-        object.__setattr__(verification, "loads", counted)
-    finished = solved.finished()
-    summarize(finished)
-    write_tables(tmp_path, finished)
-    times = [
-        time for each in verifications for time in (each.trajectory["time"], each.simulation.time)
-    ]
-    assert sorted(calls) == sorted(time.size for time in times)
 
 
 @pytest.mark.slow

@@ -6,18 +6,12 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results import charts
-from hkt_mdo.results.figures import save_figures
-from hkt_mdo.results.plots import plot_rotor_speed
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
 from hkt_mdo.run import run as runner
-from hkt_mdo.run.check import check_case
-from hkt_mdo.run.check_figures import check_charts
 from hkt_mdo.run.groups import by_scenario
 
 CASE = {
@@ -106,35 +100,6 @@ def test_one_scenario_is_a_result_of_its_own(solution):
     assert fast.scenario("fast") is fast
 
 
-def test_figures_are_of_every_scenario(solution, tmp_path):
-    names = {path.name for path in (solution.folder / "figures").iterdir()}
-    assert {
-        "operation_slow.png",
-        "operation_fast.png",
-        "limits_fast.png",
-        "power_curve.png",
-    } <= names
-    assert "operation.png" not in names
-    lines = plot_rotor_speed(solution).lines
-    curves = charts.over_flow(charts.by_scenario(charts.labelled(solution)), "rotor_speed").curves
-    for names_of in ({line.get_label() for line in lines}, {curve.name for curve in curves}):
-        assert {"slow", "fast"} <= names_of
-    assert {path.name for path in save_figures([solution, solution], tmp_path)} == names
-
-
-def test_commands_take_it(solution, capsys, tmp_path):
-    folder = str(solution.folder)
-    assert main(["show", folder]) == 0
-    assert "fast: largest thrust" in capsys.readouterr().out
-    assert main(["compare", folder, folder]) == 0
-    assert "slow: energy, simulated" in capsys.readouterr().out
-    assert main(["plot", folder, "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "operation_slow.png").is_file()
-    assert main(["simulate", folder]) == 0
-    assert "in fast" in capsys.readouterr().out
-    assert main(["simulate", folder, "--scenario", "fast"]) == 0
-
-
 def test_the_design_is_that_of_the_result(solution):
     design = solution.design()
     np.testing.assert_allclose(design.blade.chord, solution.blade["chord_m"], rtol=1e-12)
@@ -154,18 +119,6 @@ def test_a_design_needs_a_finished_run_and_its_files(solution, tmp_path):
     rotor = solution.case.rotor.model_copy(update={"blade": str(tmp_path / "gone.csv")})
     with pytest.raises(InputError, match=r"gone\.csv"):
         replace(solution, case=solution.case.model_copy(update={"rotor": rotor})).design()
-
-
-def test_a_check_tells_every_flow():
-    report = check_case(load_case(TWO))
-    for name, mean in (("slow", 1.2), ("fast", 1.5)):
-        assert f"mean {mean} m/s" in texts(report.tables[f"Flow of {name}"])["kind"]
-        assert f"inflow_{name}" in check_charts(report.findings)
-    found = report.findings
-    means = [flow.mean for flow in found.flows]
-    assert found.mean == pytest.approx(0.6 * means[0] + 0.4 * means[1], rel=1e-12)
-    limits = texts(report.tables["Limits, and values of the starting blade"])
-    assert {"slow: limits.power", "fast: limits.power"} <= set(limits)
 
 
 def test_two_of_one_flow_are_two_and_intervals_are_one():

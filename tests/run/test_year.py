@@ -15,12 +15,10 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.pages.panels import views
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.results.charts import Labelled
 from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem
@@ -278,27 +276,6 @@ def test_a_year_is_reported(year):
     assert "energy_error" in {check.name for check in year.summary.checks}
 
 
-@pytest.mark.slow
-def test_a_year_has_figures_and_a_check(year):
-    drawn = set(figures(year))
-    assert {"year", "power_curve"} <= drawn
-    assert "operation" not in drawn
-    kind = next(row for row in check_case(year.case).tables["Flow"] if row.label == "kind")
-    assert kind.text.startswith("histogram")
-
-
-def test_a_report_of_a_year_has_bins_and_nothing_over_time(year):
-    (view,) = views([Labelled(year, "")]).values()
-    assert {"flow", "year", "limits"} - view.keys() <= {"limits"}  # it has no limits
-    assert "time" not in view
-    bars = {trace["yaxis"]: trace["y"] for trace in view["year"]["data"]}
-    np.testing.assert_allclose(bars["y3"], year.year["energy_kWh"], rtol=1e-4)
-    mean = next(x for x in view["flow"]["data"] if x["name"] == "mean at this flow speed")
-    assert mean["y"] == pytest.approx(
-        np.sort(1e-3 * year.simulation["generator_power_W"]), rel=1e-4
-    )
-
-
 def test_stability_and_equilibrium_are_judged(year):
     checks = {check.name: check for check in year.summary.checks}
     assert checks["equilibrium_growth"].value < 0.0
@@ -432,13 +409,3 @@ def test_a_month_of_a_tide_over_time_is_refused_and_the_steady_scenario_offered(
     tide = found.resource.speed_at(np.linspace(0.0, 14 * 86400.0, 20001))
     mean = found.node_weights @ found.speeds**3 / found.duration
     assert mean == pytest.approx(np.mean(tide**3), rel=2e-4)
-
-
-@pytest.mark.slow
-def test_a_month_of_spring_and_neap_is_designed_without_its_time(tmp_path):
-    scenario = {"inflow": MONTH, "steady": True}
-    phase = {"duration": 14 * 86400.0}
-    control = {"law": "quadratic", "torque_limit": 700.0}
-    found = run(tmp_path / "a", scenarios=[scenario], control=control, phase=phase)
-    assert found.success, found.message
-    assert found.energy / 6.4022e9 > 1.0  # of the start of the run over time, which was refused
