@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hkt_mdo.case import Case, load_case, read_case
-from hkt_mdo.dynamics.flows import GustInflow, SineInflow, StepInflow, SumInflow
+from hkt_mdo.dynamics.flows import SineInflow, StepInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.errors import InputError
@@ -115,12 +115,6 @@ def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, tmp_path):
     assert same(pickle.loads(pickle.dumps(case)), case)
 
 
-def test_a_blade_of_splines_has_stations_that_resolve_it():
-    assert read_case(MINIMAL + "design: {twist_points: 4}").rotor.station_count == 40
-    text = MINIMAL + "design: {twist_points: 4}\nrotor: {stations: [0.3, 0.5, 0.9]}"
-    assert read_case(text).rotor.station_count is None
-
-
 @pytest.mark.parametrize(
     "limits", ["limits: {power: 5 kW}", "scenarios: [{limits: {thrust: 6 kN}}]"]
 )
@@ -208,14 +202,6 @@ def test_a_case_from_a_dict_is_that_of_a_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # relative paths count from the current folder
     data["rotor"]["blade"] = "own.csv"
     assert load_case(data).rotor.blade == str((tmp_path / "own.csv").resolve())
-
-
-def test_a_case_is_made_of_sections_too():
-    gust = SumInflow(parts=(SineInflow(mean=2.0), GustInflow()))
-    case = Case(inflow=gust, control=OpenLoop())
-    assert case.inflow.parts == gust.parts
-    assert same(load_case({"inflow": gust, "control": "open_loop"}), case)
-    assert same(read_case(case.to_yaml()), case)
 
 
 @pytest.mark.parametrize(

@@ -160,11 +160,6 @@ def test_mexican_hat_is_the_extreme_operating_gust():
     assert np.min(fine) - 1.5 == pytest.approx(-0.27 * 0.4, rel=0.01)
 
 
-def test_bump_rises_by_its_amplitude():
-    assert BUMP.speed_at(25.25) == pytest.approx(1.5 + 0.3, rel=1e-14)
-    assert BUMP.speed_at(22.625) == pytest.approx(1.5 + 0.3 / 4.0, rel=1e-14)
-
-
 def test_periods_are_sums_of_the_astronomical_rates():
     tau, s, h, p = 14.4920521, 0.5490165, 0.0410686, 0.0046418  # deg/h
     rates = {

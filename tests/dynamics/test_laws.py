@@ -56,13 +56,6 @@ def test_saturation_is_within_one_percent_of_the_limit_of_the_sharp_one():
     assert np.max(np.abs(error)) < 0.01 * 700.0  # the paper's statement below eq. 4
 
 
-def test_saturation_tends_to_the_sharp_one_as_the_smoothing_vanishes():
-    torque = np.array([0.0, 350.0, 699.0, 701.0, 2000.0])
-    np.testing.assert_allclose(
-        smooth_saturation(torque, 700.0, 1e-16), np.minimum(torque, 700.0), atol=1e-5
-    )
-
-
 def test_fit_minimizes_the_squared_distance():
     torque = 5.0 * SPEED**2 + 20.0 * np.sin(SPEED)
     (gain,) = QuadraticFeedback().fit(SPEED, torque)

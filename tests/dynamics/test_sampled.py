@@ -1,8 +1,6 @@
 """Flows through samples: splines against polynomials, turbulence against its spectrum, records."""
 
 import os
-from dataclasses import asdict
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,10 +12,9 @@ from scipy.stats import kstest
 from hkt_mdo.case import read_case
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
-from hkt_mdo.dynamics.records import RecordOptions, read_record
+from hkt_mdo.dynamics.records import read_record
 from hkt_mdo.dynamics.sampled import SPECTRA, RecordInflow, SampledInflow, TurbulentInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record_table import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
 from tests.files.broken.records import SOUND
 
 TIME = np.linspace(0.0, 60.0, 245)
@@ -234,29 +231,3 @@ def test_a_record_must_last(sound):
         with pytest.raises(InputError, match=r"is longer than the record of the flow, 59\.5 s"):
             flow.check(60.0)
     TurbulentInflow().check(200.0)  # turbulence repeats
-
-
-def test_a_broken_record_is_reported_with_its_file(sound):
-    sound.write_bytes(SOUND[1].replace(b"speed_m_s", b"speed"))
-    with pytest.raises(InputError, match=r"sound\.csv: column speed: has no unit that is known"):
-        RecordInflow(file=str(sound)).check(10.0)
-
-
-def words(model, key):
-    """Return the words that a key of a section allows."""
-    annotation = model.model_fields[key].annotation
-    inner = get_args(annotation)
-    return set(get_args(inner[0]) if type(None) in inner else inner)
-
-
-def test_the_case_allows_what_the_readers_know():
-    assert words(TurbulentInflow, "spectrum") == set(SPECTRA)
-    assert words(RecordInflow, "time_unit") == set(TIME_UNITS)
-    assert words(RecordInflow, "speed_unit") == {*SPEED_UNITS, *DISCHARGE_UNITS}
-    defaults = {key: field.default for key, field in RecordInflow.model_fields.items()}
-    assert {**asdict(RecordOptions()), "profile": "record"} == {
-        key: value for key, value in defaults.items() if key != "file"
-    }
-    for key in ("gaps", "spikes", "uneven"):
-        for word in words(RecordInflow, key):
-            RecordOptions(**{key: word})

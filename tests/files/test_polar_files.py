@@ -312,14 +312,6 @@ def test_full_circle_is_used_as_it_is(tmp_path):
     assert np.allclose(cd, 1.0 - 0.98 * np.cos(2.0 * alpha), atol=1e-4)
 
 
-def test_full_circle_in_rounded_radians_is_closed(tmp_path):
-    alpha = np.deg2rad(np.linspace(-180.0, 180.0, 73))
-    text = "alpha_rad,cl,cd\n" + "".join(f"{a:.4f},{np.sin(2 * a):.3f},0.5\n" for a in alpha)
-    (table,) = read_polars(write(tmp_path, text))
-    assert table.full_circle
-    assert table.alpha[-1] == np.pi
-
-
 def test_ends_of_a_full_circle_are_one_angle(tmp_path):
     with pytest.raises(InputError, match=r"line 74, column cl = .*differs.*one angle"):
         read_polars(write(tmp_path, circle_text(gap=0.01)))

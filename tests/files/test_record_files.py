@@ -630,15 +630,6 @@ def test_times_that_no_record_has_are_refused(tmp_path, time, line, problem):
     assert "time_unit" in message
 
 
-def test_the_longer_of_two_usual_steps_is_a_gap(tmp_path):
-    """No step is near the mean of the two in the middle."""
-    time = np.cumsum(np.repeat([0.0, 1.0, 100.0], [1, 8, 8]))
-    message = refused(read_record, csv(tmp_path, time, np.full(17, 1.5)))
-    assert message.startswith(
-        "line 11, column time_s = '108 s since the first': ends a gap of 99 s"
-    )
-
-
 CELLS = st.sampled_from(
     ["1.5", "0", "-1", "", "nan", "1e5", "1e308", "-1e308", "x", '"', "2024-01-01", "1,2", "#", "٣"]
 )

@@ -123,26 +123,6 @@ def test_a_limit_of_time_and_design():
     np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-14)
 
 
-class LargestInertia(Limit):
-    """A limit on a scalar of the design alone."""
-
-    name: ClassVar[str] = "largest_inertia"
-    unit: ClassVar[str | None] = "kg*m**2"
-    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
-    bound: float = 3.0
-
-    def value(self, inertia):
-        return inertia
-
-
-def test_a_limit_of_the_design_alone():
-    limit = LargestInertia()
-    assert (limit.place, PowerPerInertia().place) == ("design", "time")
-    problem = checked(FormulaComp(formula=limit), inertia=3.5)
-    np.testing.assert_array_equal(problem.get_val("value"), [3.5])
-    np.testing.assert_allclose(limit.excess({"inertia": 3.6}), [0.2])
-
-
 def test_excess_is_counted_in_bounds():
     """Above the upper or below the lower bound, over the larger of the two."""
     limit = TorqueLimit(bound=500.0)

@@ -84,24 +84,6 @@ def test_tube(wall):
     assert inertia == pytest.approx(blades * (TIP**3 - HUB**3) / 3.0, rel=2e-3)
 
 
-@pytest.mark.parametrize("wall", [0.002, 0.03, 0.2])
-def test_bending_stress_of_a_tube(wall):
-    """It is that of the cylinder over 1 - k⁴, and the centrifugal stress is that of the cylinder.
-
-    Of a blade of one section the latter is that of a rod, whatever its area.
-    """
-    light = {"outline": "cylinder", "material_density": 1e-9}
-    bending = stress(plant(light))
-    k = 1.0 - 2.0 * wall
-    hollow = stress(plant(light | {"wall": wall}))
-    expected, least = bending / (1.0 - k**4), 1e-12 * bending.max()  # nothing bends the last place
-    np.testing.assert_allclose(hollow, expected, rtol=2e-3, atol=least)
-    heavy = {"outline": "cylinder", "material_density": 1e5}
-    centrifugal = stress(plant(heavy)) - bending
-    added = stress(plant(heavy | {"wall": wall})) - hollow
-    np.testing.assert_allclose(added, centrifugal, rtol=1e-9, atol=1e-9 * centrifugal.max())
-
-
 def test_a_wall_of_half_the_thickness_is_solid():
     solid = plant()
     for wall in (0.5, 0.5 * Outline.from_file("naca4415").thickness):
@@ -111,19 +93,6 @@ def test_a_wall_of_half_the_thickness_is_solid():
 
 
 # What a case gives for its sections
-
-
-def test_the_outlines_own_numbers_change_nothing():
-    plain = plant()
-    area, moments, _ = material_section(Outline.from_file("naca4415"))
-    numbers = dict(zip(("flapwise", "edgewise", "product"), moments, strict=True))
-    found = plant({"sections": [SECTION | {"area": area, "second_moments": numbers}]})
-    np.testing.assert_allclose(stress(found), stress(plain), rtol=1e-12)
-    deflection = [each.rotor.loads.tip_deflection(each.blade, RATIO) for each in (found, plain)]
-    np.testing.assert_allclose(*deflection, rtol=1e-12)
-    assert found.mass_and_inertia(found.blade) == pytest.approx(
-        plain.mass_and_inertia(plain.blade), rel=1e-12
-    )
 
 
 def test_given_numbers_stand_in_for_the_outlines():
@@ -185,15 +154,6 @@ def test_a_solid_section_beside_a_hollow_one(tmp_path):
     assert found.rotor.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
     # mass and centrifugal force have one area
     np.testing.assert_allclose(at.area, place_weights(5) @ found.rotor.section_area, rtol=1e-12)
-
-
-def test_one_section_with_second_moments_beside_one_without(tmp_path):
-    moments = {"flapwise": 4e-4, "edgewise": 6e-3}
-    found = spanwise({"second_moments": moments}, {}, tmp_path).rotor.loads.structure
-    base = Outline.from_file("naca4415")
-    own = material_section(base.stretched(0.12 / base.thickness))[1]
-    assert [found.xx[0], found.yy[0], found.xy[0]] == pytest.approx([4e-4, 6e-3, 0.0])
-    assert [found.xx[-1], found.yy[-1], found.xy[-1]] == pytest.approx(list(own))
 
 
 def test_derivatives_of_the_stress_in_a_hollow_blade(tmp_path):

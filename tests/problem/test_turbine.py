@@ -63,15 +63,6 @@ def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
     assert best.tip_speed_ratio == pytest.approx(ratio, rel=0.05)
 
 
-@pytest.mark.parametrize("name", shipped_names("blade"))
-def test_a_shipped_blade_is_scaled_to_the_radius(name, turbine):
-    small = turbine(f"blade: {name}").blade
-    large = turbine(f"blade: {name}, radius: {1.5 * small.tip_radius}").blade
-    for lengths in ("r", "chord", "hub_radius", "tip_radius"):
-        ratio = np.array(getattr(large, lengths)) / getattr(small, lengths)
-        np.testing.assert_allclose(ratio, 1.5, rtol=1e-12)
-
-
 def test_rows_between_hub_and_tip_are_the_stations(turbine):
     found = turbine("blade: b.csv, radius: 1, set_angle: 2, cone: 3")
     np.testing.assert_array_equal(found.blade.r, [0.2, 0.6, 0.9])

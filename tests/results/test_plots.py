@@ -218,25 +218,6 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
     assert f"rated at {flow:.2f} m/s" in labels
 
 
-def test_sections_are_in_scale_about_the_axis(solution: Solution) -> None:
-    """Chord at 50 % of the span; NACA 63-815 has 15 % of it, by its own name; axis at a quarter."""
-    ax = plots.plot_sections(solution)
-    assert ax.get_aspect() == 1.0
-    x, y = ax.lines[2].get_data()  # a section and its axis, then the next one
-    axis = [line.get_xdata()[0] for line in ax.lines if line.get_marker() == "o"]
-    x = x - axis[1]
-    blade, middle = solution.blade, 0.5 * (0.125 + 1.0) * 1.4
-    chord = np.interp(middle, blade["r_m"], blade["chord_m"])
-    assert np.ptp(x) == pytest.approx(chord, rel=1e-3)
-    assert np.min(x) == pytest.approx(-0.25 * chord, rel=5e-3)
-    at = np.linspace(0.05, 0.7, 50) * chord + np.min(x)
-    front = int(np.argmin(x))
-    upper, lower = (
-        np.interp(at, x[part], y[part]) for part in (slice(front, None, -1), slice(front, -1))
-    )
-    assert np.max(upper - lower) == pytest.approx(0.15 * chord, rel=0.01)
-
-
 def test_sections_need_an_outline(solution: Solution) -> None:
     rotor = solution.case.rotor.model_copy(update={"polar": "naca4415", "outline": None})
     alone = replace(solution, case=solution.case.model_copy(update={"rotor": rotor}))

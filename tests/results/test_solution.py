@@ -52,23 +52,6 @@ def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
     assert repr(solution) == f"<Solution sine_quadratic: not verified, {str(result_folder)!r}>"
 
 
-def test_load_takes_what_an_optimizer_met(result_folder: Path) -> None:
-    path = result_folder / "convergence.csv"
-    path.write_text("evaluation,energy_J,infeasibility\n0,nan,inf\n1,3e5,1e-3\n2,-inf,+1.\n")
-    table = Solution.load(result_folder).convergence
-    np.testing.assert_array_equal(table["energy_J"], [np.nan, 3e5, -np.inf])
-    np.testing.assert_array_equal(table["infeasibility"], [np.inf, 1e-3, 1.0])
-
-
-def test_load_ignores_more_columns(result_folder: Path) -> None:
-    path = result_folder / "coefficients.csv"
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([f"new,{lines[0]}", *(f"1,{line}" for line in lines[1:])]))
-    solution = Solution.load(result_folder)
-    assert set(solution.coefficients) == set(lines[0].split(","))
-    assert solution.coefficients["tip_speed_ratio"][0] == 2.2
-
-
 @pytest.mark.parametrize("name", ["case.yaml", "summary.json"])
 def test_load_refuses_a_folder_without(result_folder: Path, name: str) -> None:
     (result_folder / name).unlink()

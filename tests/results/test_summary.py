@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import solution as module
@@ -125,66 +126,10 @@ def test_a_share_of_next_to_nothing_is_not_told() -> None:
     assert {per_cent(1.0, np.inf), per_cent(5.0, 1e-10), per_cent(0.0, 0.0)} == {""}
 
 
-@pytest.mark.parametrize(
-    ("changes", "label", "text"),
-    [
-        ({"gain": [1.0, 2.5]}, "gain, quadratic feedback", "1 N m s^2/rad^2; 2.5"),
-        ({"gain_units": None}, "gain, quadratic feedback", "10.98"),
-        ({"gain": None}, "gain, quadratic feedback", "-"),
-        ({"simulated_energy_J": None}, "share of quasi-steady bound", "99.981 %"),
-        ({"energy_bound_J": 0.0}, "share of quasi-steady bound", "-"),
-        ({"tip_speed_ratio": {"min": 7.0}}, "tip speed ratio", "-, mean -"),
-        ({"message": ""}, "message", "-"),
-        (
-            {"objective": {"kind": "generated", "simulated": 5e3}},
-            "objective, generated",
-            "5.0000 kJ",
-        ),
-        (
-            {"objective": {"kind": "generated"}},
-            "certificate",
-            "gap up to 0.12 %, of the captured energy, which is not the objective",
-        ),
-        (
-            {"limits": {"thrust": {"unit": "N", "value": 9.5, "limit": 10.0}}, "loads": None},
-            "largest thrust",
-            "9.5 N, limit 10 N, margin 5.00 %",
-        ),
-        (
-            {
-                "limits": {"stress": {"unit": "Pa", "value": 9.9e7, "limit": 1e8, "binding": True}},
-                "loads": {"stress": {"unit": "Pa", "value": 9.9e7, "time_s": 6.3, "r_m": 0.84}},
-            },
-            "largest stress",
-            "99 MPa, limit 100 MPa, margin 1.00 %, binding, at t = 6.30 s, r = 0.840 m",
-        ),
-        (
-            {"limits": {"power": {"unit": "W", "value": 5000.2, "limit": 5000.0}}},
-            "largest power",
-            "5.0002 kW, limit 5 kW, margin 0.00 %",
-        ),
-        (
-            {"limits": {"power": {"unit": "W", "value": 5500.0, "limit": 5000.0}}},
-            "largest power",
-            "5.5 kW, limit 5 kW, exceeded by 10.00 %",
-        ),
-        (
-            {"limits": {"rotor_speed": {"unit": "rad/s", "value": 9.0, "limit": 9.5}}},
-            "largest rotor speed",
-            "9 rad/s (85.944 rpm), limit 9.5 rad/s (90.718 rpm), margin 5.26 %",
-        ),
-        (
-            {"control_torque_max_Nm": 1234.5},
-            "largest generator torque",
-            "1.2345 kN m, limit 700 N m, exceeded by 76.36 %",
-        ),
-        ({"energy_J": 1.23456789e9}, "energy", "1.2346 GJ"),
-        ({"generator_energy_J": 1.5e6}, "energy of the generator", "1.5000 MJ"),
-        ({"generator_energy_J": 288900.0}, "energy, electrical", "288.90 kJ, losses none"),
-        ({"tip_radius_m": None}, "largest tip deflection", "32.1 mm, as a linear beam"),
-        ({"limits": {"a": {"unit": "N", "limit": None}}}, "largest a", "-, limit -"),
-    ],
-)
+ROWS = yaml.safe_load((Path(__file__).parents[1] / "data" / "summary_rows.yaml").read_text())
+
+
+@pytest.mark.parametrize(("changes", "label", "text"), ROWS)
 def test_a_row_of_the_table(result_folder: Path, changes: dict, label: str, text: str) -> None:
     assert dict(table(edit(result_folder, **changes)))[label] == text
 

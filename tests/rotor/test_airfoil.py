@@ -86,15 +86,6 @@ def naca_4_digit(camber, place, thickness, n=2001):
     return tuple(np.r_[up[::-1], low[1:]] for up, low in zip(upper, lower, strict=True))
 
 
-def test_outline_area():
-    """A rhombus has half the area of its box; the shipped section the area its README states."""
-    side = np.linspace(0.0, 1.0, 6)[1:]
-    x = np.concatenate(([1.0], 1.0 - 0.5 * side, 0.5 - 0.5 * side, 0.5 * side, 0.5 + 0.5 * side))
-    y = np.concatenate(([0.0], 0.1 * side, 0.1 - 0.1 * side, -0.1 * side, -0.1 + 0.1 * side))
-    assert Outline(x, y).area == pytest.approx(0.1, rel=1e-12)
-    assert Outline.from_file("naca63815").area == pytest.approx(0.094, abs=0.001)
-
-
 @pytest.mark.parametrize("turn", [1, -1])
 def test_rectangle_is_exact(turn):
     """b h, b h³/12, b³ h/12 about the centroid, whichever way round the points run."""

@@ -130,13 +130,6 @@ def test_glauerts_rotor(ratio, ideal_polar):
     assert np.allclose(found_share[middle], share[middle], atol=1e-7)
 
 
-def test_beyond_runaway_drag_rules(blade, polar):
-    """Far beyond the speed of a free rotor, torque is negative and grows as tsr squared."""
-    torque = bem.rotor_coefficients(blade, polar, np.array([6.0, 60.0, 300.0, 600.0])).torque
-    assert torque[0] > 0.0 > torque[1]
-    assert torque[3] / torque[2] == pytest.approx(4.0, rel=0.05)
-
-
 @given(rotor=rotors(), ratio=ratios)
 def test_every_section_with_drag_has_a_root(rotor, ratio):
     """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (docs/studies/bem.md).
@@ -292,16 +285,6 @@ def test_coefficients_follow_from_sections_that_are_known(blade, polar, cone):
         np.testing.assert_array_equal(found, expected)
 
 
-def test_points_do_not_depend_on_their_company(blade, polar):
-    """Sampling ends early for fast rotors; the roots are the same to the last digits."""
-    ratio = np.array([0.3, 2.0, 5.0, 9.0, 14.0])
-    together = bem.rotor_coefficients(blade, polar, ratio).torque
-    alone = [bem.rotor_coefficients(blade, polar, each).torque[0] for each in ratio]
-    assert np.allclose(together, alone, rtol=1e-11)
-    load = bem.sections(blade, polar, ratio).tangential_load
-    assert np.allclose(load @ bem.torque_weights(blade), together, rtol=1e-11)
-
-
 @pytest.mark.parametrize("ratio", [0.0, -1.0, np.nan])
 def test_tip_speed_ratio_must_be_positive(blade, polar, ratio):
     with pytest.raises(ValueError, match="positive"):
@@ -358,15 +341,6 @@ def test_random_rotors_are_those_of_ccblade_and_every_difference_is_explained(st
 
 
 # Cone
-
-
-def test_coned_blades_meet_the_flow_as_plane_ones_at_a_larger_ratio(blade, polar):
-    """Speeds across the blade fall with the cone's cosine, torque with its cube, as R³ does."""
-    coned, ratio = replace(blade, cone=0.25), np.linspace(2.0, 12.0, 21)
-    mine = bem.rotor_coefficients(coned, polar, ratio)
-    plane = bem.rotor_coefficients(blade, polar, ratio / np.cos(0.25))
-    np.testing.assert_allclose(mine.torque, plane.torque, rtol=1e-13)
-    np.testing.assert_allclose(mine.thrust, plane.thrust * np.cos(0.25), rtol=1e-13)
 
 
 @pytest.mark.parametrize("cone", [0.0, 0.1, -0.2])

@@ -68,14 +68,6 @@ def uniform_blade(n=2001, twist=0.0, cone=0.0, hub=0.2, tip=1.4, chord=0.1):
 # Closed forms
 
 
-def test_cantilever_under_a_uniform_load():
-    """M = w (R - r)² / 2."""
-    blade = uniform_blade()
-    r = np.linspace(0.2, 1.39, 14)
-    found = np.full(blade.r.size, 7.0) @ moment_weights(blade, r)
-    assert found == pytest.approx(3.5 * (1.4 - r) ** 2, rel=1e-3)
-
-
 def test_moment_between_stations_is_that_of_a_rule_which_begins_there(blade):
     """The trapezoidal rule over the place itself, the stations outside it and the tip."""
     load = np.random.default_rng(0).uniform(size=blade.r.size)

@@ -1,7 +1,5 @@
 """The rotor as one object and as a Group that runs without a turbine's other parts."""
 
-from dataclasses import replace
-
 import numpy as np
 import openmdao.api as om
 import pytest
@@ -14,11 +12,8 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.strength import Structure
-from hkt_mdo.rotor.suction import section_suction
-from hkt_mdo.rotor.thickness import ByThickness
 
 RATIOS = np.array([3.0, 5.0, 6.5, 9.0])
 BOUNDS = (0.05, 0.4), (-0.1, 0.6)
@@ -62,37 +57,6 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     assert (
         steady_optimum.best_operation(blade, Hydrodynamics(rotor.polar)).tip_speed_ratio
         == fixed.tip_speed_ratio
-    )
-
-
-def test_polars_follow_reynolds_number_or_thickness_or_neither(rotor, blade):
-    assert rotor.at_flow(2.0).polar is rotor.polar
-    assert rotor.as_built(blade).polar is rotor.polar
-    assert not rotor.several_sections
-    assert rotor.polars_at(1) == (rotor.polar,)
-    assert rotor.thickness_bounds == (0.0, 1.0)
-    family = PolarFamily.from_file("naca63815")
-    local = replace(rotor, polar=LocalReynolds.of((family,) * blade.r.size, 1.5, 1e-6))
-    faster = local.at_flow(3.0)
-    assert faster.follows_reynolds
-    assert faster.loads.rotor.polar.flow_speed == 3.0
-    assert len(local.polars_at(0)) == family.reynolds.size
-    assert np.all(faster.coefficients(blade, [6.0]).power > local.coefficients(blade, [6.0]).power)
-    sections = [
-        PolarFamily.from_file(name).polars[0] for name in ("naca63815_Re1e6", "naca63424_Re1e6")
-    ]
-    thick = replace(rotor, polar=ByThickness.of([0.15, 0.24], sections, (0.16, 0.2)))
-    assert thick.thickness_bounds == (0.16, 0.2)
-    assert thick.several_sections
-    half = replace(blade, thickness=np.full(blade.r.size, 0.195))
-    built = thick.as_built(half)
-    assert len(built.polar) == blade.r.size
-    np.testing.assert_allclose(
-        built.coefficients(half, RATIOS).power, thick.coefficients(half, RATIOS).power, rtol=1e-12
-    )
-    angle = np.full((1, blade.r.size), 0.05)
-    np.testing.assert_allclose(
-        thick.suction(angle, half.thickness)[0], section_suction(built.polar, angle)[0], rtol=1e-12
     )
 
 

@@ -29,15 +29,6 @@ def test_spline_basis_is_a_partition_of_unity_and_reproduces_straight_lines(poin
     np.testing.assert_allclose(basis @ greville, position, rtol=1e-13)
 
 
-def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
-    shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
-    assert shape.blade is blade
-    chord, twist, thickness = shape.control(blade)
-    assert thickness.size == 0
-    np.testing.assert_array_equal(chord, blade.chord)
-    np.testing.assert_array_equal(shape.at(chord, twist).twist, blade.twist)
-
-
 def test_many_stations_are_a_spline_unless_given_otherwise(blade):
     r = np.linspace(0.2, 1.38, 30)
     many = replace(blade, r=r, chord=0.2 - 0.1 * r, twist=0.3 - 0.2 * r)
@@ -68,14 +59,6 @@ def test_a_fixed_blade_is_scaled_with_its_radius_and_keeps_its_power(blade, pola
         bem.rotor_coefficients(blade, polar, ratio).power,
         rtol=1e-11,
     )
-
-
-def test_the_set_angle_turns_the_whole_blade(blade):
-    shape = Shape.fixed(blade, 0.1, (-0.2, 0.3))
-    assert shape.designs_set_angle
-    assert shape.control(blade)[1] == pytest.approx([0.1], rel=1e-13)
-    turned = shape.at(np.empty(0), np.array([0.25]))
-    np.testing.assert_allclose(turned.twist - blade.twist, 0.15, rtol=1e-12)
 
 
 def thick(blade):

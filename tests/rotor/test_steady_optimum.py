@@ -29,22 +29,6 @@ def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
     assert np.allclose(phi, 2.0 / 3.0 * np.arctan(1.0 / (5.0 * r)), atol=2e-4)  # a flat optimum
 
 
-def test_no_random_blade_is_better(best, polar):
-    rng = np.random.default_rng(7)
-    n = best.blade.r.size
-    ratios = np.array(
-        [best.tip_speed_ratio - 0.7, best.tip_speed_ratio, best.tip_speed_ratio + 0.7]
-    )
-    for _ in range(300):
-        wide = rng.random() < 0.5
-        chord = rng.uniform(0.01, 0.5, n) if wide else best.blade.chord * rng.uniform(0.8, 1.2, n)
-        twist = (
-            rng.uniform(-0.2, 0.5, n) if wide else best.blade.twist + rng.uniform(-0.05, 0.05, n)
-        )
-        power = bem.rotor_coefficients(best.blade.with_shape(chord, twist), polar, ratios).power
-        assert power.max() <= best.power_coefficient + 1e-9
-
-
 @pytest.mark.parametrize("twists", [TWISTS, (0.05, 0.2)])
 def test_no_tip_speed_ratio_is_better(twists, blade, polar):
     """With few twists to choose from, the power has several peaks over the tip speed ratio."""

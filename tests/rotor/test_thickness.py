@@ -9,13 +9,12 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
 from hkt_mdo.rotor.suction import section_suction
-from hkt_mdo.rotor.thickness import ByThickness, over_thickness
+from hkt_mdo.rotor.thickness import ByThickness
 
 THICKNESS = np.array([0.12, 0.15, 0.24])
 RATIO = np.linspace(3.0, 11.0, 9)
@@ -170,21 +169,6 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
             mine = load.envelope().by_thickness @ change
             size = np.abs(load.envelope().values)
             np.testing.assert_allclose(mine / size, expected / size, rtol=1e-5, atol=1e-5)
-
-
-def test_mass_and_inertia_follow_the_area(thick):
-    area = over_thickness(THICKNESS, np.array([0.08, 0.1, 0.16]))
-    found = mass_and_inertia(thick, area, METAL, 0.3)
-    as_given = mass_and_inertia(thick, area(thick.thickness), METAL, 0.3)
-    assert found == as_given
-    change = np.random.default_rng(1).normal(size=thick.r.size)
-
-    def at(step):
-        moved = replace(thick, thickness=thick.thickness + step * change)
-        return np.array(mass_and_inertia(moved, area, METAL, 0.3))
-
-    mine = np.imag(at(1e-40j)) / 1e-40
-    np.testing.assert_allclose(mine, slope(at), rtol=1e-8)
 
 
 # The steady optimum

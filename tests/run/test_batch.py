@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hkt_mdo.case import load_case, read_case
-from hkt_mdo.problem.physics import complete, physics
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.nesting import allows, dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import begun, finished_result, run_batch
@@ -96,13 +96,6 @@ def test_an_equal_case_is_finished(finished):
     assert finished_result(finished, Solution.load(finished).case)
     assert not finished_result(finished, case("inflow.mean=1.4"))
     assert not finished_result(finished / "nowhere", case())
-
-
-def test_a_case_that_leaves_its_time_span_to_the_flow_is_compared_when_complete(finished):
-    case_file = finished / "case.yaml"
-    whole = case("phase.duration=60", "phase.segments=60")
-    case_file.write_text(complete(whole).to_yaml(), encoding="utf-8")
-    assert finished_result(finished, case("phase.duration=null", "phase.segments=null"))
 
 
 @pytest.mark.parametrize(

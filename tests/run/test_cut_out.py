@@ -71,20 +71,6 @@ def test_summary_tells_the_intervals(solution):
         assert {f"{name} (interval_1)", f"{name} (interval_2)"} <= names
 
 
-def test_tables_have_the_time_of_the_case_without_the_standstill(solution):
-    for table in (solution.trajectory, solution.simulation):
-        time, flow = table["time_s"], table["inflow_speed_m_s"]
-        assert np.all(np.diff(time) >= 0.0)
-        np.testing.assert_allclose(time[[0, -1]], [0.0, 20.0])
-        inside = (time >= SPANS[:, :1] - 1e-8) & (time <= SPANS[:, 1:] + 1e-8)
-        assert np.all(inside.any(axis=0))
-        np.testing.assert_allclose(flow, solution.case.inflow.speed_at(time), rtol=1e-8)
-        assert all(np.all(np.isfinite(column)) for column in table.values())
-    again = Solution.load(solution.folder)
-    assert again.scenarios == ("phase",)
-    assert np.array_equal(again.trajectory["time_s"], solution.trajectory["time_s"])
-
-
 def test_a_simulation_through_a_standstill_is_refused(solution):
     design = Design.of(solution)
     with pytest.raises(InputError, match="stops the machine") as caught:

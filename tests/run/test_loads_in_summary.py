@@ -64,22 +64,6 @@ def test_flapwise_moment_is_the_integral_of_load_times_arm():
     np.testing.assert_allclose(hub, root, rtol=1e-12)
 
 
-def test_the_largest_is_reported_with_its_time():
-    world = physics(load_case(PLAIN))
-    known = trajectory(world)
-    slower = {name: 0.5 * known[name] for name in world.rotor.loads.names}
-    found = loads.largest([known, known | slower])
-    assert {"thrust", "root_moment", "stress", "cavitation"} < set(found)
-    for name in world.rotor.loads.names:
-        worst = np.argmax(known[name])
-        assert found[name].value == known[name][worst]
-        assert found[name].time_s == known["time"][worst]
-    fastest = known["rotor_speed"].max()
-    assert found["rotor_speed"].value == fastest
-    assert found["tip_speed"].value == pytest.approx(1.4 * fastest, rel=1e-12)
-    assert found["power"].value == pytest.approx(600.0 * fastest, rel=1e-12)
-
-
 def test_the_span_is_that_of_the_worst_instants():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
@@ -102,17 +86,6 @@ def test_the_span_is_that_of_the_worst_instants():
     dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
     np.testing.assert_allclose(found["cavitation"][1], by_hand, rtol=1e-12)
-
-
-def test_deflection_is_the_largest_of_the_instants():
-    world = physics(load_case(PLAIN))
-    known = trajectory(world)
-    each = [
-        pressure(world, known, at) * world.rotor.loads.tip_deflection(world.blade, ratio)[0]
-        for at, ratio in enumerate(known["tip_speed_ratio"])
-    ]
-    found = loads.tip_deflection(world.rotor, world.blade, [known])
-    assert found == pytest.approx(max(each), rel=1e-4)  # linear between 201 tip speed ratios
 
 
 def test_local_reynolds_numbers_are_those_of_each_instant():

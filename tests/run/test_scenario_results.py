@@ -112,15 +112,6 @@ def test_the_design_is_that_of_the_result(solution):
     assert power == pytest.approx(solution.summary.power_coefficient_max, rel=1e-9)
 
 
-def test_a_design_needs_a_finished_run_and_its_files(solution, tmp_path):
-    empty = replace(solution, summary=solution.summary.model_copy(update={"chord_m": None}))
-    with pytest.raises(InputError, match="holds no finished design"):
-        empty.design()
-    rotor = solution.case.rotor.model_copy(update={"blade": str(tmp_path / "gone.csv")})
-    with pytest.raises(InputError, match=r"gone\.csv"):
-        replace(solution, case=solution.case.model_copy(update={"rotor": rotor})).design()
-
-
 def test_two_of_one_flow_are_two_and_intervals_are_one():
     (one,) = physics(load_case(CASE)).scenarios
     same = [replace(one, name="a"), replace(one, name="b")]
