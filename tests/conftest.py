@@ -132,6 +132,24 @@ def edit_summary(folder: Path, **changes: object) -> None:
     write_json(path, json.loads(path.read_text(encoding="utf-8")) | changes)
 
 
+def checked(component, atol=1e-9, rtol=1e-11, **values):
+    """Return a problem of one component at some values, after a check of its partials."""
+    import openmdao.api as om
+    from openmdao.utils.assert_utils import assert_check_partials
+
+    problem = om.Problem(reports=False)
+    problem.model.add_subsystem("part", component, promotes=["*"])
+    problem.setup(force_alloc_complex=True)
+    shapes = problem.model.get_io_metadata(("input",), metadata_keys=("shape",)).values()
+    shapes = {each["prom_name"]: each["shape"] for each in shapes}
+    for name, value in values.items():
+        problem.set_val(name, np.reshape(value, shapes[name]))
+    problem.run_model()
+    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
+    assert_check_partials(data, atol=atol, rtol=rtol)
+    return problem
+
+
 def refused(read, path: Path, **options: object) -> str:
     """Return what is said of a file that is refused, without its path: one printable line."""
     with pytest.raises(InputError) as caught:

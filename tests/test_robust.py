@@ -7,9 +7,7 @@ flows that count as one, and to designs that another measure has found.
 import re
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 from scipy.optimize import linprog
 
 from hkt_mdo.case import load_case
@@ -19,6 +17,7 @@ from hkt_mdo.problem.components import AggregateComp
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.run import run_case
+from tests.conftest import checked
 
 RATES, SHARES = np.array([2.0, 5.0, 3.0, 1.0, 4.0]) * 1e3, np.array([0.3, 0.2, 0.1, 0.0, 0.4])
 MEASURES = {"worst": Worst(), "cvar": ConditionalValueAtRisk(share=0.5)}
@@ -83,15 +82,8 @@ def test_partials_of_the_measures_are_exact_and_sparse(measure):
     rows = aggregate.rows(RATES, SHARES, unknowns).size
     about = {"n_unknowns": unknowns.size, "n_rows": rows}
     component = AggregateComp(aggregate=aggregate, shares=SHARES, duration=60.0, unit="J", **about)
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("of", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("mean_rate", RATES)
-    problem.set_val("unknowns", unknowns - 10.0)
-    problem.run_model()
-    data = problem.check_partials(method="cs", out_stream=None)
-    assert_check_partials(data, atol=1e-12, rtol=1e-12)
-    by_rate = component._subjacs_info["of.rows", "of.mean_rate"]
+    checked(component, 1e-12, 1e-12, mean_rate=RATES, unknowns=unknowns - 10.0)
+    by_rate = component._subjacs_info["part.rows", "part.mean_rate"]
     assert by_rate["val"].size == 4  # each scenario with a share of time is in one row
 
 

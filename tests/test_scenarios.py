@@ -5,7 +5,6 @@ the objective is the mean power, the sum of weight times mean power, times the c
 """
 
 import json
-import re
 import subprocess
 import sys
 import time
@@ -133,35 +132,6 @@ def test_a_result_gives_each_flow_and_one_design(solution):
     assert list(design.gains) == pytest.approx(gains)
 
 
-@pytest.mark.slow
-def test_commands_take_two_flows(solution, one, tmp_path, capsys):
-    folder, other = str(solution.folder), str(one.folder)
-    assert main(["show", folder]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
-    assert "slow: energy, simulated" in shown
-    assert "share of time 0." in shown
-    assert main(["plot", folder, "--out", str(tmp_path / "figures")]) == 0
-    figures = {path.name for path in (tmp_path / "figures").iterdir()}
-    drawn = {"operation_slow.png", "operation_fast.png", "limits_slow.png", "limits_fast.png"}
-    assert drawn | {"power_curve.png", "loads.png", "blade.png"} <= figures
-    capsys.readouterr()
-    for beside, figures in ((other, ["--out", str(tmp_path / "both")]), (folder, [])):
-        assert main(["compare", folder, beside, *figures]) == 0
-        assert "fast: energy, simulated" in " ".join(capsys.readouterr().out.split())
-    both = {path.name for path in (tmp_path / "both").iterdir()}
-    assert drawn | {"operation_phase.png", "limits_phase.png"} <= both
-    assert main(["simulate", folder, "--scenario", "medium"]) == 2
-    assert "give one of slow, fast" in capsys.readouterr().err
-    assert main(["simulate", folder, "--strict"]) == 0
-    together = capsys.readouterr().out
-    assert "Largest values of 2 simulations" in together
-    for name, own in solution.summary.scenarios.items():
-        assert main(["simulate", folder, "--scenario", name, "--strict"]) == 0
-        alone = re.search(r"([\d.]+) kJ captured", capsys.readouterr().out)[1]
-        assert 1e3 * float(alone) == pytest.approx(own.simulated_energy_J, rel=1e-4)
-        assert f"{name}, without noise: {alone} kJ captured" in together
-
-
 def test_the_case_of_a_run_is_that_case(two):
     """`case.yaml` has every default of every scenario, and means the same."""
     text = (two.folder / "case.yaml").read_text(encoding="utf-8")
@@ -236,15 +206,6 @@ def test_two_equal_flows_are_one(one, tmp_path, weight):
     same_design(
         run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT)), one, 1e-8, rel_design=1e-5
     )
-
-
-@pytest.mark.slow
-def test_two_equal_flows_are_one_in_open_loop(tmp_path):
-    one = run(tmp_path / "one", case("open_loop", driver=TIGHT))
-    flows = [{"name": name, "inflow": "sine", "weight": 0.5} for name in ("a", "b")]
-    found = run(tmp_path / "two", case("open_loop", *flows, driver=TIGHT))
-    # the energy is flat at the optimum, which the two approach from different starts
-    same_design(found, one, 1e-8, rel_design=1e-5)
 
 
 @pytest.mark.slow

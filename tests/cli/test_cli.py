@@ -247,14 +247,6 @@ def test_show_and_compare_print_for_programs(result_folder, linear_result_folder
     assert {row["result"] for row in rows} == set(folders)
 
 
-def test_check_prints_for_programs(capsys):
-    assert main(["check", CASE, "--json"]) == 0
-    out, err = capsys.readouterr()
-    (torque,) = (row for row in json.loads(out) if row["quantity"] == "control.torque_limit")
-    assert set(torque) == {"part", "quantity", "value", "up_to", "unit", "note"}
-    assert "can be run" in err
-
-
 def shares(out):
     """Return the differences of the objective that a comparison prints."""
     (line,) = (line for line in out.splitlines() if ", relative to the best" in line)

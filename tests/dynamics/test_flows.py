@@ -1,9 +1,7 @@
 """Flow profiles: against their formulas and spectra, and their rates by complex step."""
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.case import read_case
 from hkt_mdo.dynamics.flows import (
@@ -20,6 +18,7 @@ from hkt_mdo.dynamics.flows import (
 from hkt_mdo.dynamics.rotor_ode import InflowComp
 from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.errors import InputError
+from tests.conftest import checked
 
 TIME = np.linspace(0.0, 60.0, 245)
 STEP, SINE = StepInflow(), SineInflow()
@@ -66,13 +65,8 @@ def test_rate_is_the_derivative(inflow):
 
 @each_profile
 def test_partials(inflow):
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("flow", InflowComp(num_nodes=7, inflow=inflow), promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("time", np.linspace(0.0, 60.0, 7))
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-12, rtol=1e-12)
+    component = InflowComp(num_nodes=7, inflow=inflow)
+    checked(component, 1e-12, 1e-12, time=np.linspace(0.0, 60.0, 7))
 
 
 @pytest.mark.parametrize(

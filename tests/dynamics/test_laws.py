@@ -3,9 +3,7 @@
 from typing import ClassVar, Literal
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.dynamics.laws import (
     FeedbackLaw,
@@ -14,6 +12,7 @@ from hkt_mdo.dynamics.laws import (
     smooth_saturation,
 )
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
+from tests.conftest import checked
 
 SPEED = np.linspace(0.5, 12.0, 24)
 
@@ -65,13 +64,6 @@ def test_fit_minimizes_the_squared_distance():
 @pytest.mark.parametrize("limit", [None, 700.0])
 @pytest.mark.parametrize(("kind", "gains"), CASES, ids=[kind.__name__ for kind, _ in CASES])
 def test_partials(kind, gains, limit):
-    problem = om.Problem(reports=False)
+    values = {f"gain_{i}": gain for i, gain in enumerate(gains)}
     component = FeedbackComp(num_nodes=24, law=kind(torque_limit=limit))
-    problem.model.add_subsystem("law", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("rotor_speed", SPEED)
-    for i, gain in enumerate(gains):
-        problem.set_val(f"gain_{i}", gain)
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-10, rtol=1e-12)
+    checked(component, 1e-10, 1e-12, rotor_speed=SPEED, **values)

@@ -1,9 +1,7 @@
 """Laws for the whole range of the flow: their closed forms, and how near open loop they come."""
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.generator import Generator
@@ -20,6 +18,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
+from tests.conftest import checked
 
 SPEED = np.linspace(2.0, 16.0, 40)
 KNOTS = np.array([4.0, 6.0, 7.0, 9.0, 12.0])
@@ -220,13 +219,6 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
 )
 def test_partials(kind, gains, limit):
     options = {"knots": 5} if kind is CurveFeedback else {}
-    problem = om.Problem(reports=False)
+    values = {f"gain_{i}": gain for i, gain in enumerate(gains)}
     component = FeedbackComp(num_nodes=40, law=kind(torque_limit=limit, **options))
-    problem.model.add_subsystem("law", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("rotor_speed", SPEED)
-    for i, gain in enumerate(gains):
-        problem.set_val(f"gain_{i}", gain)
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-9, rtol=1e-11)
+    checked(component, rotor_speed=SPEED, **values)

@@ -3,9 +3,7 @@
 from typing import ClassVar
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import SineInflow
@@ -16,6 +14,7 @@ from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, Int
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from tests.conftest import checked
 
 N, RADIUS, DENSITY = 6, 1.4, 998.0
 NODES = np.linspace(2.0, 12.0, 41)
@@ -53,21 +52,6 @@ class PaidPower(Objective):
 
     def rate(self, generator_power, rotor_speed, rotor_radius):
         return generator_power - 2.0 * rotor_speed**2 * rotor_radius
-
-
-def checked(component, **values):
-    """Return a problem of one component at some values, after a check of its partials."""
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("part", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    for name, value in values.items():
-        meta = problem.model.get_io_metadata(("input",), metadata_keys=("shape",))
-        shape = next(each["shape"] for each in meta.values() if each["prom_name"] == name)
-        problem.set_val(name, np.reshape(value, shape))
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-9, rtol=1e-11)
-    return problem
 
 
 def operation():

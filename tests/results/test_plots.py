@@ -107,13 +107,6 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     assert dict(mpl.rcParams) == before
 
 
-@pytest.mark.filterwarnings("error")
-def test_plots_bear_what_an_optimizer_met(result_folder: Path) -> None:
-    path = result_folder / "convergence.csv"
-    path.write_text("evaluation,energy_J,infeasibility\n0,nan,inf\n1,3e5,0\n2,3.1e5,nan\n")
-    plots.plot_convergence(Solution.load(result_folder)).figure.canvas.draw()
-
-
 def test_plots_show_the_numbers(solution: Solution) -> None:
     nodes = next(
         line

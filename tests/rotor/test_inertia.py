@@ -3,14 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import InertiaComp
 from hkt_mdo.rotor.inertia import mass_and_inertia, water_inertia
 from hkt_mdo.rotor.model import RotorModel
+from tests.conftest import checked
 
 AREA, DENSITY, HUB, TIP, COUNT = 0.094, 2700.0, 0.2, 1.4, 3
 R = np.array([0.3, 0.55, 0.9, 1.2, 1.38])
@@ -69,18 +68,10 @@ def test_water_of_a_plate_turning_like_a_paddle():
 @pytest.mark.parametrize("water", ["none", "plate", "ellipse"])
 def test_partials_are_exact(water):
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
-    problem = om.Problem()
     about = {"hub_inertia": 0.5, "added_inertia": water, "thickness": 0.2}
     rotor = RotorModel(None, section_area=AREA, material_density=DENSITY, **about)
     twisted = blade(chord, 0.1).with_shape(chord, np.linspace(0.5, 0.1, 5))
     twisted = replace(twisted, hub_inertia=0.5 if water == "plate" else None)  # designed
-    component = InertiaComp(blade=twisted, rotor=rotor)
-    problem.model.add_subsystem("inertia", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("rotor_radius", 1.1 * TIP)
-    if water == "plate":
-        problem.set_val("hub_inertia", 0.6)
-    problem.run_model()
+    values = {"rotor_radius": 1.1 * TIP} | ({"hub_inertia": 0.6} if water == "plate" else {})
+    problem = checked(InertiaComp(blade=twisted, rotor=rotor), 1e-10, 1e-12, **values)
     assert problem["inertia"][0] > 0.5
-    found = problem.check_partials(method="cs", out_stream=None)
-    assert_check_partials(found, atol=1e-10, rtol=1e-12)

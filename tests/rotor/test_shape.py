@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import ShapeComp
 from hkt_mdo.rotor.shape import Shape, spline_basis
+from tests.conftest import checked
 
 CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
 
@@ -94,23 +93,15 @@ def test_thickness_begins_within_its_bounds(blade):
 def test_component_is_the_shape_with_exact_partials(blade, make):
     shape = make(blade)
     chord, twist, thickness = shape.control(shape.blade)
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
-    problem.setup(force_alloc_complex=True)
     values = {"chord_control": 1.1 * chord, "twist_control": twist + 0.02}
     values |= {"thickness_control": thickness + 0.01}
-    for name, value in values.items():
-        if value.size:
-            problem.set_val(name, value)
+    given = {name: value for name, value in values.items() if value.size}
     radius = blade.rotor_radius
     if not shape.designs_chord:
-        radius = 1.2 * radius
-        problem.set_val("rotor_radius", radius)
-    problem.run_model()
+        given["rotor_radius"] = radius = 1.2 * radius
+    problem = checked(ShapeComp(shape=shape), 1e-12, 1e-12, **given)
     made = shape.at(*values.values(), radius)
     np.testing.assert_allclose(problem.get_val("chord"), made.chord, rtol=1e-14)
     np.testing.assert_allclose(problem.get_val("twist"), made.twist, rtol=1e-14)
     if shape.designs_thickness:
         np.testing.assert_allclose(problem.get_val("thickness"), made.thickness, rtol=1e-14)
-    found = problem.check_partials(method="cs", out_stream=None)
-    assert_check_partials(found, atol=1e-12, rtol=1e-12)

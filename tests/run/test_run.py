@@ -169,37 +169,6 @@ def test_an_unfinished_optimization_is_no_success(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["linear", "quadratic"])
-def test_a_tide_in_radau_under_feedback_is_right_or_refused_with_the_way_out(law, tmp_path):
-    """Segments of minutes, time constants of seconds: a last speed may be nobody's."""
-    overrides = [f"control={{law: {law}, torque_limit: 415 kN*m}}", "phase.transcription=radau"]
-    file = CASES / "examples" / "rm1_set_angle.yaml"
-    solution, other = (
-        run_case(load_case(file, given), tmp_path / name, figures=False, records=False)
-        for name, given in (("radau", overrides), ("lobatto", overrides[:1]))
-    )
-    assert other.success
-    if solution.success:
-        assert solution.energy == pytest.approx(other.energy, rel=1e-5)
-    else:
-        assert "phase.transcription=gauss-lobatto" in solution.message
-
-
-@pytest.mark.slow
-def test_notes_tell_what_the_found_blade_meets(solve):
-    """A polar that ends below the angles at the optimum is told at the optimum, too."""
-    found = solve(
-        "sine_baseline_oloc",
-        *SHORT,
-        "rotor.set_angle=-15",
-        "rotor.stations=[0.2,0.5,0.9]",
-    )
-    assert any(
-        "of the found blade" in note and "Viterna" in note for note in found.summary["notes"]
-    )
-
-
-@pytest.mark.slow
 def test_a_false_solution_is_no_success(tmp_path):
     """Dymos' Radau collocates left ends only: on stiff feedback it finds false speeds."""
     short = "phase.segments=8", "phase.duration=8"

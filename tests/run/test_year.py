@@ -8,7 +8,6 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials, assert_check_totals
 from scipy.optimize import brentq
 
-import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
@@ -32,7 +31,6 @@ from hkt_mdo.studies.other_flows import Run
 from hkt_mdo.studies.uncertainty import Design
 
 DATA = Path(__file__).parents[1] / "data" / "mhkit"
-POLAR = Path(hkt_mdo.__file__).parent / "files" / "data" / "naca63815_polar_Re2e5.csv"
 HISTOGRAM = {
     "profile": "histogram",
     "speeds": [0.4, 0.8, 1.1, 1.4, -1.7, 2.2],
@@ -208,23 +206,6 @@ def test_a_section_in_flow_from_behind_has_the_forces_of_the_blade_in_its_own_fr
         )
         checked += 1
     assert checked > 5
-
-
-@pytest.mark.slow
-def test_a_rotor_that_works_backwards_with_its_own_polar_works_as_one_that_turns(tmp_path):
-    about = {"control": QUADRATIC | {"cut_out": 2.3}, **FIXED, **TIGHT}  # of both the largest speed
-    plain = run(tmp_path / "a", resource=HISTOGRAM, **about)
-    back = {"reversal": "backwards", "reversed_polar": str(POLAR)}
-    both = run(tmp_path / "b", resource=HISTOGRAM | back, **about)
-    assert both.success, both.message
-    assert both.summary.simulated_energy_J == pytest.approx(
-        plain.summary.simulated_energy_J, rel=1e-9
-    )
-    told = both.summary.scenarios["phase"].year
-    expected = plain.summary.scenarios["phase"].year
-    for name in ("operation_h", "rated_h", "capacity_factor", "limits_h"):
-        assert getattr(told, name) == pytest.approx(getattr(expected, name), rel=1e-6)
-    assert both.year["inflow_speed_m_s"][0] == pytest.approx(-1.7)
 
 
 @pytest.mark.slow
