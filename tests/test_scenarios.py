@@ -8,6 +8,7 @@ import json
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
+from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.run import run_case
 
 SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
@@ -116,6 +118,25 @@ def test_limits_hold_in_their_scenarios(solution):
         assert solution.summary.limits["power"].scenario == "fast"
 
 
+def test_the_largest_are_reported_with_their_scenario(solution):
+    summary = solution.summary
+    for name in ("thrust", "stress"):
+        entry, own = summary.loads[name], summary.scenarios["fast"].loads[name]
+        assert entry.scenario == "fast"
+        assert (entry.value, entry.time_s, entry.r_m) == (own.value, own.time_s, own.r_m)
+
+
+def test_two_of_one_flow_are_two_and_intervals_are_one():
+    (one,) = physics(load_case(case())).scenarios
+    same = [replace(one, name="a"), replace(one, name="b")]
+    assert by_scenario(same) == {"a": [0], "b": [1]}
+    parts = [
+        replace(one, name=f"a_interval_{n}", interval_of="a", edges=np.array(ends))
+        for n, ends in ((1, [0.0, 2.0]), (2, [3.0, 4.0]))
+    ]
+    assert by_scenario([*parts, same[1]]) == {"a": [0, 1], "b": [2]}
+
+
 def test_a_result_gives_each_flow_and_one_design(solution):
     assert solution.scenarios == ("slow", "fast")
     slow = solution.scenario("slow")
@@ -126,6 +147,8 @@ def test_a_result_gives_each_flow_and_one_design(solution):
     assert 0.9 <= speed.min() < speed.max() <= 1.3
     with pytest.raises(InputError, match=r"several scenarios: slow, fast; choose one.*--scenario"):
         solution.to_pandas()
+    with pytest.raises(InputError, match="'third': unknown scenario; give one of slow, fast"):
+        solution.scenario("third")
     design = solution.design()
     np.testing.assert_allclose(design.blade.chord, solution.summary.chord_m, rtol=1e-12)
     gains = [] if solution.gain is None else [solution.gain]

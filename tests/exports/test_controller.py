@@ -3,7 +3,7 @@
 import ctypes
 import subprocess
 import types
-from math import exp, sin
+from math import exp
 
 import numpy as np
 import pytest
@@ -11,11 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
-from hkt_mdo.rotor.scales import torque_scale
 from tests.exports.made import made
 
 LAWS = {
@@ -164,42 +163,6 @@ def test_steps_of_tracking_converge_to_the_continuous_law(tracking, tmp_path):
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
     np.testing.assert_allclose(orders, 1.0, atol=0.1)  # what is sensed is held over a step
     assert errors[-1] < 2.0
-
-
-@pytest.mark.slow
-def test_steps_of_tracking_drive_the_rotor_as_the_law_does(tracking, tmp_path):
-    # the rotor's own equation of motion, by a fine curve of its torque and the Runge-Kutta method
-    design = tracking.design()
-    world, blade, law = design.physics, design.blade, design.law
-    plant = Plant(blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"])
-    ratios, radius = np.linspace(0.5, 15.0, 3001), blade.rotor_radius
-    curve = CubicSpline(ratios, world.rotor.coefficients(blade, ratios).torque)
-    begin = float(law.speed_at_rest(np.array([1.5]), design.gains)[0])
-    torque = float(plant.torque(np.array([begin]), np.array([1.5]))[0])
-    controlled = FeedbackTorque(law, design.gains)
-    known = simulate(plant, world.inflow, controlled, Start(begin, (torque, 1.5)), 8.0)
-
-    def acceleration(time, speed, torque):
-        flow = 1.5 + 0.2 * sin(0.25 * time)
-        unit = torque_scale(world.density, radius, flow)
-        return (unit * float(curve(speed * radius / flow)) - torque) / design.inertia
-
-    errors = []
-    for period in (0.002, 0.001):
-        folder = tmp_path / f"{period}"
-        export(tracking, ["controller"], folder, options=[f"controller.sample_time={period} s"])
-        controller, speed = module_of(folder).Controller(torque, 1.5), begin
-        for step in range(round(8.0 / period)):
-            now, half = step * period, 0.5 * period
-            held = controller.step(speed, 1.5 + 0.2 * sin(0.25 * now))
-            one = acceleration(now, speed, held)
-            two = acceleration(now + half, speed + half * one, held)
-            three = acceleration(now + half, speed + half * two, held)
-            four = acceleration(now + period, speed + period * three, held)
-            speed += period / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-        errors.append(abs(speed / float(known.speed_at(8.0)) - 1.0))
-    assert errors[1] < 1e-4
-    assert errors[1] < 0.6 * errors[0]
 
 
 def test_the_sample_time_follows_the_loop(tracking, tmp_path):

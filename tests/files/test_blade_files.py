@@ -63,19 +63,6 @@ def test_the_same_blade_in_other_units(put):
     assert not doubled.relative
 
 
-def test_every_conversion_is_reported(put):
-    table = read_blade(
-        put("a.csv", "r_mm,chord_mm,twist_deg,thickness_percent\n500,250,5,20\n1000,125,2,15\n")
-    )
-    assert table.messages == (
-        "r_mm: mm converted to m",
-        "chord_mm: mm converted to m",
-        "twist_deg: degrees converted to radians",
-        "thickness_percent: per cent converted to a fraction",
-    )
-    assert read_blade(put("b.csv", "r_m,chord_m,twist_rad\n0.5,0.2,0\n1,0.1,0\n")).messages == ()
-
-
 def test_sections_of_a_csv(put):
     table = read_blade(
         put("a.csv", 'r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,"a, b"\n1,.1,0,.12,tip\n')

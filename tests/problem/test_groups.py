@@ -257,25 +257,4 @@ def test_partials_of_the_turbine_by_complex_step():
     assert_check_partials(data, atol=1e-5, rtol=1e-8)
 
 
-@pytest.mark.parametrize("torque", ["curve", "direct"])
-def test_complex_step_through_a_turbine_is_refused(torque):
-    case = load_case(SHORT | LAWS["quadratic"] | {"hydrodynamics": {"torque": torque}})
-    problem = model_of(TurbineGroup(case, improve=False))
-    problem.model.add_objective("energy")
-    with pytest.raises(InputError, match=REFUSED):
-        problem.check_totals(of=["energy"], wrt=["chord_control"], method="cs")
-
-
 # The N2 diagram -----------------------------------------------------------------------------------
-
-
-DYMOS = "traj"
-
-
-def names_within(system):
-    """Yield the names of all subsystems that this package has named."""
-    for part in system.system_iter(include_self=False, recurse=False):
-        if part.name != "_auto_ivc":
-            yield part.name
-            if part.name != DYMOS:
-                yield from names_within(part)

@@ -151,37 +151,6 @@ def run(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sections", "bound"),
-    [
-        ({"control": "linear"}, "6 kW"),
-        (
-            {
-                "control": {"law": "open_loop", "unknown": "torque"},
-                "design": {"blade": "fixed"},
-                "phase": {"segments": 20, "duration": 20},
-            },
-            "6.3 kW",
-        ),
-    ],
-    ids=["linear", "open_loop"],
-)
-def test_a_power_limit_is_kept_and_reported(run, sections, bound):
-    found = run(**sections, limits={"power": bound})
-    assert found.success, found.message
-    told, most = found.summary.limits["power"], 1e3 * float(bound.split()[0])
-    assert told.binding
-    assert told.value == pytest.approx(most, rel=1e-3)
-    assert np.max(found.simulation["generator_power_W"]) <= most * 1.001
-    assert (
-        texts(found.summary.rows(found.case))["largest power"]
-        .partition(", margin")[0]
-        .endswith(f"limit {bound}")
-    )
-    assert {"power_at_nodes", "power_between_nodes"} <= {c.name for c in found.summary.checks}
-
-
-@pytest.mark.slow
 def test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque(run):
     energies = []
     for unknown in ("speed", "torque"):

@@ -13,8 +13,6 @@ from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
 from hkt_mdo.run import loads
 from hkt_mdo.run.run import run_case
-from hkt_mdo.run.summary import summarize
-from tests.conftest import NINE
 
 PLAIN = {"inflow": "sine", "control": {"law": "quadratic"}, "site": {"hub_depth": 3.0}}
 SHORT = PLAIN | {
@@ -178,26 +176,3 @@ def test_an_older_result_is_read(result, tmp_path):
     assert list(old.simulation) == list(TABLES["simulation"])[:9]
     np.testing.assert_array_equal(old.trajectory["time_s"], result.trajectory["time_s"])
     assert list(old.limit_shares()) == ["control_torque"]
-
-
-@pytest.mark.slow
-def test_loads_of_a_resolved_blade_are_reported(solve_physics):
-    """Nine stations miss a part of the stress that forty have."""
-    limited = SHORT | {"design": {"blade": "fixed"}, "limits": {"stress": "20 GPa"}}
-    coarse = solve_physics(limited | {"rotor": {"stations": NINE}})
-    told = [each.told for each in coarse.verifications]
-    blade = coarse.result.point.blade
-    pairs = zip(coarse.physics.scenarios, told, strict=True)
-    (resolved,) = loads.resolved(coarse.physics, blade, pairs)
-    change = resolved["stress"][0] / np.max(told[0]["stress"]) - 1.0
-    assert 0.05 < change < 0.6
-    (note,) = [each for each in summarize(coarse.finished()).notes if "stations" in each]
-    assert f"stress {100.0 * change:+.1f} %" in note
-    # the blade itself on forty stations, by its own bending, and nearly nothing is missed there
-    fine = physics(load_case(limited | {"rotor": {"station_count": 40}}))
-    shape = (np.interp(fine.blade.r, blade.r, x) for x in (blade.chord, blade.twist))
-    many = fine.blade.with_shape(*shape, fine.blade.thickness)
-    worst = [int(np.argmax(told[0]["stress"]))]
-    instant = {key: told[0][key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
-    stress = loads_along(fine.rotor, many, instant, ("stress",))["stress"][0]
-    assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(change, abs=0.02)

@@ -1,6 +1,5 @@
 """Steady scenarios and years: held to sums by SciPy, to runs over time, and to differences."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,7 +29,6 @@ from hkt_mdo.start.find import find_start
 from hkt_mdo.studies.other_flows import Run
 from hkt_mdo.studies.uncertainty import Design
 
-DATA = Path(__file__).parents[1] / "data" / "mhkit"
 HISTOGRAM = {
     "profile": "histogram",
     "speeds": [0.4, 0.8, 1.1, 1.4, -1.7, 2.2],
@@ -138,26 +136,6 @@ def test_turbulence_and_a_cut_out_leave_the_uncertainty_as_it_is():
     found = uncertainty([SimpleNamespace(scenario=scenario, integrated=known)])
     change = weights @ (power(1.03 * speed) - power(0.97 * speed)) / 2.0
     assert found == {"speed": pytest.approx(change / (weights @ power(speed)), rel=5e-3)}
-
-
-@pytest.mark.slow
-def test_the_uncertainty_of_a_record_is_the_scatter_of_its_years(tmp_path):
-    """Of the Tanana: the energy of each year by the power curve, their scatter over sqrt(n)."""
-    resource = {
-        "profile": "long_record",
-        "file": str(DATA / "usgs_discharge_TRTS_20090801_20190801_daily.csv"),
-        "rating": str(DATA / "tanana_DV_curve.csv"),
-        "cut_in": 0.8,
-    }
-    found = run(tmp_path / "a", resource=resource, control=QUADRATIC, **FIXED)
-    speed, record = found.year["inflow_speed_m_s"], found.case.inflow.samples
-    of_bin = dict(zip((10.0 * speed).astype(int), found.year["electrical_power_W"], strict=True))
-    power = np.array([of_bin.get(int(10.0 * v + 1e-9), 0.0) for v in record.speed])
-    told = found.summary.scenarios["phase"].year
-    assert np.mean(power) * 8.766 == pytest.approx(told.energy_kWh, rel=1e-9)
-    years = np.array([np.mean(part) for part in np.array_split(power, 10)])
-    share = np.std(years, ddof=1) / np.sqrt(10.0) / np.mean(years)
-    assert told.uncertainty_by == {"record": pytest.approx(share, rel=1e-2)}
 
 
 def force_on_section(flow, chordwise, normal):
@@ -327,28 +305,6 @@ def test_steady_and_moving_scenarios_share_a_design(tmp_path):
     assert mean == pytest.approx(0.25 * powers[0] + 0.75 * powers[1], rel=1e-8)
     assert told["fast"].limits["power"].value <= 6000.0 * (1.0 + 1e-4)
     assert told["fast"].steady and not told["moving"].steady  # noqa: PT018
-
-
-@pytest.mark.slow
-def test_turbulence_within_a_bin_is_the_mean_of_a_run_over_time(tmp_path):
-    """Of a fixed blade and its gain; the rotor follows the flow, but not without inertia."""
-    flow = {"profile": "turbulence", "mean": 1.5, "intensity": 0.1, "seed": 3}
-    flow |= {"duration": 300.0, "cutoff": 0.3}
-    control = {"law": "quadratic", "gain": 10.0}
-    about = FIXED | {"control": control}
-    about["design"] = {"blade": "fixed", "gain_bounds": [9.999, 10.001]}
-    moving = run(tmp_path / "a", inflow=flow, phase={"segments": 300}, **about)
-    speed = moving.simulation["inflow_speed_m_s"]
-    time = moving.simulation["time_s"]
-    mean = np.trapezoid(speed, time) / time[-1]
-    deviation = np.sqrt(np.trapezoid((speed - mean) ** 2, time) / time[-1])
-    resource = {"profile": "histogram", "speeds": [float(mean)], "hours": [1]}
-    resource["turbulence_intensity"] = float(deviation / mean)
-    steady = run(tmp_path / "b", resource=resource, **about)
-    powers = steady.summary.simulated_energy_J / YEAR, moving.summary.simulated_energy_J / 300.0
-    assert powers[0] == pytest.approx(powers[1], rel=2e-3)
-    calm = mean**3 * powers[1] / np.mean(speed**3)
-    assert abs(powers[0] - powers[1]) < 0.1 * abs(calm - powers[1])
 
 
 def test_a_year_has_no_course_to_be_simulated_in(year):
