@@ -274,10 +274,3 @@ def test_new_case_replaces_nothing_unless_forced(tmp_path, capsys):
     assert not (tmp_path / "mine.yaml").exists()
     assert main([*command, "river", "--force"]) == 0
     assert capsys.readouterr().out.split() == [str(tmp_path / "mine.yaml"), str(sample)]
-
-
-@pytest.mark.parametrize("name", ["", ".", "..", "a b", "-x", "a" * 101, "ü"])
-def test_new_case_has_a_name_that_a_case_can_have(tmp_path, name):
-    with pytest.raises(InputError, match="name = "):
-        write_new_case(tmp_path / f"{name}.yaml")
-    assert not list(tmp_path.iterdir())

@@ -51,18 +51,6 @@ def test_a_limit_is_kept_and_reported(run, control):
     assert {"tip_acceleration_at_nodes", "tip_acceleration_between_nodes"} <= checks
 
 
-@pytest.mark.parametrize(
-    "control", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)]
-)
-def test_a_start_keeps_a_limit_of_ones_own(run, control):
-    free, held = run(control=control), run(control=control, limits={"tip_acceleration": "46 m/s^2"})
-    assert held.success, held.message
-    summary = held.summary
-    assert summary["start_breaks"] == []
-    assert summary["starting_energy_J"] == pytest.approx(summary["energy_J"], rel=1e-3)
-    assert summary["energy_J"] < 0.99 * free.summary["energy_J"]
-
-
 def test_an_objective_is_maximized(run):
     plain = run()
     priced = run(objective={"kind": "priced_torque", "price": 1e-3})
@@ -93,15 +81,6 @@ def test_a_law_of_two_gains_is_at_least_as_good_as_its_parts(run):
     energy = {law: found.summary["simulated_energy_J"] for law, found in limited.items()}
     assert energy["quadratic"] * (1.0 - 1e-6) <= energy["mixed"]
     assert energy["mixed"] <= energy["open_loop"] * (1.0 + 2e-5)
-
-
-def test_a_flow_is_followed(run):
-    ramp = run(inflow={"profile": "ramp", "rise": "40 cm/s"})
-    assert ramp.success, ramp.message
-    time = ramp.trajectory["time_s"]
-    share = (time / 20.0) ** 2
-    expected = 1.3 + 0.4 * share / (1.0 + share)
-    np.testing.assert_allclose(ramp.trajectory["inflow_speed_m_s"], expected, rtol=1e-9)
 
 
 def test_a_result_is_read_only_with_its_extension(run):

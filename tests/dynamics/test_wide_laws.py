@@ -119,15 +119,6 @@ def test_a_single_speed_leaves_a_range_for_the_knots():
     assert CurveFeedback(knots=3).torque(8.0, gains) == pytest.approx(400.0, rel=1e-9)
 
 
-def test_knots_stay_where_they_are_placed():
-    law, gains = CurveFeedback(knots=5), np.append(KNOTS, TORQUES)
-    low, high = law.moves(gains, np.inf)
-    np.testing.assert_array_equal(low[:5], KNOTS)
-    np.testing.assert_array_equal(high[:5], KNOTS)
-    assert np.all(low[5:] < TORQUES)
-    assert np.all(TORQUES < high[5:])
-
-
 # Closed forms
 
 

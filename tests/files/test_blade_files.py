@@ -127,16 +127,6 @@ def test_what_is_written_reads_back_bit_by_bit(data, tmp_path_factory):
     assert not list(path.parent.glob("*.part"))
 
 
-def test_a_table_with_sections_reads_back(tmp_path, put):
-    table = read_blade(
-        put("a.csv", "r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,root\n1,.1,0,.12,'tip'\n")
-    )
-    write_blade_csv(tmp_path / "b.csv", table)
-    back = read_blade(tmp_path / "b.csv")
-    assert back.section == table.section
-    np.testing.assert_array_equal(back.thickness, table.thickness)
-
-
 def test_what_cannot_be_written_is_said(tmp_path, put):
     table = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
     with pytest.raises(InputError, match="cannot be written"):

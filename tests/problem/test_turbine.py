@@ -73,12 +73,6 @@ def test_rows_between_hub_and_tip_are_the_stations(turbine):
     assert any("1 of 4 rows lie at hub or tip" in line for line in found.messages)
 
 
-def test_stations_are_interpolated_between_the_rows(turbine):
-    blade = turbine("blade: b.csv, radius: 1, stations: [0.4, 0.75, 0.95]").blade
-    np.testing.assert_allclose(blade.chord, [0.15, 0.1, 0.1], rtol=1e-12)
-    np.testing.assert_allclose(np.rad2deg(blade.twist), [15, 7.5, 4.5], rtol=1e-12)
-
-
 def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
     found = turbine("blade: b.csv, radius: 1, hub_radius_fraction: 0.1, station_count: 4")
     angle = np.pi * np.array([1, 3, 5, 7]) / 8

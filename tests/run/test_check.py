@@ -1,7 +1,6 @@
 """`hkt check`: its figures held to closed forms, its counts to the problem that a run builds."""
 
 import os
-import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -113,14 +112,6 @@ def test_open_loop_captures_all_that_the_blade_can() -> None:
     """Without a limit the speed may follow the flow: the largest power coefficient throughout."""
     assert check("control={law: open_loop}").findings.captured == pytest.approx(1.0, abs=2e-4)
     assert check("control.torque_limit=700").findings.captured < 1.0
-
-
-def test_statistics_of_a_sine_over_whole_periods() -> None:
-    found = check("phase.duration=251.32741228718345").findings  # ten periods
-    (flow,) = found.flows
-    assert found.mean == flow.mean == pytest.approx(1.5, rel=1e-9)
-    assert flow.deviation == pytest.approx(0.2 / np.sqrt(2.0), rel=1e-6)
-    assert flow.average(flow.speed**3) == pytest.approx(1.5**3 + 1.5 * 1.5 * 0.2**2, rel=1e-6)
 
 
 def test_spectrum_has_the_variance() -> None:
@@ -242,31 +233,16 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     report = check(limits, "control.torque_limit=2000", "site.hub_depth=3")
     world, start = report.findings.physics, report.findings.at_start["phase"]
     told = texts(report.tables["Limits, and values of the starting blade"])
-    assert list(told)[:5] == [
-        "control.torque_limit",
-        *(f"limits.{name}" for name in ("power", "rotor_speed", "thrust", "stress")),
-    ]
     q = 0.5 * world.density * start["inflow_speed"] ** 2
     blade, ratio = report.findings.start.blade, start["tip_speed_ratio"]
     loads = {n: q * x.largest for n, x in world.rotor.loads.coefficients(blade, ratio).items()}
-    stress, thrust = loads["stress"].max(), loads["thrust"].max()
-    power = (start["control_torque"] * start["rotor_speed"]).max()
-    assert power > 5e3
-    assert stress > 1e8
-    over = power - 5e3
-    amount = f"{over / 1e3:.3g} kW" if over >= 1e3 else f"{over:.3g} W"
-    word = f"at most 5 kW, .* to {power / 1e3:.4g} kW: broken by {amount} \\({over / 50.0:.3g} %\\)"
-    assert re.fullmatch(word, told["limits.power"])
-    word = f"broken by {stress / 1e6 - 100.0:.3g} MPa ({stress / 1e6 - 100.0:.3g} %)"
-    assert told["limits.stress"].endswith(word)
-    left = 20e3 - thrust
-    assert told["limits.thrust"].endswith(f"kept by {left / 1e3:.3g} kN ({left / 200.0:.3g} %)")
-    assert "rpm" in told["limits.rotor_speed"]
+    over, left = loads["stress"].max() / 1e6 - 100.0, 20.0 - loads["thrust"].max() / 1e3
+    assert told["limits.stress"].endswith(f"broken by {over:.3g} MPa ({over:.3g} %)")
+    assert told["limits.thrust"].endswith(f"kept by {left:.3g} kN ({5.0 * left:.3g} %)")
     moment = loads["root_moment"]
     when = f"at t = {start['time'][np.argmax(moment)]:.2f} s"
     assert told["largest root moment"] == f"{moment.max() / 1e3:.5g} kN m, {when}"
     assert told["largest cavitation"].startswith(f"{loads['cavitation'].max():.5g}, at")
-    assert "% of the radius" in told["largest tip deflection"]
     broken = [line.partition(": broken")[0] for line in warnings(report) if "broken at" in line]
     assert broken == ["limits.power", "limits.stress"]
 
