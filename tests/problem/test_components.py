@@ -89,7 +89,9 @@ def test_distance_from_stall(law, gains, least):
         return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - law.torque(w, np.array(gains))
 
     expected = net(0.97 * speed) - net(speed) - least * 0.05 * unit
-    np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-12)
+    # a difference of torques: its rounding is theirs
+    rounding = 1e-14 * float(np.max(law.torque(speed, np.array(gains))))
+    np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-12, atol=rounding)
 
 
 def test_a_limit_of_time_and_design():
