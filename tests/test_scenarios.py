@@ -19,6 +19,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
+from hkt_mdo.run.check import check_case
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.run import run_case
 
@@ -137,7 +138,15 @@ def test_two_of_one_flow_are_two_and_intervals_are_one():
     assert by_scenario([*parts, same[1]]) == {"a": [0, 1], "b": [2]}
 
 
-def test_a_result_gives_each_flow_and_one_design(solution):
+def test_a_result_gives_each_flow_and_one_design(solution, capsys):
+    for command in ["show"], ["simulate", "--scenario", "fast"], ["simulate"]:
+        assert main([*command, str(solution.folder)]) == 0
+        assert "fast" in capsys.readouterr().out
+    empty = replace(solution, summary=solution.summary.model_copy(update={"chord_m": None}))
+    with pytest.raises(InputError, match="holds no finished design"):
+        empty.design()
+    report = check_case(solution.case)
+    assert "share of time" in texts(report.tables["Flow of fast"])
     assert solution.scenarios == ("slow", "fast")
     slow = solution.scenario("slow")
     assert slow.energy == solution.summary.scenarios["slow"].energy_J

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hkt_mdo.case import Case, load_case, read_case
-from hkt_mdo.dynamics.flows import SineInflow, StepInflow
+from hkt_mdo.dynamics.flows import GustInflow, SineInflow, StepInflow, SumInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.errors import InputError
@@ -319,3 +319,13 @@ def test_any_text_gives_a_case_or_an_input_error(text):
     read_or_refuse(MINIMAL + "rotor: {radius: 3 " + text + "}")
     read_or_refuse(MINIMAL, (text,))
     read_or_refuse(MINIMAL, (f"rotor.blade={text}", f"name={text}"))
+
+
+def test_a_case_is_made_of_sections_too():
+    gust = SumInflow(parts=(SineInflow(mean=2.0), GustInflow()))
+    case = Case(inflow=gust, control=OpenLoop())
+    assert case.inflow.parts == gust.parts
+    assert same(load_case({"inflow": gust, "control": "open_loop"}), case)
+    assert same(read_case(case.to_yaml()), case)
+    assert "profile: sum" in case._repr_html_()
+    assert repr(case).startswith("<Case ")

@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import types
+import warnings
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,8 @@ class FakeRun(types.ModuleType):
         self.case, self.out, self.options = case, out, options
         if progress is not None:
             progress(1, 320000.0, 1e-3)
+            done = {"number": 1, "converged": True, "iterations": 9, "objective_J": 1.0}
+            on_pass(types.SimpleNamespace(**done, remedy="a finer mesh", why="of errors"))
         if self.saves:
             out.mkdir(parents=True, exist_ok=True)
             (out / "summary.json").write_text("{}")
@@ -79,6 +82,7 @@ def test_run_succeeds_and_is_plain_in_a_pipe(fake, capsys):
     assert out.startswith("sine_limited_quadratic: searching for a start\n")
     assert out.endswith("\nsine_limited_quadratic: verified. Results: a/b\n")
     assert "322.24 kJ" in out
+    assert "pass 1 converged in 9 iterations, 1.0000 J; next, a finer mesh: of errors" in out
     assert "\x1b" not in out
     assert err == ""
     assert fake.out == Path("a/b")
@@ -86,6 +90,9 @@ def test_run_succeeds_and_is_plain_in_a_pipe(fake, capsys):
     assert fake.case.name == "sine_limited_quadratic"
     assert main(["run", CASE, "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
+    for arguments, word in ([], "hkt new"), (["--version"], "hkt_mdo "):
+        assert main(arguments) == 0
+        assert word in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("options", [[], ["--quiet"]])
@@ -153,6 +160,26 @@ def test_bad_input_exits_with_2(result_folder, capsys, command, told):
     assert out == ""
     assert re.search(told, " ".join(err.split()))
     assert "Traceback" not in err
+
+
+@pytest.mark.filterwarnings("default::RuntimeWarning")
+def test_only_our_warnings_are_shown(fake, capsys, monkeypatch):
+    import hkt_mdo.errors
+
+    def run_case(*_, **__):
+        for text, category, module in (
+            ("ours", UserWarning, hkt_mdo.errors),
+            ("of numbers", RuntimeWarning, hkt_mdo.errors),
+            ("theirs", UserWarning, json),
+        ):
+            warnings.warn_explicit(text, category, module.__file__, 1, module.__name__)
+        return Solution.load(fake.result)
+
+    monkeypatch.setattr(fake, "run_case", run_case)
+    show = warnings.showwarning
+    assert main(["run", CASE, "--quiet"]) == 0
+    assert capsys.readouterr().err == "warning: ours\n"
+    assert warnings.showwarning is show
 
 
 def test_module_is_the_command():

@@ -1,17 +1,19 @@
 """`hkt polar`: an outline's polars by NeuralFoil, usable as they are written, or nothing at all."""
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hkt_mdo.cli import main
-from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds
+from hkt_mdo.cli.polar_report import draw_report, parse_alpha, parse_reynolds
 from hkt_mdo.errors import InputError, install
+from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES
 from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
 from hkt_mdo.rotor.airfoil import PolarFamily
-from hkt_mdo.rotor.neuralfoil import compute_polars
+from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline
 
 COLUMNS = "alpha_deg", "cl", "cd", "cm", *SURFACES, "confidence", "reynolds"
@@ -159,3 +161,15 @@ def test_list_of_reynolds_numbers():
     for text in ("", "2e5,", "2e5;5e5", "inf", "nan"):
         with pytest.raises(InputError, match="--reynolds"):
             parse_reynolds(text)
+
+
+def test_the_figure_has_lift_over_drag_and_suction():
+    (table,) = read_polars("naca63815_Re2e5")
+    polar = ComputedPolar(table, np.ones(table.alpha.size))
+    lift, drag, ratio, suction = draw_report("a", [polar], []).axes
+    np.testing.assert_allclose(ratio.lines[1].get_ydata(), table.lift / table.drag)
+    most = -np.min(np.atleast_2d(table.smallest_pressure), axis=0)
+    np.testing.assert_allclose(suction.lines[1].get_ydata(), most)
+    assert (drag.get_yscale(), lift.get_yscale()) == ("log", "linear")
+    bare = ComputedPolar(replace(table, smallest_pressure=None), polar.confidence)
+    assert len(draw_report("a", [bare], []).axes) == 3

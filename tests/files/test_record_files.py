@@ -585,6 +585,11 @@ def test_json_that_is_no_record(tmp_path, text, message):
     assert str(path) in str(caught.value)
 
 
+def test_other_objects_are_refused():
+    with pytest.raises(InputError, match="'list': is no record; give a pandas DataFrame"):
+        record_from([1.0, 2.0])
+
+
 @pytest.mark.parametrize(
     ("name", "package"), [("a.nc", "xarray"), ("a.parquet", "pyarrow"), ("a.parquet", "pandas")]
 )

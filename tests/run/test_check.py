@@ -28,6 +28,7 @@ from hkt_mdo.run.check_figures import (
 )
 from hkt_mdo.run.findings import problem_size
 from hkt_mdo.start.find import find_start
+from tests.files.broken.blades import WINDIO
 
 CASES, DATA = Path(__file__).parents[2] / "cases", Path(__file__).parents[1] / "data"
 BASE = "{inflow: {profile: sine}, control: {law: quadratic}}"
@@ -247,6 +248,19 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     assert broken == ["limits.power", "limits.stress"]
 
 
+def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "turbine.yaml").write_text(WINDIO)
+    (tmp_path / "a.yaml").write_text(
+        "rotor: {blade: turbine.yaml, station_count: 6}\ninflow: {profile: sine}\n"
+        "control: {law: open_loop}\ndesign: {radius_bounds: [2, 3]}\n"
+    )
+    report = check_case(load_case(tmp_path / "a.yaml"))
+    told = "design.radius_bounds: broken at the start, at least 2 and at most 3 m; 1.4 m with the"
+    assert any(told in line for line in warnings(report))
+    assert "thick, thin" in rows(report, "Turbine")
+    assert "polars for 1e6" in rows(report, "Turbine")
+
+
 def test_notes_of_files(tmp_path: Path) -> None:
     time = np.arange(0.0, 60.0, 0.5)
     speed = 150.0 + 20.0 * np.sin(0.25 * time)
@@ -285,8 +299,8 @@ def test_command_draws_only_where_a_folder_is_given(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.yaml").write_text(
-        "rotor: {blade: river}\ninflow: {profile: constant, "
-        "speed: 1.5}\ncontrol: {law: open_loop}\ndesign: {chord_points: 6, twist_points: 5}\n"
+        f"rotor: {{blade: river}}\n{TURBULENCE.replace('=', ': ')}\n"
+        "control: {law: open_loop, torque_limit: 700}\ndesign: {chord_points: 6, twist_points: 5}\n"
     )
     assert main(["check", "a.yaml", "--out", "b", "--no-figures"]) == 0  # an option of 0.1
     assert list(folders(tmp_path)) == ["a.yaml"]

@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 
 from hkt_mdo.case import load_case
+from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run import log, run
+from hkt_mdo.run import check, log, run
 
 CASES = Path(__file__).parents[2] / "cases"
 # from the given blade: a search for a start takes most of a short run
@@ -93,6 +94,18 @@ def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch, where):
         run.run_case(case(), tmp_path / "out")
     if where != "make_physics":
         assert "--resume" in summary(tmp_path / "out")["message"]
+
+
+@pytest.mark.parametrize("command", [["run"], ["check"]])
+def test_an_interrupt_in_compiled_code_ends_a_command_with_its_code(
+    tmp_path, monkeypatch, capsys, command
+):
+    for module, name in ((run, "make_physics"), (check, "physics")):
+        monkeypatch.setattr(module, name, compiled_code_interrupted)
+    path = tmp_path / "case.yaml"
+    path.write_text(case().to_yaml())
+    assert main([*command, str(path)]) == 130
+    assert "interrupted: nothing was saved" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
