@@ -249,6 +249,22 @@ def test_negative_scale_of_a_bound_is_refused(package, optimizer, bounded):
 
 
 @every_optimizer
+def test_cases_are_recorded(package, optimizer, empty_directory):
+    driver = make_driver(package, optimizer)
+    driver.add_recorder(om.SqliteRecorder(str(empty_directory / "cases.sql")))
+    problem = hock_schittkowski_71(driver)
+    problem.run_driver()
+    problem.cleanup()
+    cases = om.CaseReader(str(empty_directory / "cases.sql"))
+    names = cases.list_cases("driver", out_stream=None)
+    assert len(names) == driver.result.model_evals
+    last = cases.get_case(names[-1])
+    np.testing.assert_allclose(last.get_design_vars()["x"], problem.get_val("x"))
+    assert last.get_objectives()["f"][0] == pytest.approx(17.0140173, abs=1e-6)
+    assert set(last.get_constraints()) == {"g", "h"}
+
+
+@every_optimizer
 def test_progress_is_reported_in_physical_objective_and_scaled_violation(package, optimizer):
     told = []
     driver = make_driver(package, optimizer, progress=lambda *news: told.append(news))

@@ -77,6 +77,13 @@ def test_with_the_blade_s_method_it_is_taken_as_it_is(result, limits):
     assert [record.strategy for record in start.starts] == [RESULT]
 
 
+def test_gains_of_another_law_are_fitted(result):
+    case = world(result("linear", gain=150.0), method="blade")
+    fitted = begin(case).gains[0]
+    assert fitted != 150.0
+    assert begin(case).operation.running
+
+
 def test_gains_over_the_flow_s_range_are_those_of_the_same_flow(result):
     gains = [10.0 * n for n in range(len(physics(TRACKING).law.gain_units))]
     folder = result("tracking", gains)

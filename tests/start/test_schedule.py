@@ -128,6 +128,18 @@ def test_a_given_blade_that_keeps_its_limit_best_at_first_does_not_lead_astray()
 
 
 @pytest.mark.slow
+def test_a_curve_does_not_begin_at_a_rotor_that_stops():
+    """Of four knots, one of the starts ends with a rotor that stops in this gust."""
+    gust = {"inflow": {"profile": "gust", "shape": "mexican_hat", "amplitude": 0.5}}
+    free, curve = (
+        physics(load_case(gust | {"control": control}))
+        for control in ({"law": "open_loop"}, {"law": "curve", "knots": 6})
+    )
+    best, found = (find_start(each, steady_optimum(each, each.blade)) for each in (free, curve))
+    assert found.operation.energy == pytest.approx(best.operation.energy, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_partials_of_the_loads_in_the_problem():
     case, found = world(stress="100 MPa"), start(stress="100 MPa")
     problem = assemble(case, Setup(found, curve_nodes(case, found)))
