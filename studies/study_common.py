@@ -5,8 +5,7 @@ from pathlib import Path
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import shipped_cases
-from hkt_mdo.files.shipped import shipped_rotor
+from hkt_mdo.files.shipped import shipped_cases, shipped_rotor
 from hkt_mdo.problem.turbine import build_turbine
 
 LAWS = ("oloc", "linear", "quadratic")

@@ -8,7 +8,7 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import find_case
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case

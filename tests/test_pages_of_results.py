@@ -13,10 +13,8 @@ PAGES = sorted(path.stem for path in (ROOT / "docs" / "data").glob("*.json"))
 OTHERWISE = {
     "cases": "generated: tests/test_documents.py",
     "studies/codesign_map": "its data are a table: tests/studies/test_codesign_map.py",
-    "generator_limits": "values of cases, not results",
     "install": "versions of packages",
     "exports": "options, and versions of other programs",
-    "openmdao": "its code is run and compared: tests/test_model_pages.py",
     "tutorials/year": "values of a case, not results",
 }
 """Pages with decimal numbers but without data, and why."""

@@ -24,7 +24,7 @@ def test_one_version_everywhere():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     assert citation["version"] == PROJECT["version"]
-    assert re.search(r"^## (\S+)", changes, re.MULTILINE)[1] == PROJECT["version"]
+    assert re.search(r"^## (?!Unreleased)(\S+)", changes, re.MULTILINE)[1] == PROJECT["version"]
     assert citation["license"] == PROJECT["license"]
 
 

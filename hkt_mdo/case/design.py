@@ -49,36 +49,31 @@ class Design(Section):
     """Whether chord and twist are optimized with the control, or kept."""
     chord_bounds: _Lengths | None = None
     """Bounds on the chord, [lower, upper]; null: from a fifth of the starting blade's smallest
-    chord to three times its largest, and [0.01, 1] for the paper's rotor (bahaj2007 with R = 1.4
-    m), as in the paper."""
+    chord to three times its largest, and [0.01, 1] for the paper's rotor."""
     twist_bounds: _Angles = (-30.0, 30.0)
     """Bounds on the twist, [lower, upper]."""
     chord_points: _Points | None = None
-    """Number of control points of a cubic B-spline of the chord along the span; with as many as
-    there are stations, each station's chord is designed. Null: each station's for up to 20 stations
-    of one section, else 8 points."""
+    """Number of control points of a cubic B-spline of the chord along the span. Null: the chord of
+    each station for up to 20 stations of one section, else 8 points."""
     twist_points: _Points | None = None
     """Number of control points of the twist along the span, as `chord_points`."""
     thickness_points: _Points | None = None
     """Number of control points of the thickness over chord, as `chord_points`; null: it is not
-    designed. Lift, drag, suction, outline and wall are splines over the thickness through
-    `rotor.sections`."""
+    designed (docs/own_turbine.md)."""
     thickness_bounds: _Thicknesses | None = None
     """Bounds on the thickness over chord, [lower, upper]; null: from the thinnest to the thickest
     section."""
     set_angle_bounds: _Angles | None = None
-    """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed. A
-    designed twist includes the set angle."""
+    """Bounds on the set angle of a fixed blade, [lower, upper]; null: it is not designed."""
     radius_bounds: _Lengths | None = None
     """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
-    with it; a fixed blade is scaled as a whole."""
+    with it."""
     hub_inertia_bounds: _Inertias | None = None
-    """Bounds on `rotor.hub_inertia`, [lower, upper], which is then the start; null: it is not
-    designed. With `inflow_dynamics: oye` a run raises the lower bound to the inertia from which the
-    loop is stable."""
+    """Bounds on `rotor.hub_inertia`, [lower, upper]; null: it is not designed. With
+    `inflow_dynamics: oye` the lower bound is at least the inertia from which the loop is stable."""
     hub_inertia_price: Annotated[float, Quantity("J/(kg*m**2)", ge=0)] = 0.0
-    """Price of the designed `hub_inertia`, subtracted from the objective, which must be an energy;
-    the energies of a result are without it."""
+    """Price of the designed `hub_inertia`, subtracted from the objective, an energy; the energies
+    of a result are without it."""
     gain_bounds: _Gains | None = None
     """Bounds on the gain, [lower, upper], plain numbers in the unit of `control.gain`; null: scaled
     from the gain at the start."""
@@ -119,14 +114,12 @@ class Phase(Section):
     order: Literal[3, 5, 7, 9] = 3
     """Order of the polynomials in each segment."""
     initial_speed: Literal["auto", "free", "equilibrium"] = "auto"
-    """Rotor speed at t = 0: `free`, or `equilibrium`, where hydrodynamic and generator torque are
-    equal; `auto`: `free` for open loop, `equilibrium` for feedback."""
+    """Rotor speed at t = 0: `free`, or in `equilibrium`; `auto`: `free` for open loop,
+    `equilibrium` for feedback."""
     final_speed: Literal["auto", "free", "initial"] = "auto"
-    """Rotor speed at the end: `free`, or, for open loop, `initial`, that of t = 0, so that no
-    stored energy counts; `auto`: `initial` for open loop, `free` for feedback and with a limit on a
-    rate. Where it is free, a rotor that stores more than 1 % of the captured energy is refused;
-    what the flow leaves in a rotor under feedback does not count.
-    """
+    """Rotor speed at the end: `free`, or, for open loop, `initial`, that of t = 0; `auto`:
+    `initial` for open loop, `free` for feedback and with a limit on a rate. Stored energy is
+    limited to 1 % (docs/checks.md)."""
 
 
 class Start(Section):
@@ -136,20 +129,19 @@ class Start(Section):
     """`quasi_steady` improves blade and gain by quasi-steady co-design first; `blade` starts from
     the blade as given, and ends at a local optimum near it."""
     from_: Annotated[str | None, AfterValidator(_find_result), Field(alias="from")] = None
-    """Folder of an earlier result, whose blade, radius if designed, and gains under the same law
-    the search for a start tries as well; with `method: blade` the optimization begins there. `hkt
-    check` prints what is used."""
+    """Folder of an earlier result, whose design the search for a start tries as well; with `method:
+    blade` the optimization begins there."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"
-    """Whether the start keeps limits such as that of the power by turning faster (`overspeed`) or
-    slower (`underspeed`) than at the best tip speed ratio; `best`: by the larger objective."""
+    """Whether the start keeps limits by turning faster (`overspeed`) or slower (`underspeed`) than
+    at the best tip speed ratio; `best`: by the larger objective."""
 
 
 class Hydrodynamics(Section):
     """How the rotor's torque is computed."""
 
     bem: Literal["vectorized", "ccblade"] = "vectorized"
-    """Blade element momentum solver of the optimization: `vectorized`, the package's own, or
-    WISDEM's `ccblade`, which is slower and needs `hkt_mdo[ccblade]`."""
+    """Blade element momentum solver of the optimization: the package's own, or WISDEM's, which is
+    slower and needs `hkt_mdo[ccblade]`."""
     torque: Literal["curve", "direct"] = "curve"
     """`curve`: torque coefficient over tip speed ratio, computed once for each design; `direct`:
     the solver runs at every node."""
@@ -166,11 +158,10 @@ class InflowDynamics(Section):
     """
 
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
-    """`quasi_steady`: without delay; `oye`: with the two filters of Oye, in optimization,
-    independent simulation and checks (docs/dynamic_inflow.md)."""
+    """`quasi_steady`: without delay; `oye`: with the two filters of Oye (docs/dynamic_inflow.md).
+    """
     tau1: Annotated[float, Quantity("s", ge=1e-3, le=1e4)] | None = None
-    """Time constant of the slow filters of `oye`; null: 1.1 R / ((1 - 1.3 a) v) with the induction
-    a in equilibrium at 0.7 R, at most 0.5."""
+    """Time constant of the slow filters of `oye`; null: by the induction at 0.7 R."""
 
     @property
     def remembers(self) -> bool:
@@ -199,8 +190,8 @@ class Driver(Section):
     """The optimizer and the package that provides it."""
 
     package: Literal["auto", "pyoptsparse", "casadi", "scipy"] = "auto"
-    """`auto` takes pyoptsparse if it is installed and has the optimizer, else casadi (IPOPT) or
-    scipy (SLSQP). Only pyoptsparse provides SNOPT."""
+    """`auto`: pyoptsparse if it is installed and has the optimizer, else casadi (IPOPT) or scipy
+    (SLSQP). Only pyoptsparse has SNOPT."""
     optimizer: Annotated[
         Literal["IPOPT", "SLSQP", "SNOPT"],
         BeforeValidator(lambda value: value.upper() if isinstance(value, str) else value),

@@ -10,6 +10,7 @@ import yaml
 from hkt_mdo.case.kinds import Extension, known_kinds
 from hkt_mdo.case.schema import case_class
 from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.files.template import templates
 from hkt_mdo.files.yaml_text import Dumper
 
 
@@ -89,21 +90,13 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
     It has a preface, every section with every key, and the shipped names. `extensions` are those of
     `hkt_mdo.case.load_case`.
     """
-    import jinja2  # takes long to import
-
     schema = case_json_schema(extensions)
-    environment = jinja2.Environment(
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters |= {"kind": _kind, "yaml": _yaml, "code": _code, "inner": _inner_sections}
-    environment.filters["apart"] = _without_repeated_keys
-    page = Path(__file__).with_name("page.md").read_text(encoding="utf-8")
+    about = {"kind": _kind, "yaml": _yaml, "code": _code}
+    parts = {"inner": _inner_sections, "apart": _without_repeated_keys}
+    page = templates(Path(__file__).parent, **about, **parts).get_template("page.md")
     brought = {name: shipped_rotor(name) for name in shipped_names("blade")}
     grouped = {name for polars in POLAR_FAMILIES.values() for name in polars}
-    return environment.from_string(page).render(
+    text = page.render(
         chapters=list(_chapters(schema)),
         known=schema["properties"],
         blades=brought,
@@ -113,6 +106,7 @@ def case_markdown(extensions: Iterable[Extension] = ()) -> str:
         outlines=shipped_names("outline"),
         materials=MATERIALS,
     )
+    return str(text)
 
 
 def _without_repeated_keys(
@@ -122,12 +116,13 @@ def _without_repeated_keys(
 
     The third value has the names of these keys, by the title of the section that has them.
     """
-    known: dict[str, tuple[str, Any]] = {}
+    known: dict[tuple[str, str], str] = {}  # the first section that has a key with these words
     for tag, section in sections.items():
         again: dict[str, list[str]] = {}
+        own_title = section.get("title", "")
         for key, value in section["properties"].items():
-            title, earlier = known.setdefault(key, (section.get("title", ""), value))
-            if earlier is not value and earlier == value:
+            title = known.setdefault((key, str(value)), own_title)
+            if title != own_title:
                 again[title] = [*again.get(title, ()), key]
         repeated = {key for keys in again.values() for key in keys}
         own = {key: x for key, x in section["properties"].items() if key not in repeated}

@@ -4,8 +4,6 @@ An error in a method or property of an extension, or a result that no formula ma
 `InputError` that names the class, its file, the method and what is wrong.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

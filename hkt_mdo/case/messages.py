@@ -1,12 +1,10 @@
 """Errors of pydantic in words for the user: the key, the problem and the remedy."""
 
-from __future__ import annotations
-
 import re
-from collections.abc import Iterable
-from typing import Any, NamedTuple, get_args
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple, TypeVar, get_args
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
@@ -25,6 +23,8 @@ KINDS = {
 
 TAGS = KINDS | {"inflow_dynamics": "model"}
 """These sections, and others, may be given by the name of the kind alone."""
+
+_Model = TypeVar("_Model", bound=BaseModel)
 
 _SECTION = (
     "must be a section of keys and values",
@@ -103,26 +103,34 @@ def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
     return {get_args(m.model_fields[field.discriminator].annotation)[0]: m for m in members}
 
 
-def translate(
-    errors: list[ErrorDetails], root: type[BaseModel], file: str, overrides: dict[str, str]
-) -> InputError:
-    """Return the first of pydantic's errors as an `InputError`, in words for the user.
+def validated(
+    root: type[_Model],
+    data: Mapping[str, Any],
+    file: str,
+    overrides: Mapping[str, str] | None = None,
+    context: Mapping[str, Any] | None = None,
+) -> _Model:
+    """Return a section made of data; the first error is an `InputError` in words for the user.
 
-    `root` is the class that was validated, `file` what messages call the text. An error in one of
-    the overrides, which are given by their keys, is reported as such.
+    `file` is what messages call the text, `context` that of pydantic's validators. An error in one
+    of the overrides, which are given by their keys, is reported as such.
     """
+    try:
+        return root.model_validate(data, context=context)
+    except ValidationError as error:
+        found = error.errors(include_url=False)
     # a list whose items are refused is not too short as well
     errors = [
-        e for e in errors if e["type"] != "too_short" or len(e["input"]) < e["ctx"]["min_length"]
+        e for e in found if e["type"] != "too_short" or len(e["input"]) < e["ctx"]["min_length"]
     ]
-    key, problem, remedy, found = _words(errors[0], root)
+    key, problem, remedy, value = _words(errors[0], root)
     if len(errors) > 1:
         remedy = f"{remedy} (and {len(errors) - 1} more)"
-    for overridden, text in overrides.items():
+    for overridden, text in (overrides or {}).items():
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
             break
-    return InputError(problem, remedy, file=file, key=key, **found)
+    raise InputError(problem, remedy, file=file, key=key, **value)
 
 
 def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, dict[str, Any]]:

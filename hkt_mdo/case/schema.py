@@ -16,7 +16,6 @@ from pydantic import (
     Field,
     SerializeAsAny,
     Strict,
-    ValidationError,
     create_model,
     model_validator,
 )
@@ -24,7 +23,7 @@ from pydantic.fields import FieldInfo
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
-from hkt_mdo.case.messages import TAGS, translate
+from hkt_mdo.case.messages import TAGS, validated
 from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
@@ -35,7 +34,7 @@ from hkt_mdo.dynamics.objectives import CapturedEnergy, Objective
 from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.sections import Quantity, Section, refusal
@@ -63,9 +62,10 @@ def _known_version(version: int) -> int:
 
 
 class Limits(Section):
-    """Limits besides `control.torque_limit`, each under its name.
+    """Limits besides `control.torque_limit`, each under its name (docs/theory.md).
 
-    A limit whose only key is `bound` may be given as that alone, such as `limits: {power: 5 kW}`.
+    A limit is given as its bound, such as `limits: {power: 5 kW}`, or as a section with the key
+    `bound`.
     """
 
     @property
@@ -76,36 +76,31 @@ class Limits(Section):
 
 
 class FlowScenario(Section):
-    """One of several flows, for which one blade and one controller are designed.
-
-    Keys that it does not have are taken from the case.
-    """
+    """One of several flows; keys that it does not have are taken from the case."""
 
     name: (
         Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=LONGEST_NAME)] | None
     ) = None
-    """Name of the scenario and of its tables: up to 40 letters and digits and `_` that begin with a
-    letter; null: `flow_1`, and so on."""
+    """Name: up to 40 letters and digits and `_` that begin with a letter; null: `flow_1`, and so
+    on."""
     inflow: SerializeAsAny[Inflow] | None = None
     """Flow, as `inflow` of the case."""
     resource: SerializeAsAny[Resource] | None = None
     """Hours of each speed in place of `inflow`, as `resource` of the case."""
     steady: bool = False
-    """Whether the rotor is in equilibrium at each of the flow's speeds, without their order, as
-    with a resource."""
+    """Whether the flow's speeds are taken without their order, as with a resource."""
     weight: Annotated[float, Quantity(ge=0)] = 1.0
-    """Share of time, over the sum of all weights. With weight 0 the scenario is a load case: its
-    limits hold, and it counts in no energy and no measure of `robustness`."""
+    """Share of time, over the sum of all weights. With weight 0 it is a load case: its limits hold,
+    its energy does not count."""
     realizations: Annotated[int, Strict(), Field(ge=1, le=200)] | None = None
-    """Number of flows with the seeds `inflow.seed` and the next ones. They share the weight, and
-    are scenarios `NAME_1`, `NAME_2`, and so on."""
+    """Number of flows with the seeds `inflow.seed` and the next ones, which share the weight:
+    `NAME_1`, `NAME_2`, and so on."""
     duration: Annotated[float, Quantity("s", gt=0, le=3.2e7)] | None = None
     """Duration; null: `phase.duration`, or that of the flow's record, or 60 s."""
     segments: Annotated[int, Strict(), Field(ge=2, le=20000)] | None = None
     """Number of collocation segments; null: `phase.segments`, or as many as the flow needs."""
     limits: SerializeAsAny[Limits] = Limits()
-    """Limits over time, as `limits` of the case: besides those of the case, or in place of those of
-    the same name."""
+    """Limits over time, besides those of the case or in place of those of the same name."""
     density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] | None = None
     """Density of the water; null: `fluid.density`."""
     condition: Condition | None = None
@@ -169,19 +164,15 @@ class Case(Section):
     inflow: SerializeAsAny[Inflow]
     """Inflow speed over time; `profile` says which kind."""
     resource: SerializeAsAny[Resource] | None = None
-    """How long the flow has each speed in a year, in place of `inflow`; `profile` says which kind.
-    The rotor is then in equilibrium at each speed, energies are those of a year, and an
-    optimization takes seconds."""
+    """How long the flow has each speed in a year, in place of `inflow`: the profiles `histogram` to
+    `long_record` (docs/year.md)."""
     control: SerializeAsAny[Law]
     """Control law; `law` says which."""
     limits: SerializeAsAny[Limits] = Limits()
     generator: Generator = Generator()
 
     scenarios: SerializeAsAny[tuple[FlowScenario, ...]] = Field((), max_length=MOST_SCENARIOS)
-    """Several flows, for which one blade and one controller are designed.
-
-    A feedback law has the same gains in all of them, open loop a trajectory for each. The objective
-    is the mean power over all scenarios times `phase.duration`."""
+    """Several flows, for which one blade and one controller are designed (docs/flows.md)."""
     robustness: SerializeAsAny[Aggregate] = Expected()
     """How the scenarios' mean powers are combined into one objective; `measure` says which way."""
 
@@ -628,12 +619,12 @@ def _make_case(
     data.setdefault("name", name)
     made = case_class(kinds)
     try:
-        return made.model_validate(data, context={"folder": folder, "check_files": check_files})
-    except ValidationError as error:
-        failure = translate(error.errors(include_url=False), made, file, given)
+        context = {"folder": folder, "check_files": check_files}
+        return validated(made, data, file, given, context)
+    except InputError as failure:
         if data.get("resource") and failure.key.partition(".")[0] == "inflow":
             failure.key = failure.key.replace("inflow", "resource", 1)
-        raise failure from None
+        raise
 
 
 def assign(data: dict[str, Any], override: str, file: str) -> str:

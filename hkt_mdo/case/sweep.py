@@ -13,13 +13,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import yaml
-from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
+from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.case.kinds import Extension
-from hkt_mdo.case.messages import translate
+from hkt_mdo.case.messages import validated
 from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import find_case
+from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.sections import Section, refusal
@@ -51,6 +51,17 @@ class Axis(Section):
     """Number of values of a range; null: random samples."""
     spacing: Literal["linear", "log"] = "linear"
     """Whether values of a range differ by the same amount, or by the same factor."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spell_out(cls, given: Any) -> Any:
+        """Take a list for the values."""
+        if isinstance(given, list | tuple):
+            return {"values": given}
+        if not isinstance(given, dict):
+            remedy = "write a list, or {from: 1, to: 2, count: 5}"
+            raise refusal("must be a list or a range of numbers", remedy)
+        return given
 
     @model_validator(mode="after")
     def _check(self) -> Axis:
@@ -103,22 +114,12 @@ class Axis(Section):
         return list(self.values) if self.values else self.at(np.linspace(0.0, 1.0, self.count or 2))
 
 
-def _spelled_out(given: Any) -> Any:
-    """Return an axis that is given as a list with its key."""
-    if isinstance(given, list | tuple):
-        return {"values": given}
-    if not isinstance(given, dict | Axis):
-        remedy = "write a list, or {from: 1, to: 2, count: 5}"
-        raise refusal("must be a list or a range of numbers", remedy)
-    return given
-
-
 class Sweep(Section):
     """Many runs of one case, in which some keys have other values."""
 
     case: str
     """Case file, relative to the sweep's folder, or the name of a shipped case."""
-    over: Annotated[dict[str, Annotated[Axis, BeforeValidator(_spelled_out)]], Field(min_length=1)]
+    over: Annotated[dict[str, Axis], Field(min_length=1)]
     """Values of keys of the case, such as `control.torque_limit: [500, 600]`. Each combination of
     lists and of ranges with a `count` is run, with each sample of the ranges without one."""
     set_: dict[str, Any] = Field({}, alias="set")
@@ -232,16 +233,7 @@ def load_sweep(
     if not isinstance(data, dict):
         remedy = "write case: FILE and over: {control.torque_limit: [500, 600, 700]}"
         raise InputError("must hold keys and values at its top", remedy, file=path, value=data)
-    try:
-        sweep = Sweep.model_validate(data)
-    except ValidationError as error:
-        errors = error.errors(include_url=False)
-        first, *rest = errors[0]["loc"] or ("",)
-        if first == "over" and len(rest) > 1:  # in an axis
-            told = translate([errors[0] | {"loc": tuple(rest[1:])}], Axis, str(path), {})
-            told.key = f"over.{rest[0]}.{told.key}"
-            raise told from None
-        raise translate(errors, Sweep, str(path), {}) from None
+    sweep = validated(Sweep, data, str(path))
     if not check:
         return sweep
     case = path.parent / sweep.case

@@ -44,10 +44,7 @@ _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
 
 
 class Material(Section):
-    """What the blades are made of: a shipped name, or its properties along the blade.
-
-    Stiffness and strength are the same in tension and compression.
-    """
+    """What the blades are made of: a shipped name, or its properties along the blade."""
 
     density: Annotated[float, Quantity("kg/m**3", gt=0)]
     """Density."""
@@ -76,8 +73,8 @@ class Material(Section):
 class SectionMoments(Section):
     """Second moments of area of a section's material over the fourth power of its chord.
 
-    About its centroid, x along the chord towards the trailing edge, y across it towards the suction
-    side.
+    About its centroid; x is along the chord towards the trailing edge, y across it towards the
+    suction side.
     """
 
     flapwise: Annotated[float, Quantity(gt=0)]
@@ -85,7 +82,7 @@ class SectionMoments(Section):
     edgewise: Annotated[float, Quantity(gt=0)]
     """Integral of x² dA: bending about the axis across the chord."""
     product: Annotated[float, Quantity()] = 0.0
-    """Integral of x y dA; 0 where the principal axes lie along and across the chord."""
+    """Integral of x y dA."""
 
     @model_validator(mode="after")
     def _check_product(self) -> SectionMoments:
@@ -105,7 +102,7 @@ class SectionFile(Section):
     """Lift and drag of the section, given as `rotor.polar`."""
     outline: _Outline = None
     """Outline, as `rotor.outline`; null: that which the polar names, or the rotor's, stretched to
-    the thickness."""
+    the thickness, with a note."""
     thickness: Annotated[float, Quantity(gt=0, le=1)] | None = None
     """Largest thickness over chord; null: that of the outline."""
     wall: _Wall | None = None
@@ -118,41 +115,34 @@ class SectionFile(Section):
 
 
 class Rotor(Section):
-    """The turbine's rotor: its size, its blade at the start, its sections and its inertia.
+    """The rotor: size, blade at the start, sections and inertia.
 
-    A key that is null is taken from the blade: a shipped blade has its turbine's values, and a
-    windIO file has nearly all of them.
+    A null is taken from the blade: a shipped one has all values, a windIO file nearly all.
     """
 
     radius: Annotated[float, Quantity("m", gt=0, le=1000)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
     scaled."""
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
-    """Hub radius over tip radius; null: the blade's own, or 0.125 where its file has none."""
+    """Hub radius over tip radius; null: the blade's own, or 0.125."""
     blade_count: Annotated[int, Strict(), Field(ge=1, le=10)] | None = None
-    """Number of blades; two to six are usual. Null: the blade's own, or 3 where its file has none.
-    """
+    """Number of blades; null: the blade's own, or 3."""
     cone: Annotated[float, Quantity("deg", ge=-45, le=45)] | None = None
     """Cone angle between the blades and the rotor plane; null: the blade's own, or 0."""
     stations: Annotated[tuple[_Station, ...], Field(min_length=3, max_length=200)] | None = None
     """Rising stations r/R of chord and twist between hub and tip; null: the rows of the blade's
-    file.
-
-    The paper's blade has nine segments; that these are nine stations is our assumption.
-    """
+    file."""
     station_count: Annotated[int, Strict(), Field(ge=3, le=200)] | None = None
-    """Number of stations in place of `stations`, closer together towards hub and tip, where the
-    load changes fastest. Null: 40 if chord or twist are splines or the case has limits, because
-    nine stations may make loads a fifth too small; otherwise those of the blade."""
+    """Number of stations in place of `stations`, closer together towards hub and tip. Null: 40 if
+    chord or twist are splines or the case has limits; otherwise those of the blade."""
     blade: _File = "bahaj2007"
-    """Blade at the start: a shipped name, or the path, from the folder of the case file, of a CSV
-    file (columns such as `r_m, chord_m, twist_deg`, optionally `section` or `t_over_c`), an AeroDyn
-    15 blade file or a windIO turbine."""
+    """Blade at the start: a shipped name, or the path of a CSV file (columns such as `r_m, chord_m,
+    twist_deg`, optionally `section` or `t_over_c`), an AeroDyn 15 blade file or a windIO turbine.
+    """
     chord: tuple[Annotated[float, Quantity("m", gt=0)], ...] | None = None
     """Chord at each station; given with `twist`, in place of the blade file."""
     twist: tuple[Annotated[float, Quantity("deg", ge=-180, le=180)], ...] | None = None
-    """Twist from the rotor plane at each station, including the set angle; given with `chord`, in
-    place of the blade file."""
+    """Twist from the rotor plane at each station, including the set angle; given with `chord`."""
     set_angle: Annotated[float, Quantity("deg", ge=-90, le=90)] | None = None
     """Set angle, added to the twist of the blade file; null: 5 degrees for bahaj2007, else 0."""
     polar: _File | None = None
@@ -160,34 +150,32 @@ class Rotor(Section):
     airfoiltools.com), an AeroDyn airfoil table or a polar of XFOIL or XFLR5; null: the blade's own,
     or naca63815_Re2e5."""
     outline: _Outline = None
-    """Outline, for thickness, area and inertia: a shipped name, or the path of a CSV file
+    """Outline, for thickness, mass and stress: a shipped name, or the path of a CSV file
     (`x_over_c, y_over_c`), of a Selig or Lednicer file, or of AeroDyn's coordinates; null: the
     blade's own, or that which the `polar` names, or naca63815."""
     sections: Annotated[tuple[SectionFile, ...], Field(max_length=50)] = ()
-    """Several sections in place of `polar` and `outline`. Polars are blended between the two
-    sections next to a station, by thickness or by name as in the blade file."""
+    """Several sections in place of `polar` and `outline`, blended along the blade by thickness or
+    by name, as in the blade file."""
     reynolds: Literal["invariant", "local"] = "invariant"
-    """`local`: a station's polar follows its Reynolds number (chord times relative speed over
-    viscosity), which needs tables for several, and torque is computed at every node; `invariant`:
-    it does not, as in the paper."""
+    """`local`: each station's polar follows its Reynolds number, which needs tables for several;
+    `invariant`: it does not."""
     reynolds_number: Annotated[float, Quantity(gt=0)] | None = None
-    """Reynolds number at which an `invariant` polar with several tables is read; null: of a windIO
-    file, midway between the lowest and the highest, in the logarithm."""
+    """Reynolds number at which an `invariant` polar with several tables is read; null: for a windIO
+    file, midway in the logarithm."""
     material: Material = Field(default="aluminium_6061_t6", validate_default=True)  # type: ignore[assignment]
-    """Material of the blades: a shipped name, or a section of its properties."""
+    """Material of the blades: a shipped name, or its properties."""
     material_density: Annotated[float, Quantity("kg/m**3", gt=0)] | None = None
-    """Density of the blades in place of the material's, such as the mean of a blade of unknown
-    structure."""
+    """Density of the blades, in place of the material's."""
     modulus: Annotated[float, Quantity("Pa", gt=0)] | None = None
     """Young's modulus of the blades, in place of the material's."""
     wall: _Wall | None = None
     """Wall thickness of hollow blades over the chord; null: solid blades. The inside has no weight
-    and carries no load; the section is solid where the walls meet. Buckling is not checked."""
+    and carries no load. Buckling is not checked."""
     hub_inertia: Annotated[float, Quantity("kg*m**2", ge=0)] = 0.0
     """Moment of inertia about the shaft of everything that turns except the blades."""
     added_inertia: Literal["none", "plate", "ellipse"] = "none"
-    """The water that the blades accelerate, as part of the inertia: `none`; `plate`, of flat plates
-    of the sections' chord; `ellipse`, of ellipses of chord and thickness (docs/rotor_model.md)."""
+    """The water that the blades accelerate, as part of the inertia, as of flat plates or of
+    ellipses (docs/rotor_model.md)."""
 
     @model_validator(mode="before")
     @classmethod
@@ -260,11 +248,7 @@ class Site(Section):
 
 
 class Condition(Section):
-    """How the actual turbine differs from what the files and the control law say.
-
-    Sections may be fouled or worn, the rotor may carry more mass, and the generator's torque may be
-    in error.
-    """
+    """How the actual turbine differs from the design, such as by fouled sections."""
 
     lift: Annotated[float, Quantity(gt=0, le=2)] = 1.0
     """Factor on the lift coefficients of all sections."""
@@ -275,7 +259,7 @@ class Condition(Section):
     inertia: Annotated[float, Quantity(gt=0, le=20)] = 1.0
     """Factor on the rotor's moment of inertia."""
     torque_constant: Annotated[float, Quantity(gt=0, le=2)] = 1.0
-    """Actual torque on the rotor over the torque that a feedback law demands, after its limit."""
+    """Torque on the rotor over the torque that a feedback law demands, after its limit."""
 
     @property
     def fouls(self) -> bool:
@@ -287,10 +271,7 @@ _Deviation = Annotated[float, Quantity(ge=0, lt=MOST_SPREAD)]
 
 
 class Spread(Section):
-    """Standard deviations of normal distributions about the values of a scenario; 0: no deviation.
-
-    Each realization is drawn from them, none farther than three standard deviations away.
-    """
+    """Standard deviations of the realizations about the scenario, normal and cut off at three."""
 
     lift: _Deviation = 0.0
     """Of the factor on the lift."""
@@ -309,23 +290,21 @@ class Spread(Section):
         self, condition: Condition, density: float, number: int
     ) -> tuple[Condition, float | None]:
         """Return condition of the turbine and density of the water (kg/m**3) of a realization."""
-        names = "lift", "drag", "inertia", "torque_constant", "density"
-        draws = np.random.default_rng((self.seed, number)).standard_normal(len(names))
+        names = "lift", "drag", "inertia", "torque_constant"
+        draws = np.random.default_rng((self.seed, number)).standard_normal(len(names) + 1)
+        *factors, last = np.clip(draws, -MOST_DRAW, MOST_DRAW).tolist()
         moved = {
-            name: getattr(self, name) * float(draw)
-            for name, draw in zip(names, np.clip(draws, -MOST_DRAW, MOST_DRAW), strict=True)
+            name: getattr(condition, name) + getattr(self, name) * draw
+            for name, draw in zip(names, factors, strict=True)
         }
-        density += moved.pop("density")
-        return condition.model_copy(
-            update={name: getattr(condition, name) + by for name, by in moved.items()}
-        ), density
+        return condition.model_copy(update=moved), density + self.density * last
 
 
 class Fluid(Section):
     """The water."""
 
     density: Annotated[float, Quantity("kg/m**3", gt=0, le=20000)] = 1000.0
-    """Density of the water. The paper does not give it; its tables imply the default."""
+    """Density of the water."""
     kinematic_viscosity: Annotated[float, Quantity("m**2/s", gt=0)] = 1.0e-6
-    """Kinematic viscosity, used if `rotor.reynolds` is local; 1.0e-6 for fresh water at 20 degrees
-    Celsius, 1.2e-6 for sea water at 15."""
+    """Kinematic viscosity, used if `rotor.reynolds` is local; of sea water at 15 degrees Celsius
+    1.2e-6."""

@@ -3,8 +3,6 @@
 What takes long to import waits inside the commands, so that help comes at once.
 """
 
-from __future__ import annotations
-
 import gc
 import inspect
 import io
@@ -19,7 +17,7 @@ from typing import Annotated
 
 import typer
 
-from hkt_mdo.cli import case, resource, results, run, sweep
+from hkt_mdo.cli import case, results, run
 from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code, program_version
 
@@ -38,10 +36,10 @@ app = typer.Typer(
 )
 _PANELS = {
     "Write and check a case": (case.new, case.check, case.schema, case.n2),
-    "Optimize": (run.run, sweep.sweep),
+    "Optimize": (run.run, run.sweep),
     "Look at results": (results.show, results.plot, results.report, results.compare),
     "Use a result": (results.simulate, results.export),
-    "Data": (case.polar, resource.resource),
+    "Data": (case.polar, case.resource),
 }
 for _panel, _commands in _PANELS.items():
     for _command in _commands:

@@ -1,6 +1,4 @@
-"""The commands that help to write a case: new, check, n2, schema, polar."""
-
-from __future__ import annotations
+"""The commands that help to write a case: new, check, n2, schema, polar, resource."""
 
 from pathlib import Path
 from typing import Annotated
@@ -137,4 +135,28 @@ def polar(
 
     given = outline, parse_reynolds(reynolds), parse_alpha(alpha), out, n_crit, model
     for line in report_polars(*given, beside or (), force):
+        echo(line)
+
+
+_FILE = "Record of a speed or a discharge: CSV, JSON of NOAA or USGS as MHKiT saves it, NetCDF."
+_KEY = "A key of the profile long_record, such as speed_column=v or rating=curve.csv."
+_TIDE = "Tidal constituents, such as M2,S2,K1, or auto for those that the record separates."
+
+
+def resource(
+    file: Annotated[Path, Argument(metavar="FILE", help=_FILE)],
+    out: parts.Folder = Path("results/resource"),
+    keys: Annotated[list[str] | None, Option("--set", metavar="KEY=VALUE", help=_KEY)] = None,
+    constituents: Annotated[str, Option(metavar="NAMES", help=_TIDE)] = "",
+    force: parts.Force = False,
+) -> None:
+    """Read a long record of a flow, and write how long it has each speed.
+
+    Writes resource.csv, the hours of each speed in a year, with case.yaml, the lines that a case
+    takes, and figures. With --constituents also tide.yaml, the constituents of the tide, and what
+    they explain of the record; their prediction is drawn beside it.
+    """
+    from hkt_mdo.cli.resource_report import report_resource
+
+    for line in report_resource(file, out, keys or (), constituents, force):
         echo(line)

@@ -3,11 +3,9 @@
 from pathlib import Path
 
 from hkt_mdo.case import commented_case, read_case
-from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, shipped_rotor
-from hkt_mdo.files.table import make_folder, read_text
-from hkt_mdo.results.folder import write_files
+from hkt_mdo.files.table import read_text, write_new
 
 _USUAL = (
     "blade radius hub_radius_fraction blade_count set_angle station_count polar outline reynolds "
@@ -74,7 +72,4 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
 {commented_case(values, _USUAL)}"""
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)
     texts = {path: text} | texts
-    refuse_existing(texts, force)
-    make_folder(path.parent)
-    write_files({file: text.encode() for file, text in texts.items()})
-    return list(texts)
+    return write_new({file: text.encode() for file, text in texts.items()}, force)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import os
-import sys
 from collections.abc import Iterable
 from contextvars import ContextVar
 from pathlib import Path
@@ -13,9 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from typer import Argument, BadParameter, Option, echo
-
-from hkt_mdo.errors import InputError
+from typer import Argument, BadParameter, Exit, Option, echo
 
 if TYPE_CHECKING:
     from hkt_mdo.case import Case
@@ -80,18 +75,16 @@ def read_result(folder: Path) -> Solution:
     return Solution.load(folder, extensions=EXTENSIONS.get())
 
 
-def refuse_existing(files: Iterable[Path], force: bool) -> None:
-    """Refuse to write files that are there, unless they are to be replaced."""
-    remedy = "give --force to replace it, or another name"
-    for file in files:
-        if os.path.lexists(file) and not (force and file.is_file()):
-            raise InputError("is there already", remedy, file=file)
-
-
 def complain(what: str, message: str) -> None:
     """Print one line to standard error, such as ``error: ...``."""
     line = "".join(letter if letter.isprintable() else " " for letter in message)
     echo(f"{what}: {line}", err=True)
+
+
+def ended(code: int, message: str) -> Exit:
+    """Return the end of a command with a code, after its message on standard error."""
+    complain("interrupted" if code == INTERRUPTED else "error", message)
+    return Exit(code)
 
 
 def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bool = False) -> None:
@@ -159,11 +152,11 @@ def plain_rows(rows: Iterable[Row], **where: Any) -> list[dict[str, Any]]:
 
 def print_records(records: list[dict[str, Any]], as_json: bool) -> None:
     """Print records of the same keys as JSON, else as CSV."""
+    from hkt_mdo.files.table import csv_text
     from hkt_mdo.results.folder import to_json
 
     if as_json:
         echo(to_json(records))
-        return
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    writer.writerow(records[0] if records else ())
-    writer.writerows(record.values() for record in records)
+    else:
+        names = records[0] if records else ()
+        echo(csv_text(names, (record.values() for record in records)), nl=False)

@@ -1,7 +1,5 @@
 """Files of `hkt polar`: polars of an outline as a CSV file, and a figure of them."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from importlib.metadata import version
@@ -11,13 +9,12 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from hkt_mdo.cli.parts import refuse_existing
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES, PolarTable
-from hkt_mdo.files.table import make_folder, parse_number, write_files
+from hkt_mdo.files.table import parse_number, refuse_existing, write_new
 from hkt_mdo.results import style
-from hkt_mdo.results.polars import polar_panels
+from hkt_mdo.results.charts import polar_panels
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline
@@ -80,8 +77,7 @@ def report_polars(
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
     table = _csv(polars, f"# {conditions}, outline {show(Path(source).name)}")
     picture = style.png(draw_report(f"{name}: {conditions}", polars, others))
-    make_folder(out)
-    write_files({table_file: table, figure_file: picture})
+    write_new({table_file: table, figure_file: picture}, force)
     return [
         f"{name}: thickness {outline.thickness:.4f} c, area {outline.area:.4f} c²; second moments "
         f"about the chord line {outline.second_moments.xx:.3e} c⁴, across it "

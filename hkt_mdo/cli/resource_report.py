@@ -1,22 +1,18 @@
 """Files of `hkt resource`: hours of each speed, constituents of the tide, and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from pydantic import ValidationError
 
-from hkt_mdo.case.messages import translate
-from hkt_mdo.cli.parts import refuse_existing
+from hkt_mdo.case.messages import validated
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import make_folder
+from hkt_mdo.files.table import make_folder, refuse_existing
 from hkt_mdo.files.yaml_text import Dumper, parse
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_csv, write_text
@@ -75,13 +71,11 @@ def report_resource(
     if tide is not None:
         write_text(written[2], _yaml(tide.section))
         yield from _of_tide(tide)
-    figures = {"resource": resource_panels(speed, share, samples)}
+    panels = resource_panels(speed, share, samples)
+    drawn = {"resource": style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: resource")}
     if tide is not None:
-        figures["tide"] = [tide_panel(samples, tide)]
-    drawn = {
-        name: style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: {name}")
-        for name, panels in figures.items()
-    }
+        panels = [tide_panel(samples, tide)]
+        drawn["tide"] = style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: tide")
     files = [path.name for path in (*written, *style.save(drawn, out))]
     yield f"Written: {out}: {', '.join(files)}"
 
@@ -96,12 +90,7 @@ def _record(file: Path, keys: Sequence[str]) -> RecordResource:
             raise InputError("is no key", "write key=value", key="--set", value=text)
         data[key.strip()] = parse(value, "--set", key.strip())
         given[key.strip()] = text
-    try:
-        return RecordResource.model_validate(data, context={"folder": "."})
-    except ValidationError as error:
-        raise translate(
-            error.errors(include_url=False), RecordResource, "hkt resource", given
-        ) from None
+    return validated(RecordResource, data, "hkt resource", given)
 
 
 def _yaml(section: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
-from typer import Argument, Exit, Option, echo
+from typer import Argument, Option, echo
 
 from hkt_mdo.cli import parts
 from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, Seed, read_result
@@ -120,9 +120,10 @@ def report(
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
+    from hkt_mdo.files.table import refuse_existing
     from hkt_mdo.pages.page import write_report
 
-    parts.refuse_existing([out], force)
+    refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
 
 
@@ -292,8 +293,7 @@ def _refuse_broken(most: dict[str, Told]) -> None:
 
     broken = [limit_words(name) for name, entry in most.items() if entry.kept is False]
     if broken:
-        parts.complain("error", f"not kept: {', '.join(broken)}")
-        raise Exit(parts.NO_SUCCESS)
+        raise parts.ended(parts.NO_SUCCESS, f"not kept: {', '.join(broken)}")
 
 
 def _check_start(start: bool, stop: float | None, snr: float | None) -> None:

@@ -1,22 +1,28 @@
-"""The command that runs a case."""
+"""The commands that optimize: run a case or several, and a sweep."""
 
-from __future__ import annotations
-
+import os
+import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Column
-from typer import BadParameter, Exit, Option, echo
+from typer import Argument, BadParameter, Option, confirm, echo
 
 from hkt_mdo.cli import parts
-from hkt_mdo.cli.sweep import run_several
+from hkt_mdo.errors import InputError
 
 _SECONDS_BETWEEN_LINES = 5.0
+ASKED = 1000
+"""Number of runs above which the user is asked."""
+MOST_TOLD = 10
+"""Failures that are listed; the table has all."""
 
 _FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
 _RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
@@ -61,8 +67,10 @@ def run(
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
+    how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
+    how["records"] = not no_records
     if cases is not None and len(cases) > 1:
-        return run_several(cases, changes, out, jobs, force, quiet, no_figures, no_records, pdf)
+        return _run_several(cases, changes, out or Path("results"), jobs, force, quiet, how)
     if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
     loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
@@ -73,11 +81,9 @@ def run(
         check_folder(folder, force)  # which takes no time, unlike what a run imports
     before = _written(folder)
     try:
-        with _live(loaded.name, quiet) as live:
+        with _live(f"{loaded.name}: searching for a start", quiet) as live:
             from hkt_mdo.run import run as runner
 
-            how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
-            how["records"] = not no_records
             if not quiet:
                 about = loaded.name, loaded.objective.unit or "", live
                 how["progress"], how["on_pass"] = _reporters(*about)
@@ -90,15 +96,14 @@ def run(
         if _written(folder) not in ([], before):
             names = sorted(path.name for path in folder.iterdir())
             saved = f"the results so far are saved in {folder}: {', '.join(names)}"
-        parts.complain("interrupted", saved)
-        raise Exit(parts.INTERRUPTED) from None
+        raise parts.ended(parts.INTERRUPTED, saved) from None
     if not quiet:
         parts.print_tables(parts.tables_of(solution))
         echo(f"\n{loaded.name}: {solution.summary.verdict(solution.case)}. Results: {folder}")
     if not solution.success:
         reason = solution.message or "the run gives no reason"
-        parts.complain("error", f"no success: {reason} (the result is in {folder})")
-        raise Exit(parts.NO_SUCCESS)
+        text = f"no success: {reason} (the result is in {folder})"
+        raise parts.ended(parts.NO_SUCCESS, text)
 
 
 def _reporters(
@@ -143,17 +148,157 @@ def _tell(live: Progress, line: str) -> None:
 
 
 @contextmanager
-def _live(name: str, quiet: bool) -> Iterator[Progress]:
+def _live(first: str, quiet: bool) -> Iterator[Progress]:
     """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
     one_line = Column(no_wrap=True, overflow="ellipsis")  # what wraps would stay on the screen
     text = TextColumn("{task.description}", markup=False, table_column=one_line)
     columns = SpinnerColumn(), TimeElapsedColumn(), text
     with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
-        _tell(live, f"{name}: searching for a start")
-        live.add_task("searching for a start")
+        _tell(live, first)
+        live.add_task(first)
         yield live
 
 
 def _written(folder: Path) -> list[int]:
     """Return the time at which a folder's summary was written (ns), if it is there."""
     return [path.stat().st_mtime_ns for path in folder.glob("summary.json")]
+
+
+def _run_several(
+    files: list[Path],
+    changes: list[str],
+    out: Path,
+    jobs: int | None,
+    force: bool,
+    quiet: bool,
+    how: dict[str, Any],
+) -> None:
+    """Run several cases into folders of their names; tell each that ends."""
+    from hkt_mdo.results.folder import check_folder
+    from hkt_mdo.run.batch import begun, run_batch
+
+    loaded = [parts.read_case(file, changes) for file in files]
+    names = [each.name for each in loaded]
+    if twice := [name for name in names if names.count(name) > 1]:
+        given = {"key": "name", "value": twice[0]}
+        raise InputError("is the name of two cases", "give each its own", **given)
+    plan = {out / each.name: each for each in loaded}
+    for folder, case in plan.items():
+        if not begun(folder, case):
+            check_folder(folder, force)
+    done = 0
+
+    def told(folder: Path, word: str) -> None:
+        nonlocal done
+        done += 1
+        if not quiet:
+            echo(f"{done} of {len(plan)}: {folder}: {word}")
+
+    try:
+        found = run_batch(plan, jobs, told, **how)
+    except KeyboardInterrupt:
+        saved = f"finished results are in {out}; the same command continues"
+        raise parts.ended(parts.INTERRUPTED, saved) from None
+    failed = [path for path, each in found.items() if each is None or not each.success]
+    if failed:
+        raise parts.ended(parts.NO_SUCCESS, f"no success: {', '.join(map(str, failed))}")
+
+
+# Sweeps ------------------------------------------------------------------------------------------
+
+_SWEEP = "Sweep file in YAML: a case, and values of its keys (docs/sweeps.md)."
+_SCHEDULER = (
+    "Address of a Dask scheduler, tcp://HOST:PORT or tls://HOST:PORT, whose workers run the cases; "
+    "by default workers are started here. With tcp, anybody who reaches it can run programs on it."
+)
+_YES = f"Run more than {ASKED:,} cases without being asked."
+
+
+def sweep(
+    sweep: Annotated[Path, Argument(metavar="SWEEP", help=_SWEEP, show_default=False)],
+    out: parts.OutFolder = None,
+    jobs: parts.Jobs = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help=_SCHEDULER)] = None,
+    yes: Annotated[bool, Option("--yes", help=_YES)] = False,
+    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+) -> None:
+    """Run a case with many values of its keys, and write a table.
+
+    The folder, results/NAME unless --out is given, gets sweep.yaml, a result folder for each run in
+    runs, and one row a run in table.csv (table.parquet and grid.nc too, where pandas and xarray are
+    installed). A run that fails is a row with its message. The same command continues an
+    interrupted sweep: runs that are finished are not repeated. hkt plot and hkt report take the
+    folder, too.
+    """
+    from hkt_mdo.case.sweep import load_sweep
+
+    asked = load_sweep(sweep, parts.EXTENSIONS.get())
+    folder = out or Path("results") / sweep.stem
+    how: dict[str, Any] = {"scheduler": scheduler, "extensions": parts.EXTENSIONS.get()}
+    try:
+        with _live(f"{sweep.stem}: {asked.size:,} runs", quiet) as live:
+            from hkt_mdo.run.sweep import run_sweep
+
+            if asked.size > ASKED and not yes:
+                first = run_sweep(asked, folder, 1, most=2, **how)
+                seconds = [x for row in first if (x := row.get("wall_seconds"))]
+                live.stop()
+                _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
+                live.start()
+            rows = run_sweep(asked, folder, jobs, _reporter(live), **how)
+    except KeyboardInterrupt:
+        saved = f"finished runs are in {folder}; the same command continues"
+        raise parts.ended(parts.INTERRUPTED, saved) from None
+    states = Counter(row["state"] for row in rows)
+    if not quiet:
+        _summarize(rows, states, folder)
+    if not states["verified"]:
+        text = f"no run is a success: see {folder / 'table.csv'}"
+        raise parts.ended(parts.NO_SUCCESS, text)
+
+
+def _ask(size: int, seconds: list[float], workers: int) -> None:
+    """Ask whether so many runs are meant, each of which takes some seconds."""
+    took = "an unknown time"
+    if seconds:
+        left = timedelta(seconds=round(size * seconds[-1] / workers))
+        took = f"about {left} (one took {seconds[-1]:.2g} s) on {workers} workers"
+    problem = f"asks for {size:,} runs, which take {took}"
+    if sys.stdin.isatty() and confirm(f"This {problem}. Run them all?"):
+        return
+    remedy = "give fewer values, or samples: 1000 of ranges without a count; --yes runs them all"
+    raise InputError(problem, remedy, key="over")
+
+
+def _reporter(live: Progress) -> Any:
+    """Return what tells how far a sweep is: a live line on a terminal, else one every seconds."""
+    last = 0.0
+
+    def told(now: Any) -> None:
+        nonlocal last
+        done = now.reused + now.computed
+        line = f"{done:,} of {now.total:,} runs"
+        line += f", {now.reused:,} from before" if now.reused else ""
+        line += f", {now.failed:,} without success" if now.failed else ""
+        if now.left is not None and done < now.total:
+            line += f", about {timedelta(seconds=round(now.left))} left"
+        if live.console.is_terminal:
+            live.update(live.task_ids[0], description=line)
+        elif time.monotonic() - last >= _SECONDS_BETWEEN_LINES or done == now.total:
+            last = time.monotonic()
+            _tell(live, line)
+
+    return told
+
+
+def _summarize(rows: list[dict[str, Any]], states: Counter[str], folder: Path) -> None:
+    """Print what came of a sweep."""
+    echo(", ".join(f"{state}: {count:,}" for state, count in states.items()))
+    failed = [row for row in rows if row["state"] != "verified"]
+    for row in failed[:MOST_TOLD]:
+        echo(f"  {row['run'] or 'no run'}: {row['message']}")
+    if len(failed) > MOST_TOLD:
+        echo(f"  and {len(failed) - MOST_TOLD:,} more: see the table")
+    if won := sum(row.get("start") == "neighbour" for row in rows):
+        echo(f"the design of a neighbour led to the better result in {won:,} of {len(rows):,} runs")
+    echo(f"Table: {folder / 'table.csv'}")

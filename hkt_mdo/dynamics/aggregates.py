@@ -83,8 +83,8 @@ class _OfTheWorst(Aggregate):
 class Worst(_OfTheWorst):
     """The smallest of the scenarios' mean powers, each over its own ceiling.
 
-    The ceiling is the mean of the largest power that a rotor of this kind can take from the flow,
-    or of the scenario's power limit if smaller.
+    The ceiling is the mean of the largest power that such a rotor can take from the flow, or of the
+    power limit if smaller.
     """
 
     measure: Literal["worst"] = "worst"
@@ -107,9 +107,8 @@ class Worst(_OfTheWorst):
 class ConditionalValueAtRisk(_OfTheWorst):
     """The mean over the worst share of time of the scenarios' mean powers, each over its ceiling.
 
-    The conditional value at risk, max over t of t - sum of p_i max(t - P_i, 0) / share, with the
-    shares of time p_i (Rockafellar and Uryasev 2000). With a share of 1 it is `expected`, with a
-    share of at most each p_i `worst`.
+    The conditional value at risk (Rockafellar and Uryasev 2000). With a share of 1 it is
+    `expected`, with one below each scenario's share `worst`.
     """
 
     measure: Literal["cvar"] = "cvar"

@@ -216,7 +216,7 @@ class StepInflow(Inflow):
     time: Annotated[float, Quantity("s")] = 30.0
     """Time of the middle of the step."""
     width: Annotated[float, Quantity("s", gt=0)] = 1.0
-    """Time scale of the step; nine tenths of the change take about six widths."""
+    """Time scale of the step; nine tenths of the change take six widths."""
 
     @property
     def highest_frequency(self):
@@ -242,8 +242,8 @@ class StepInflow(Inflow):
 class SineInflow(Inflow):
     """A sinusoidal flow (paper, eq. 10), v = scale (mean + amplitude sin(w t + phase)).
 
-    The uncertain flows of the paper's section V are this one with scale 1.1 (A), angular frequency
-    0.225 rad/s (B) and phase 0.2 pi rad (C).
+    The paper's uncertain flows have scale 1.1 (A), angular frequency 0.225 rad/s (B) and phase 0.2
+    pi rad (C).
     """
 
     profile: Literal["sine"] = "sine"
@@ -295,16 +295,16 @@ TIDAL_HOURS = {
 
 
 class TidalConstituent(Section):
-    """A constituent of the tide, amplitude cos(2 pi t/period - phase)."""
+    """A constituent of the tide."""
 
     name: Literal["M2", "S2", "N2", "K2", "K1", "O1", "P1", "Q1", "M4", "MS4", "M6"] | None = None
     """Name of the constituent, which determines its period."""
     period: Annotated[float, Quantity("s", gt=0)] | None = None
     """Period, in place of a name."""
     amplitude: Annotated[float, Quantity("m/s", ge=0)]
-    """Amplitude of the constituent's current."""
+    """Amplitude of its current."""
     phase: Annotated[float, Quantity("rad")] = 0.0
-    """Phase at t = 0; texts such as `30 deg` are converted."""
+    """Phase at t = 0."""
 
     @model_validator(mode="after")
     def _check_period(self) -> TidalConstituent:
@@ -324,7 +324,7 @@ class TidalConstituent(Section):
 class TidalInflow(Inflow):
     """A tidal current, v = scale (mean + sum_k amplitude_k cos(2 pi t/period_k - phase_k)).
 
-    The turbine does not reverse, so the flow must keep its direction over the case's duration.
+    It must keep its direction over the case's duration.
     """
 
     profile: Literal["tide"] = "tide"
@@ -362,7 +362,7 @@ class GustInflow(Inflow):
     time: Annotated[float, Quantity("s")] = 20.0
     """Time at which the gust begins."""
     width: Annotated[float, Quantity("s", gt=0)] = 10.5
-    """Duration of the gust; the default is that of the extreme operating gust."""
+    """Duration of the gust."""
 
     @property
     def highest_frequency(self):
@@ -387,9 +387,7 @@ class GustInflow(Inflow):
 class SumInflow(Inflow):
     """A sum of flows: all of the first one, and the others' fluctuations about their own means.
 
-    `[{profile: tide, ...}, {profile: turbulence, mean: 1.8}]` is a tidal current with turbulence
-    carried past the rotor at 1.8 m/s. A step's mean is the speed before it, a gust's that around
-    it.
+    A step's mean is the speed before it, a gust's that around it.
     """
 
     profile: Literal["sum"] = "sum"

@@ -33,11 +33,7 @@ class Generator(Section):
     """What the generator delivers: a constant efficiency, losses, or a table.
 
     Without keys there are no losses. Only shaft_friction brakes the rotor; the other keys reduce
-    the electrical power.
-
-    P = u w - copper_loss (u/rated_torque)^2 - friction_loss (w/rated_speed) - iron_loss
-    (w/rated_speed)^2, u the torque and w the speed of the rotor's shaft. A negative P is taken from
-    the grid and subtracted from the energy.
+    the electrical power (docs/theory.md).
     """
 
     efficiency: Annotated[float, Quantity(gt=0, le=1)] | None = None
@@ -53,14 +49,12 @@ class Generator(Section):
     iron_loss: _Loss | None = None
     """Loss in the iron at `rated_speed`; it grows with the speed squared."""
     shaft_friction: Annotated[float, Quantity("N*m", ge=0)] = 0.0
-    """Torque of shaft, bearings and seals that brakes the rotor at any speed (Coulomb friction),
-    besides the generator's. The rotor starts only in a flow whose torque on it is larger."""
+    """Torque of shaft, bearings and seals that brakes the rotor at any speed (Coulomb friction)."""
     shaft_friction_slope: Annotated[float, Quantity("N*m*s/rad", ge=0)] = 0.0
-    """Friction torque that is proportional to the rotor's speed, over the speed."""
+    """Friction torque proportional to the rotor's speed, over the speed."""
     table: ExistingFile | None = None
     """CSV file with the columns `torque_Nm`, `speed_rpm` or `speed_rad_s`, and `efficiency`: every
-    torque at every speed. Between them cubic splines; a little beyond the table the efficiency
-    becomes constant."""
+    torque at every speed."""
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:

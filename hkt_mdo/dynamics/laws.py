@@ -101,8 +101,8 @@ class OpenLoop(Law):
     law: Literal["open_loop"] = "open_loop"
     """The control law."""
     unknown: Literal["speed", "torque"] = "speed"
-    """What the optimizer chooses over time: the rotor speed, from which the torque follows by
-    inverse dynamics, or the torque."""
+    """What the optimizer chooses over time: the rotor speed, from which the torque follows, or the
+    torque."""
     chooses_speed = property(lambda self: self.unknown == "speed")  # type: ignore[assignment]
     chooses_torque = property(lambda self: self.unknown == "torque")  # type: ignore[assignment]
 

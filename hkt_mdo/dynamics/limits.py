@@ -246,11 +246,7 @@ class StressLimit(Limit):
 
 
 class CavitationLimit(Limit):
-    """No section reaches the vapour pressure at the top of its turn (docs/rotor_model.md).
-
-    The value is the suction times the margin, over the difference of static and vapour pressure; at
-    most 1.
-    """
+    """No section reaches the vapour pressure at the top of its turn (docs/rotor_model.md)."""
 
     name: ClassVar[str] = "cavitation"
     inputs: ClassVar[tuple[str, ...]] = ("cavitation",)
@@ -263,11 +259,7 @@ class CavitationLimit(Limit):
 
 
 class Taper(Limit):
-    """Radius over tip radius outboard of which the chord must not grow, for manufacture.
-
-    The value is the chord of a station over that of the next one inboard, at most 1, and 0 inboard
-    of that radius.
-    """
+    """Radius over tip radius outboard of which the chord must not grow, for manufacture."""
 
     name: ClassVar[str] = "taper_from"
     inputs: ClassVar[tuple[str, ...]] = ("chord",)

@@ -108,15 +108,14 @@ class Rating:
 class RecordResource(RecordFile, Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
-    Missing samples are left out. Of two components it takes the speed along the principal axis,
-    with its sign.
+    Of two components it takes the speed along the principal axis, with its sign.
     """
 
     profile: Literal["long_record"] = "long_record"
     """The kind of resource."""
     direction_column: str | None = None
-    """Column of the direction that the flow runs to, degrees from north to east; the speed is then
-    that along the principal axis."""
+    """Column of the direction that the flow runs to, degrees from north to east, in place of a
+    second component."""
     rating: ExistingFile | None = None
     """Path of a CSV file `discharge_m3_s,speed_m_s`, for a record of the discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None
@@ -124,7 +123,7 @@ class RecordResource(RecordFile, Resource):
     last speed."""
     spikes: Literal["refuse", "replace", "keep"] = "refuse"
     """Spikes as of `record`, and a flow of exactly 0 for more than a day: the record is refused; or
-    they are left out, as are speeds above 20 m/s and discharges below zero; or they are kept."""
+    they are left out, with speeds above 20 m/s and discharges below zero; or kept."""
 
     @cached_property
     def samples(self) -> FlowSamples:

@@ -174,31 +174,26 @@ class Resource(Inflow):
     """Whether `occurrence` returns the speeds of bins already."""
 
     bin_width: Annotated[float, Quantity("m/s", ge=0.005, le=1)] = 0.1
-    """Width of the bins; 0.1 m/s is that of IEC TS 62600-200."""
+    """Width of the bins."""
     turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
-    """Standard deviation of the speed within a bin over its mean. The rotor follows at once: power
-    is averaged over a normal distribution, and limits hold up to 2.86 standard deviations above the
-    mean."""
+    """Standard deviation of the speed within a bin over its mean (docs/year.md)."""
     cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
     """Speed below which the machine stands still; above `control.cut_out` it does, too."""
     reversal: Literal["turns", "stands", "backwards"] = "turns"
-    """In reversed flow, of negative speed, the turbine turns into the flow, or stands still, or its
-    rotor turns backwards, with `reversed_polar`."""
+    """In reversed flow the turbine turns into the flow, stands still, or its rotor turns backwards,
+    with `reversed_polar`."""
     reversed_polar: ExistingFile | None = None
-    """Path of the polar in flow from behind, for `reversal: backwards`, as of `rotor.polar`, by the
-    angle of attack of the section turned by 180 degrees: its own angle less 180 degrees, with the
-    same lift and drag."""
+    """Path of the polar in flow from behind, of the section turned by 180 degrees (docs/year.md).
+    """
     availability: Annotated[float, Quantity(gt=0, le=1)] = 1.0
     """Share of the time in which the machine is ready to work."""
     array_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
     """Share of the energy that is lost to wakes of other machines."""
     electrical_losses: Annotated[float, Quantity(ge=0, lt=1)] = 0.0
-    """Share of the energy that is lost between generator and grid; for the generator's own losses
-    see `generator`."""
+    """Share of the energy that is lost between generator and grid."""
 
     speed_uncertainty: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
-    """Standard uncertainty of the speed, as a share of it, such as the instrument's calibration;
-    the uncertainty of the annual energy follows from it."""
+    """Standard uncertainty of the speed, as a share of it; that of the annual energy follows."""
 
     def occurrence(self) -> tuple[np.ndarray, np.ndarray]:
         """Return speeds, m/s, and their shares of the time, which sum to 1, both (n,)."""
@@ -314,7 +309,7 @@ _Hours = Annotated[float, Quantity(ge=0)]
 
 
 class HistogramResource(Resource):
-    """A histogram: hours of a year, or shares of the time, of each speed of the flow."""
+    """Hours of a year, or shares of the time, of each speed of the flow."""
 
     own_bins: ClassVar[bool] = True
 
@@ -325,9 +320,9 @@ class HistogramResource(Resource):
     )
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
-    """Hours of each bin, or any numbers in proportion to them: their sum is a year."""
+    """Hours of each bin, or numbers in proportion to them."""
     file: ExistingFile | None = None
-    """Path of a CSV file `speed_m_s,hours` in place of both, as `hkt resource` writes it."""
+    """Path of a CSV file `speed_m_s,hours` in place of both."""
 
     @model_validator(mode="after")
     def _check(self) -> HistogramResource:
@@ -379,8 +374,8 @@ class DistributionResource(Resource):
     profile: Literal["distribution"] = "distribution"
     """The kind of resource."""
     family: Literal["weibull", "lognormal", "gamma"] = "weibull"
-    """Distribution, with the parameters of SciPy's `weibull_min`, `lognorm` or `gamma`; Rayleigh's
-    is Weibull's of shape 2."""
+    """Distribution, as SciPy's `weibull_min`, `lognorm` or `gamma`; Rayleigh's is Weibull's of
+    shape 2."""
     scale: Annotated[float, Quantity("m/s", gt=0, le=20)]
     """Scale: of Weibull's, the speed below which 63 % of the time lies."""
     shape: Annotated[float, Quantity(gt=0.1, le=100)]
@@ -422,7 +417,7 @@ class TidalResource(Resource):
     mean: Annotated[float, Quantity("m/s")] = 0.0
     """Mean (residual) current, before scaling."""
     constituents: Annotated[tuple[TidalConstituent, ...], Field(min_length=1, max_length=100)]
-    """The tide's constituents, as of the profile `tide`, such as `hkt resource` writes them."""
+    """The tide's constituents, a list such as `[{name: M2, amplitude: 2, phase: 30 deg}]`."""
     scale: Annotated[float, Quantity(gt=0)] = 1.0
     """Factor on the whole flow."""
     years: Annotated[float, Quantity(ge=0.05, le=20)] = 1.0

@@ -52,25 +52,24 @@ class RecordFile(Section):
     """A file of samples over time, and its columns."""
 
     file: ExistingFile
-    """Path of the record: `.csv` with a header line, `.json` of MHKiT or USGS, `.nc` (NetCDF) or
-    `.parquet`, which need `hkt_mdo[records]`."""
+    """Path of the record: `.csv` with a header line, `.json` of MHKiT or USGS, `.nc` or `.parquet`
+    (needs `hkt_mdo[records]`)."""
     time_column: str | None = None
     """Column or variable of the time; null: the first column of a CSV file, the index of a Parquet
-    file, the only time of a NetCDF file or of its speed."""
+    file, that of the speed in NetCDF."""
     speed_column: str | None = None
     """Column or variable of the speed; null: the only one besides the time."""
     second_column: str | None = None
     """Column of the other horizontal component, north where `speed_column` is east."""
     time_unit: TimeUnit | None = None
-    """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates
-    (`2024-05-01T12:00:00`, with or without a zone) need none."""
+    """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates need
+    none."""
     speed_unit: SpeedUnit | None = None
-    """Unit of the speed or discharge; null: as in the column's name, such as `speed_m_s` or `Stream
-    velocity, feet per second`."""
+    """Unit of the speed or discharge; null: as in the column's name."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
     """Cross section of the channel, for a record of the discharge: speed = discharge / area."""
     bins: Bins | None = None
-    """Depth bins of a profiler that are averaged, [lower, upper]; null: the record has none."""
+    """Depth bins of a profiler that are averaged, [lower, upper]."""
     component: str | None = None
     """Velocity component to use, such as `E`, or two, such as `E,N`; null: the first two."""
 
@@ -78,8 +77,7 @@ class RecordFile(Section):
 class RecordInflow(RecordFile, SampledInflow):
     """A measured flow: the samples of a file, low-passed, with a cubic spline through them.
 
-    It is repaired only where a key below allows it; every repair is reported. Of two components the
-    horizontal speed is taken.
+    It is repaired only where a key allows it; every repair is reported (docs/flows.md).
     """
 
     profile: Literal["record"] = "record"
@@ -89,19 +87,16 @@ class RecordInflow(RecordFile, SampledInflow):
     duration: Annotated[float, Quantity("s", gt=0)] | None = None
     """Length of the part that is taken; null: up to the record's end."""
     gaps: Literal["refuse", "interpolate"] = "refuse"
-    """Missing samples and empty or NaN cells: the record is refused, or gaps up to `longest_gap`
-    are interpolated."""
+    """Missing samples: the record is refused, or gaps up to `longest_gap` are interpolated."""
     longest_gap: Annotated[float, Quantity("s", gt=0, le=3600)] | None = None
-    """Longest gap that may be interpolated; null: three samples, and no more than an hour."""
+    """Longest gap that may be interpolated; null: three samples, at most an hour."""
     spikes: Literal["refuse", "replace", "keep"] = "refuse"
-    """Spikes, up to three samples that differ strongly from their neighbours: the record is
-    refused, or they are interpolated or kept.
-    """
+    """Up to three samples that differ strongly from their neighbours: the record is refused, or
+    they are interpolated or kept."""
     uneven: Literal["refuse", "resample"] = "refuse"
-    """Uneven samples: the record is refused, or interpolated at steps of the median spacing."""
+    """Uneven steps: the record is refused, or interpolated at the median step."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency. A rotor
-    averages over smaller eddies: speed over rotor diameter is a good cutoff."""
+    """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency."""
 
     @cached_property
     def _record(self):
@@ -154,9 +149,8 @@ SPECTRA = {"von_karman": von_karman, "kaimal": kaimal}
 class TurbulentInflow(SampledInflow):
     """Turbulence, v = mean + sum_k sqrt(2 S(f_k) df) cos(2 pi f_k t + phase_k), df = 1/duration.
 
-    Phases are random; each seed has this spectrum, with random amplitudes in the mean over seeds.
-    Waves above the cutoff and below 1/duration are missing: the share of the variance that is kept
-    is reported.
+    Phases are random. Waves above the cutoff and below 1/duration are missing: the share of the
+    variance that is kept is reported.
     """
 
     profile: Literal["turbulence"] = "turbulence"
@@ -165,7 +159,7 @@ class TurbulentInflow(SampledInflow):
     """Spectrum S(f) of the longitudinal velocity, n = f L/V: `von_karman`, S = 4 s^2 (L/V) / (1 +
     70.8 n^2)^(5/6); `kaimal`, S = 4 s^2 (L/V) / (1 + 6 n)^(5/3) (IEC 61400-1)."""
     mean: Annotated[float, Quantity("m/s", gt=0)] = 1.5
-    """Mean inflow speed V, at which the turbulence is carried past the rotor."""
+    """Mean inflow speed V."""
     intensity: Annotated[float, Quantity(gt=0, lt=1)] = 0.1
     """Standard deviation s of the whole spectrum over the mean."""
     length_scale: Annotated[float, Quantity("m", gt=0)] = 5.0
@@ -173,13 +167,13 @@ class TurbulentInflow(SampledInflow):
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
     """Seed of the random phases and amplitudes."""
     amplitudes: Literal["fixed", "random"] = "fixed"
-    """Amplitudes: `fixed` by the spectrum, so that every seed has the same variance; `random`,
-    Rayleigh distributed about it, as in a Gaussian process."""
+    """`fixed` by the spectrum, so that every seed has the same variance; `random`, Rayleigh
+    distributed about it."""
     duration: Annotated[float, Quantity("s", gt=0)] = 60.0
     """Duration, after which the flow repeats; at least ten times L/V."""
     cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
     """Highest frequency; null: 2 mean/length_scale, above which there is a tenth of the variance.
-    Mean over rotor diameter is a good cutoff."""
+    """
 
     @property
     def highest_frequency(self) -> float:

@@ -23,21 +23,17 @@ class Tracking(FeedbackLaw):
 
     u = sat(kp (w - w_ref(s)) + z), z' = (u - z) ki / kp, s' = (v + bias - s) / lag
 
-    z is the integral part, with anti-windup by back-calculation at the torque limit. s is the
-    sensor's reading of the flow speed; w_ref is a natural cubic spline, linear beyond its knots.
-    With quasi-steady induction, the loop is stable where kp du/dx > dQ/dw, x being the argument of
-    sat. It can also hold a rotor that turns slower in faster flow, which no law of the rotor's
-    speed alone can (docs/controllers.md).
+    z is the integral part, s the sensor's reading of the flow speed; w_ref is a natural cubic
+    spline, linear beyond its knots (docs/controllers.md).
 
-    The optimization assumes that an estimate of v is perfect but for the filter's lag: designs are
-    the same with a sensor and an estimate. They differ if the rotor or the water differ from the
-    design, and with noise.
+    The optimization assumes a perfect estimate of v but for the filter's lag: designs are the same
+    with a sensor and an estimate.
     """
 
     law: Literal["tracking"] = "tracking"
     """The control law."""
     knots: Annotated[int, Strict(), Field(ge=2, le=40)] = 8
-    """Number of equally spaced flow speeds at which the schedule's rotor speed is designed."""
+    """Number of equally spaced flow speeds at which the rotor speed is designed."""
     flow_range: Pair[_FlowSpeed] | None = None
     """Flow speeds of the first and the last knot; null: the slowest and the fastest of `inflow`."""
     schedule: tuple[Annotated[float, Quantity("rad/s", gt=0)], ...] | None = None
@@ -47,8 +43,8 @@ class Tracking(FeedbackLaw):
     """Gain kp; null: twice the larger of the maxima of Q/w and dQ/dw along the schedule of the
     start."""
     proportional_bounds: Pair[_Proportional] | None = None
-    """Bounds between which kp is designed; null: it is fixed. An optimization has no noise, so kp
-    often ends at the upper bound."""
+    """Bounds between which kp is designed; null: it is fixed. Without noise kp often ends at the
+    upper bound."""
     integral_gain: _Integral | None = None
     """Gain ki; null: kp / 0.2 s."""
     integral_bounds: Pair[_Integral] | None = None
@@ -60,7 +56,7 @@ class Tracking(FeedbackLaw):
     bias: Annotated[float, Quantity("m/s")] = 0.0
     """Offset of the sensor, also used in the optimization."""
     noise: Annotated[float, Quantity("m/s", ge=0)] = 0.0
-    """Standard deviation of a sample of the flow sensor, in simulations with noise only."""
+    """Standard deviation of a sample of the sensor, in simulations with noise only."""
 
     states: ClassVar[dict[str, tuple[str, str]]] = {
         "integral_torque": ("N*m", "integral part of the generator torque"),

@@ -96,8 +96,7 @@ class PowerLawFeedback(FeedbackLaw):
 class RatedFeedback(FeedbackLaw):
     """Quadratic feedback up to a rated power, constant power by overspeed above it.
 
-    u = (a + b - sqrt((a - b)^2 + nu a b / 4)) / 2, a = K w^2, b = P / w, nu = `smoothing`: smoothly
-    the smaller of both; the torque limit is then applied as in the paper (eq. 4).
+    Smoothly the smaller of K w^2 and P / w (docs/controllers.md).
     """
 
     law: Literal["rated"] = "rated"
@@ -144,10 +143,7 @@ class RatedFeedback(FeedbackLaw):
 class CurveFeedback(FeedbackLaw):
     """A smooth curve of the torque over the speed through knots, whose torques are designed.
 
-    The logarithm of the torque is a natural cubic spline of the logarithm of the speed. Beyond the
-    knots the torque is a power of the speed, with an exponent of at least 2 below the first, so
-    that a rotor keeps turning in slower flow, and at least -1 (constant power) above the last. The
-    start fixes the speeds of the knots.
+    The start fixes the speeds of the knots (docs/controllers.md).
     """
 
     law: Literal["curve"] = "curve"

@@ -15,13 +15,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pydantic import Field, ValidationError, create_model
+from pydantic import Field, create_model
 
-from hkt_mdo.case.messages import translate
+from hkt_mdo.case.messages import validated
 from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean, install, program_version
 from hkt_mdo.exports import FORMATS
-from hkt_mdo.files.table import make_folder, write_files
+from hkt_mdo.files.table import write_new
+from hkt_mdo.files.template import templates
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import printable
 from hkt_mdo.sections import Section
@@ -148,11 +149,7 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
     root = create_model("Exports", __base__=Section, **fields)
     data: dict[str, Any] = {}
     given = {assign(data, override, "hkt export"): override for override in overrides}
-    try:
-        made = root.model_validate(data)
-    except ValidationError as error:
-        found = error.errors(include_url=False)
-        raise translate(found, root, "hkt export", given) from None
+    made = validated(root, data, "hkt export", given)
     return [getattr(made, name) for name in fields]
 
 
@@ -202,16 +199,7 @@ def export(
                 remedy = "export the formats into folders of their own"
                 raise InputError("is written by two formats", remedy, file=out / name)
             contents[out / name] = content
-    for path in filter(Path.exists, contents):
-        if not path.is_file():
-            raise InputError("is a folder", "choose another folder for the export", file=path)
-        if not force:
-            remedy = "choose another folder, or give --force to replace it"
-            raise InputError("is there already", remedy, file=path)
-    for folder in {path.parent for path in contents}:
-        make_folder(folder)
-    write_files(contents)
-    return list(contents)
+    return write_new(contents, force)
 
 
 def filled(template: str, words: dict[str, Any]) -> str:
@@ -222,11 +210,11 @@ def filled(template: str, words: dict[str, Any]) -> str:
     template : str
         Name of a file in the folder of templates.
     words : dict
-        The text for each ``{field}``.
+        What the template names.
 
     Returns
     -------
     str
         The text.
     """
-    return (TEMPLATES / template).read_text(encoding="utf-8").format_map(words)
+    return str(templates(TEMPLATES).get_template(template).render(words))

@@ -3,12 +3,8 @@
 Expressions that are the same in C and Python, such as ``GAIN * w``, are written here once.
 """
 
-from __future__ import annotations
-
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from inspect import cleandoc
-from string import Template
 from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,7 +15,7 @@ from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import TEMPLATES, Format, Source
+from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
@@ -68,17 +64,23 @@ class Controller(Format):
             problem = f"{law.law} is a law of an extension, known as Python code only"
             remedy = "write its code yourself; csv has its gains and its steady operation"
             raise InputError(problem, remedy, key="--to", value=self.name)
-        code, sample_time = writer(design), 0.0
+        code = writer(design)
+        steps = (*code.steps, ("torque", "demand"))
         if law.torque_limit is not None:
             code.constants["LIMIT"] = law.torque_limit, "largest torque, N m"
             code.constants["SMOOTHING"] = law.smoothing, "smoothing of the saturation"
-        if law.states:
-            sample_time = self._sample_time(design)
-        head = _head(source)
-        return {
-            f"controller.{kind}": _written(kind, code, head, sample_time).encode()
-            for kind in ("h", "c", "py")
+            steps = (*code.steps, *_SATURATED)
+        words = {
+            # a backslash or a trigraph would continue the comment on the next line
+            "head": [x.replace("\\", "/").replace("??", "? ?") for x in _head(source)],
+            "constants": code.constants,
+            "curves": {name: _rows(curve) for name, curve in code.curves.items()},
+            "steps": steps,
+            "sensed": _SENSED if "ratio_of" in code.curves else (),
+            "sample_time": self._sample_time(design) if law.states else 0.0,
         }
+        names = ("controller.h", "controller.c", "controller.py")
+        return {name: filled(f"{name}.in", words).encode() for name in names}
 
     def _sample_time(self, design: Design) -> float:
         """Return the time between two steps; refuse one at which a held torque is unstable."""
@@ -199,6 +201,11 @@ _SENSED = (
 )
 
 
+def _rows(curve: PPoly) -> tuple[list[list[float]], float]:
+    """Return the knots of a curve with the coefficients that begin there, and its end."""
+    return np.column_stack((curve.x[:-1], curve.c[::-1].T)).tolist(), float(curve.x[-1])
+
+
 def _head(source: Source) -> list[str]:
     """Return the lines of the comment at the top: where the code comes from, and its formula."""
     design, speeds = source.design, []
@@ -218,61 +225,3 @@ def _head(source: Source) -> list[str]:
     if names:
         lines.append(f"limits of the case that this code does not check: {'; '.join(names)}")
     return lines
-
-
-def _template(name: str, **fields: str) -> str:
-    """Return a template with its fields filled in."""
-    return Template((TEMPLATES / f"controller_{name}.in").read_text("utf-8")).substitute(fields)
-
-
-def _written(kind: str, code: Code, head: list[str], sample_time: float) -> str:
-    """Return a file: the header or the source in C, or the Python module."""
-    saturated = _SATURATED if "LIMIT" in code.constants else (("torque", "demand"),)
-    indent = 2 if sample_time and kind == "py" else 1  # of a method
-    fields = {"demand": _assigned((*code.steps, *saturated), kind, indent)}
-    fields |= {"sample_time": repr(sample_time), "flow": ""}
-    if "ratio_of" in code.curves:
-        fields["flow"] = _template(f"flow.{kind}", sensed=_assigned(_SENSED, kind, 1))
-    curves = "\n".join(_curve_code(kind, *each) for each in code.curves.items())
-    if curves and kind != "h":
-        curves = f"{_template(f'piecewise.{kind}')}\n{curves}"
-    mark = "#" if kind == "py" else "//"
-    # a backslash or a trigraph would continue the comment on the next line
-    comment = (line.replace("\\", "/").replace("??", "? ?") for line in head)
-    text = _template(
-        f"file.{kind}",
-        head="\n".join(f"{mark} {line}".rstrip() for line in comment),
-        constants="\n".join(_constant(kind, n, *c) for n, c in code.constants.items()),
-        curves=curves,
-        functions=_template(f"{'steps' if sample_time else 'static'}.{kind}", **fields),
-    )
-    blank = "\n\n\n" if kind == "py" else "\n\n"  # at most, where a part is empty
-    return re.sub(rf"{blank}\n+", blank, text)
-
-
-def _assigned(steps: Sequence[tuple[str, str]], kind: str, indent: int) -> str:
-    """Return the lines that compute some names one after the other."""
-    start, end = ("double ", ";") if kind == "c" else ("", "")
-    return "\n".join(f"{'    ' * indent}{start}{name} = {value}{end}" for name, value in steps)
-
-
-def _constant(kind: str, name: str, value: float, text: str) -> str:
-    if kind == "c":
-        return f"static const double {name} = {value!r};  // {text}"
-    return f"{name} = {value!r}  # {text}"
-
-
-def _curve_code(kind: str, name: str, curve: PPoly) -> str:
-    """Return a table of a curve, and the function that evaluates it."""
-    rows = np.column_stack((curve.x[:-1], curve.c[::-1].T)).tolist()
-    begin, end = ("{", "}") if kind == "c" else ("(", ")")
-    lines = [f"    {begin}{', '.join(map(repr, row))}{end}," for row in rows]
-    table, last = name.upper(), float(curve.x[-1])
-    if kind == "c":
-        call = f"piecewise({table}, {len(rows)}, {last!r}, x)"
-        lines = [f"static const double {table}[][5] = {{", *lines, "};"]
-        lines += [f"static double {name}(double x) {{ return {call}; }}", ""]
-    else:
-        lines = [f"{table} = [", *lines, "]", "", "", f"def {name}(x):"]
-        lines += [f"    return piecewise({table}, {last!r}, x)", ""]
-    return "\n".join(lines)

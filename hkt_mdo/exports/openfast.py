@@ -66,10 +66,9 @@ class OpenFast(Format):
             raise InputError(problem, "leave out openfast", key="--to", value=self.name)
         words = rotor.words | self._water(rotor) | self._cases(rotor)
         words["provenance"] = "; ".join(source.provenance)
-        words["hub_volume"] = repr(self.hub_volume or 0.0)
+        words["hub_volume"] = self.hub_volume or 0.0
         airfoils = {f"airfoils/{name}": text for name, text in rotor.airfoil_files(words).items()}
-        words["airfoils"] = _named(airfoils, "AFNames")
-        words["airfoil_count"] = len(airfoils)
+        words["airfoils"] = list(airfoils)
         names = ("aerodyn_driver.dvr", "aerodyn.dat", "elastodyn.dat", "elastodyn_tower.dat")
         texts = {name: filled(name, words) for name in names}
         blades = {"aerodyn_blade.dat": rotor.rows(self.hub_volume is not None)}
@@ -93,11 +92,11 @@ class OpenFast(Format):
         deep = f" FILL IN: {BED:g} rotor radii from hub to bed are assumed"
         return {
             "mhk": self.mhk,
-            "water_depth": repr(water),
-            "hub_height": repr(height),
-            "hub_height_over_bed": repr(water - depth),
-            "tower_top": repr(height),
-            "tower_base": repr(0.0 if self.mhk == 1 else 0.5 * height),
+            "water_depth": water,
+            "hub_height": height,
+            "hub_height_over_bed": water - depth,
+            "tower_top": height,
+            "tower_base": 0.0 if self.mhk == 1 else 0.5 * height,
             "depth_mark": assumed if known is None else "",
             "water_depth_mark": deep if self.water_depth is None else "",
             "cavitation": known is not None and rotor.has_suction,
@@ -165,28 +164,18 @@ class _Rotor:
     @property
     def words(self) -> dict[str, Any]:
         """The values of rotor and water for the templates."""
-        blade, fluid = self.blade, self.world.case.fluid
-        pressure = self.world.rotor.cavitation or Cavitation  # with its defaults
+        blade = self.blade
         speed = float(self.solution.by_scenario[0].trajectory["rotor_speed_rad_s"][0])
-        names = ["aerodyn_blade.dat"] * MOST_BLADES, ["elastodyn_blade.dat"] * MOST_BLADES
         modulus = self.design.turbine.structure.modulus
         return {
-            "density": fluid.density,
-            "viscosity": fluid.kinematic_viscosity,
-            "atmospheric_pressure": pressure.atmospheric_pressure,
-            "vapour_pressure": pressure.vapour_pressure,
-            "blade_count": blade.blade_count,
-            "hub_radius": repr(float(blade.hub_radius)),
-            "tip_radius": repr(float(blade.tip_radius)),
-            "rotor_radius": repr(float(blade.rotor_radius)),
-            "precone": repr(0.0 - float(np.rad2deg(blade.cone))),
-            "overhang": repr(-float(blade.rotor_radius)),
-            "tower_diameter": repr(TOWER_DIAMETER * float(blade.rotor_radius)),
-            "rotor_speed": repr(speed * REVOLUTIONS),
+            "blade": blade,
+            "fluid": self.world.case.fluid,
+            "pressure": self.world.rotor.cavitation or Cavitation,  # with its defaults
+            "precone": 0.0 - float(np.rad2deg(blade.cone)),
+            "tower_diameter": TOWER_DIAMETER * float(blade.rotor_radius),
+            "rotor_speed": speed * REVOLUTIONS,
             "hub_inertia": self.world.rotor.hub_of(blade),
-            "inertia": repr(float(self.design.inertia)),
-            "blade_files": _named(names[0], "ADBlFile"),
-            "elastic_blade_files": _named(names[1], "BldFile"),
+            "inertia": float(self.design.inertia),
             "stiffness_mark": "" if modulus else " FILL IN: the material's modulus is unknown",
             "table_mode": 2 if self.world.rotor.follows_reynolds else 1,
             "pressure_column": 4 * self.has_suction,
@@ -288,8 +277,3 @@ def _table(polar: Polar, reynolds: float, with_suction: bool) -> str:
 def _row(values) -> str:
     """Return numbers as a row of a file, to 13 digits."""
     return "  ".join(f"{value:.13g}" for value in values)
-
-
-def _named(files, keyword: str) -> str:
-    """Return the lines that name files in a list."""
-    return "\n".join(f'"{name}"    {keyword}({place})' for place, name in enumerate(files, start=1))

@@ -5,8 +5,6 @@ by overspeed (VS_FBP 1), a speed that follows the flow (2), or a speed that foll
 which in equilibrium can be any law whose torque rises with the speed.
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import Annotated, Any, ClassVar, cast
 
@@ -60,9 +58,7 @@ class Rosco(Format):
             "speed_filter": own_filter if self.speed_filter is None else self.speed_filter,
             "step": f"{1.0 / (MARGIN * loop):.2g}",
             "best_ratio": source.solution.summary.tip_speed_ratio_at_power_coefficient_max,
-            "radius": repr(float(blade.rotor_radius)),
-            "inertia": repr(float(design.inertia)),
-            "density": world.density,
+            "design": design,
             "pitches": PITCH.size,
             "ratios": ratios.size,
         }
@@ -92,11 +88,11 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
         "flow_filter": 1.0,
         "reference_filter": FAST / LAG,
         "adaption": 0.0,
-        "largest_torque": repr(largest),
+        "largest_torque": largest,
         "torque_mark": ": none in the case" if limit is None else ": control.torque_limit",
-        "largest_rate": repr(min(rates, default=1e3 * largest)),
+        "largest_rate": min(rates, default=1e3 * largest),
         "rate_mark": ": limits.torque_rate" if rates else ": none in the case FILL IN",
-        "rated_power": repr(NEVER * largest * float(np.max(speeds))),
+        "rated_power": NEVER * largest * float(np.max(speeds)),
         "power_mark": ": none, never reached",
         "gain_mark": "",
         "integral": 0.0,
@@ -137,11 +133,11 @@ def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
     torque = gain * speed**2
     return words | {
         "about": f"{law.law} law: {about} (VS_FBP 1)",
-        "gain": repr(gain),
-        "rated_speed": repr(float(speed)),
-        "rated_torque": repr(float(min(torque, largest))),
-        "highest_part_torque": repr(float(2.0 * torque)),
-        "proportional": repr(float(-STEEP * gain * speed)),
+        "gain": gain,
+        "rated_speed": float(speed),
+        "rated_torque": float(min(torque, largest)),
+        "highest_part_torque": float(2.0 * torque),
+        "proportional": float(-STEEP * gain * speed),
     }
 
 
@@ -154,8 +150,8 @@ def _by_flow(law, design, rotor, schedule) -> dict[str, Any]:
         "schedule": 2,
         "flow_filter": 10.0 / law.lag,
         "reference_filter": FAST / law.lag,
-        "proportional": repr(-float(design.gains[-2])),
-        "integral": repr(-float(design.gains[-1])),
+        "proportional": -float(design.gains[-2]),
+        "integral": -float(design.gains[-1]),
         "loop": float(design.gains[-2]) / design.inertia,
     }
     if law.estimates_flow:
@@ -187,13 +183,12 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return flows, speeds, law.torque(speeds, design.gains)
 
 
-def _best_gain(design: Design, ratio: float, rotor: Hydrodynamics) -> str:
+def _best_gain(design: Design, ratio: float, rotor: Hydrodynamics) -> float:
     """Return K at the largest power coefficient, N m s²/rad²."""
     radius = design.blade.rotor_radius
     torque = rotor.coefficients(design.blade, [ratio]).torque[0]
-    return repr(
-        float(torque_scale(design.physics.density, radius, 1.0) * torque * (radius / ratio) ** 2)
-    )
+    scale = torque_scale(design.physics.density, radius, 1.0)
+    return float(scale * torque * (radius / ratio) ** 2)
 
 
 def _table(design, rotor, ratios, mean, provenance) -> str:

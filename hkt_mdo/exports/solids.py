@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source, filled
+from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
@@ -24,6 +25,7 @@ from hkt_mdo.sections import Quantity
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
+_COORDINATES = "x_m", "y_m", "z_m", "chordwise_m", "across_m"
 TRAILING_EDGE = 0.005
 """Thickness of the trailing edge over the local chord, where none is given."""
 
@@ -145,22 +147,14 @@ class Outer(Format, ABC):
         InputError
             If the case gives no outline.
         """
-        outlines = outline_names(source.solution)
-        blade = source.design.blade
-        edge = "that of the outlines"
-        if self.trailing_edge != 0.0:
-            thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
-            thin = thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm"
-            edge = f"aft of the thickest place no section is thinner than {thin}"
+        thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
         words = {
+            "outlines": outline_names(source.solution),  # refuses where there are none
             "provenance": "\n".join(source.provenance),
-            "rotation": self.rotation,
-            "sign": "+" if self.rotation == "clockwise" else "-",
-            "blade": blade,
-            "cone": np.rad2deg(blade.cone),
-            "stacking": self.stacking,
-            "edge": edge,
-            "outlines": outlines,
+            "options": self,
+            "blade": source.design.blade,
+            "cone": np.rad2deg(source.design.blade.cone),
+            "thin": thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm",
         }
         return filled("solids.txt", words).rstrip("\n").split("\n")
 
@@ -184,11 +178,10 @@ class Sections(Outer):
                 "chordwise_m: along the chord towards the trailing edge; across_m: towards the "
                 "suction side; both from the blade's axis",
             )
-            text = [f"# {line}" for line in (*remarks, *own)]
-            text.append("x_m,y_m,z_m,chordwise_m,across_m")
-            rows = np.hstack((placed[n], sections.plane[n]))
-            text += [",".join(f"{value:.9g}" for value in row) for row in rows]
-            found[f"sections/station_{n + 1:03d}.csv"] = ("\n".join(text) + "\n").encode()
+            points = np.hstack((placed[n], sections.plane[n]))
+            rows = ([f"{value:.9g}" for value in row] for row in points)
+            text = csv_text(_COORDINATES, rows, (*remarks, *own))
+            found[f"sections/station_{n + 1:03d}.csv"] = text.encode()
         return found
 
 

@@ -1,9 +1,5 @@
 """The tables of a result as CSV, JSON and NetCDF: blade, coefficients, operation, loads, series."""
 
-from __future__ import annotations
-
-import csv
-import io
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -17,6 +13,7 @@ from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source
 from hkt_mdo.files.shipped import COLUMNS
+from hkt_mdo.files.table import csv_text
 from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
@@ -84,14 +81,10 @@ class Csv(_Tables):
     def files(self, source: Source) -> dict[str, bytes]:
         found = {}
         for table in tables(source, self.flow_range):
-            text = io.StringIO(newline="")
             about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
-            for line in (*source.provenance, table.title, *about):
-                text.write(f"# {line}\n")
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(table.columns)
-            writer.writerows(zip(*(_plain(c) for c in table.columns.values()), strict=True))
-            found[f"{table.name}.csv"] = text.getvalue().encode()
+            rows = zip(*map(_plain, table.columns.values()), strict=True)
+            text = csv_text(table.columns, rows, (*source.provenance, table.title, *about))
+            found[f"{table.name}.csv"] = text.encode()
         return found
 
 

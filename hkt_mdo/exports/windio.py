@@ -3,8 +3,6 @@
 Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Annotated, Any, ClassVar
 
@@ -76,17 +74,14 @@ class Windio(Format):
 def _comments(source: Source) -> str:
     """Return comments on values for which the schema has no key."""
     design = source.design
-    case = design.physics.case
     try:
         outlines = f"Coordinates are those of {outline_names(source.solution)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
     words = {
         "provenance": "\n".join(source.provenance),
-        "fluid": case.fluid,
-        "depth": "not given" if case.site.hub_depth is None else f"{case.site.hub_depth!r} m",
-        "inertia": design.inertia,
-        "cone": " TIPS ARE TURNED DOWNSTREAM by cone_angle." if design.blade.cone < 0.0 else "",
+        "case": design.physics.case,
+        "design": design,
         "outlines": outlines,
         "poisson": POISSON,
     }

@@ -3,8 +3,6 @@
 Numbers may have Fortran's exponents (1.0D+00).
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,9 +1,5 @@
 """Blade files: CSV, AeroDyn 15 blade file, windIO turbine; one table of rows for all of them."""
 
-from __future__ import annotations
-
-import csv
-import io
 import re
 import warnings
 from collections.abc import Callable, Iterable
@@ -17,7 +13,7 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.aerodyn import read_blade_definition
 from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
 from hkt_mdo.files.shipped import locate
-from hkt_mdo.files.table import Csv, line_error, numbered_lines, read_text, write_files
+from hkt_mdo.files.table import Csv, csv_text, line_error, numbered_lines, read_text, write_files
 from hkt_mdo.files.windio import read_windio
 
 _AERODYN = re.compile(
@@ -185,10 +181,5 @@ def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> Non
         if getattr(blade, attribute, None) is not None:
             columns[name] = getattr(blade, attribute)
     rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
-    stream = io.StringIO(newline="")
-    for line in "\n".join(map(str, remarks)).splitlines():
-        stream.write(f"# {line}".rstrip() + "\n")
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    write_files({Path(path): stream.getvalue().encode()})
+    lines = "\n".join(map(str, remarks)).splitlines()
+    write_files({Path(path): csv_text(columns, rows, lines).encode()})

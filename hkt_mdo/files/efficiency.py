@@ -1,7 +1,5 @@
 """Tables of a generator's efficiency over torque and speed, as CSV files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

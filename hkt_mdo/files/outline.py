@@ -1,7 +1,5 @@
 """Outline files: CSV, Selig, Lednicer and AeroDyn coordinates of a section, over its chord."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

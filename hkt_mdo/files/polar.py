@@ -1,7 +1,5 @@
 """Polar files: CSV, AeroDyn airfoil table, XFOIL polar; one table a Reynolds number for all."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import compress, pairwise

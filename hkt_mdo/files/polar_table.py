@@ -1,7 +1,5 @@
 """Table of a polar, the same for every file format: lift and drag at one Reynolds number."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Records from JSON files: data of NOAA and USGS as MHKiT and these services save them."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Records from NetCDF and Parquet files and from pandas and xarray objects, as MHKiT has them."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable

@@ -1,12 +1,11 @@
 """Files read and written whole, columns of numbers, and the reader of all CSV tables."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math
+import os
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -168,6 +167,81 @@ def make_folder(folder: Path) -> None:
     except OSError as error:
         problem = f"cannot be made a folder ({error.strerror})"
         raise InputError(problem, "choose another one", file=folder) from error
+
+
+def refuse_existing(files: Iterable[Path], force: bool) -> None:
+    """Refuse to write files that are there, unless they are to be replaced.
+
+    Parameters
+    ----------
+    files : iterable of pathlib.Path
+        The files.
+    force : bool
+        Whether they may be replaced.
+
+    Raises
+    ------
+    InputError
+        If one of them is a folder, or is there and is not to be replaced.
+    """
+    for file in files:
+        if file.is_dir():
+            raise InputError("is a folder", "choose another name or folder", file=file)
+        if os.path.lexists(file) and not force:
+            remedy = "give --force to replace it, or choose another name or folder"
+            raise InputError("is there already", remedy, file=file)
+
+
+def write_new(contents: Mapping[Path, bytes], force: bool = False) -> list[Path]:
+    """Write files and the folders that they need; nothing if one of them must not be replaced.
+
+    Parameters
+    ----------
+    contents : mapping of pathlib.Path to bytes
+        What each file is to hold.
+    force : bool
+        Whether files that are there may be replaced.
+
+    Returns
+    -------
+    list of pathlib.Path
+        The files.
+
+    Raises
+    ------
+    InputError
+        As of `refuse_existing`, or if a folder or a file cannot be written.
+    """
+    refuse_existing(contents, force)
+    for folder in dict.fromkeys(file.parent for file in contents):
+        make_folder(folder)
+    write_files(contents)
+    return list(contents)
+
+
+def csv_text(names: Iterable[str], rows: Iterable[Iterable], remarks: Iterable[str] = ()) -> str:
+    """Return rows below a header as CSV.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of the columns.
+    rows : iterable of iterable
+        The cells of each row; None is an empty cell.
+    remarks : iterable of str
+        Lines above the header, which begin with #.
+
+    Returns
+    -------
+    str
+        The text of the file.
+    """
+    text = io.StringIO(newline="")
+    text.writelines(f"# {line}".rstrip() + "\n" for line in remarks)
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def numbered_lines(text: str) -> list[tuple[int, str]]:

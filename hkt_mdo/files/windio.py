@@ -3,8 +3,6 @@
 Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

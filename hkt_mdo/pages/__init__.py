@@ -2,9 +2,12 @@
 
 import base64
 import re
-from importlib import import_module
+from numbers import Real
 from pathlib import Path
 from typing import Any
+
+from hkt_mdo.errors import install, needed
+from hkt_mdo.files.template import templates
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -24,22 +27,31 @@ def rendered(template: str | Path, **values: Any) -> str:
     str
         The filled template, which has the filter `number(format)` too: a dash for None.
     """
-    jinja2 = import_module("jinja2")  # takes long to import
-
-    def number(value: Any, form: str) -> str:
-        known = value is not None and not isinstance(value, jinja2.Undefined)
-        return form.format(value) if known else "–"
-
     path = _TEMPLATES / template
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader([path.parent, _TEMPLATES]),
-        autoescape=path.suffix == ".html",
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = number
-    return environment.get_template(path.name).render(**values)
+    known = templates(path.parent, _TEMPLATES, html=path.suffix == ".html", number=_number)
+    return str(known.get_template(path.name).render(**values))
+
+
+def _number(value: Any, form: str) -> str:
+    """Return a number in a format; a dash where there is none."""
+    return form.format(value) if isinstance(value, Real) else "–"
+
+
+def plotly_script() -> str:
+    """Return plotly.js, which draws the charts of a page.
+
+    Returns
+    -------
+    str
+        Some megabytes of JavaScript.
+
+    Raises
+    ------
+    InputError
+        If the package that has it is not installed.
+    """
+    remedy = f"install it with: {install('report')}"
+    return str(needed("plotly.offline", remedy, "a report ").get_plotlyjs())
 
 
 def text_page(title: str, text: str, folder: Path) -> str:

@@ -1,7 +1,5 @@
 """The rotors of results as solids that can be turned, and as a picture."""
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,12 +1,8 @@
 """The page of a report: what is shown of each result, put into the templates."""
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Iterable, Sequence
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +11,14 @@ from pydantic import BaseModel
 
 from hkt_mdo.case import Case
 from hkt_mdo.case.document import unit_of
-from hkt_mdo.errors import InputError, install
-from hkt_mdo.files.table import make_folder, read_text, write_files
-from hkt_mdo.pages import rendered
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import read_text, write_new
+from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import CheckEntry, Summary, unasked
+from hkt_mdo.results.summary import CheckEntry, Span, Summary, unasked
 from hkt_mdo.results.words import (
     joined,
     limit_words,
@@ -33,7 +29,6 @@ from hkt_mdo.results.words import (
     texts,
 )
 
-PACKAGES = ("plotly",)
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
 
@@ -62,33 +57,16 @@ def write_report(
     InputError
         If a package is missing, there is no result, or the file cannot be written.
     """
-    require_packages()
+    script = "" if shared else plotly_script()
     chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
-    path = Path(out)
-    make_folder(path.parent)
-    write_files({path: _page(chosen, shared).encode()})
+    (path,) = write_new({Path(out): _page(chosen, shared, script).encode()}, force=True)
     return path
 
 
-def require_packages() -> None:
-    """Refuse to write a page without the packages that it needs.
-
-    Raises
-    ------
-    InputError
-        If one is missing.
-    """
-    missing = [name for name in PACKAGES if find_spec(name) is None]
-    if missing:
-        problem = f"a report needs {' and '.join(missing)}, which is not installed"
-        raise InputError(problem, f"install it with: {install('report')}")
-
-
-def _page(solutions: Sequence[Solution], shared: str) -> str:
+def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     """Return the page as HTML."""
-    offline = import_module("plotly.offline")
     from hkt_mdo.pages import blade, panels
 
     order, behind = ranked(solutions)
@@ -123,7 +101,7 @@ def _page(solutions: Sequence[Solution], shared: str) -> str:
         view_charts=sorted({name for each in views.values() for name in each}),
         data=json.dumps({"charts": drawn, "views": views, "dark": panels.DARK}, allow_nan=False),
         shared=shared,
-        plotly="" if shared else offline.get_plotlyjs(),
+        plotly=script,
     )
 
 
@@ -266,34 +244,31 @@ def _scenarios(summary: Summary) -> list[dict[str, str]]:
     entries = summary.scenarios or {}
     if len(entries) < 2:
         return []
-    limits = list(dict.fromkeys(name for x in entries.values() for name in x.limits or {}))
-    rows = []
+    rows: list[dict[str, str]] = []
+    worst: dict[str, float] = {}
     for name, entry in entries.items():
-        flow = entry.inflow_speed
+        flow = entry.inflow_speed or Span()
         shares = {
-            limit_words(x): each.value / each.limit
+            f"of the {limit_words(x)} limit": 100.0 * each.value / each.limit
             for x, each in (entry.limits or {}).items()
             if each.value is not None and each.limit
         }
-        rows.append(
-            {
-                "scenario": name,
-                "share of time": measured(entry.share, digits=3),
-                "duration": measured(entry.duration_s, "s"),
-                "mean flow": "-" if flow is None else measured(flow.mean, "m/s", 3),
-                "largest flow": "-" if flow is None else measured(flow.max, "m/s", 3),
-                "energy": measured(entry.simulated_energy_J, "J", 4),
-                "mean power": measured(entry.mean_power_W, "W", 4),
-                **{f"of the {x} limit": f"{100.0 * y:.1f} %" for x, y in shares.items()},
-            }
-        )
-    worst: dict[str, str] = {"scenario": "largest of all"}
-    for limit in limits:
-        key = f"of the {limit_words(limit)} limit"
-        known = [row[key] for row in rows if key in row]
-        if known:
-            worst[key] = max(known, key=lambda text: float(text.removesuffix(" %")))
-    return [worst, *rows]
+        worst |= {x: max(share, worst.get(x, share)) for x, share in shares.items()}
+        row = {
+            "scenario": name,
+            "share of time": measured(entry.share, digits=3),
+            "duration": measured(entry.duration_s, "s"),
+            "mean flow": measured(flow.mean, "m/s", 3),
+            "largest flow": measured(flow.max, "m/s", 3),
+            "energy": measured(entry.simulated_energy_J, "J", 4),
+            "mean power": measured(entry.mean_power_W, "W", 4),
+        }
+        rows.append(row | _per_cent(shares))
+    return [{"scenario": "largest of all"} | _per_cent(worst), *rows]
+
+
+def _per_cent(shares: dict[str, float]) -> dict[str, str]:
+    return {name: f"{share:.1f} %" for name, share in shares.items()}
 
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
@@ -350,30 +325,7 @@ def not_modelled(case: Case) -> list[str]:
         What no case has, and what this case does not ask for.
     """
     limits = [*case.limits.given, *(x for part in case.scenarios for x in part.limits.given)]
-    weight = "" if any(getattr(each, "weight", False) for each in limits) else "no weight, "
-    added = ", no added mass" if case.rotor.added_inertia == "none" else ""
-    found = [
-        "The flow has one speed over the whole disc: no shear, no waves, no yaw, no wake of "
-        "another turbine, and no turbulence that is smaller than the rotor.",
-        "The channel is wide and deep: no blockage by bed, banks or surface, and no support "
-        "structure.",
-        f"Sections have the lift and drag of steady flow: no dynamic stall{added}.",
-        "Blades are rigid in the flow. Stress is that of a beam of one material, by thrust, torque "
-        f"and centrifugal force: no fatigue, no buckling, no torsion, {weight}no root joint.",
-        "The torque follows its demand at once, and the sensor has no noise: hkt simulate RESULT "
-        "--noise-snr tells what noise and its filter change. Start and stop are left out.",
-    ]
-    if not case.inflow_dynamics.remembers:
-        found.append(
-            "The wake answers at once. A real one needs seconds, in which a light rotor at its "
-            "limit may run away: hkt simulate RESULT --inflow-dynamics oye shows whether it does."
-        )
-    if case.rotor.reynolds == "invariant":
-        found.append("The polars are those of one Reynolds number (rotor.reynolds: invariant).")
-    if case.site.hub_depth is None and not any(getattr(each, "depth", None) for each in limits):
-        found.append("Cavitation is not known: the case gives no depth of the hub.")
-    if case.generator == type(case.generator)():
-        found.append("The generator and the drive train have no losses.")
-    if case.control.cut_out is not None:
-        found.append("After a standstill the machine runs at once, without a run-up.")
-    return found
+    weight = any(getattr(each, "weight", False) for each in limits)
+    depth = case.site.hub_depth or any(getattr(each, "depth", None) for each in limits)
+    known = {"weight": weight, "depth": depth, "lossless": case.generator == type(case.generator)()}
+    return rendered("not_modelled.txt", case=case, **known).splitlines()

@@ -4,8 +4,6 @@ A chart is a dictionary with `data`, the traces, and `layout`. Colours are those
 (`hkt_mdo.results.panel`), and the page replaces them by `DARK` on a dark screen.
 """
 
-from __future__ import annotations
-
 import html
 from collections.abc import Sequence
 from itertools import pairwise
@@ -253,12 +251,8 @@ def limit_bars(results: Results) -> Chart | None:
         own = COLORS[index % len(COLORS)]
         words = [limit_words(limit) for limit in most]
         names |= dict.fromkeys(words)
-        bar: Chart = {
-            "type": "bar",
-            "orientation": "h",
-            "name": escaped(label),
-            "cliponaxis": False,
-        }
+        bar: Chart = {"type": "bar", "orientation": "h", "cliponaxis": False}
+        bar |= {"name": escaped(label)}
         bar |= {"x": plain([*most.values()]), "y": words, "insidetextanchor": "end"}
         gap = "\u2002" if label else ""  # beside the bar
         bar["text"] = [f"{gap}{x:.1f} %" for x in most.values()]

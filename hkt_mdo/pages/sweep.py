@@ -1,10 +1,7 @@
 """The report of a sweep: its front and its map, and a page for each run behind a point."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +9,8 @@ import numpy as np
 
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.files.table import write_files
-from hkt_mdo.pages import rendered
-from hkt_mdo.pages.page import require_packages, write_report
+from hkt_mdo.pages import plotly_script, rendered
+from hkt_mdo.pages.page import write_report
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable
@@ -50,7 +47,7 @@ def write_sweep_report(
     InputError
         If a package is missing, or a file cannot be written.
     """
-    require_packages()
+    script = plotly_script()
     runs = [str(run) for run in table.columns["run"]]
     for number, run in enumerate(runs, start=1):
         folder = table.folder / run
@@ -78,7 +75,6 @@ def write_sweep_report(
         data=json.dumps(charts, allow_nan=False),
     )
     out = table.folder / "report.html"
-    script = import_module("plotly.offline").get_plotlyjs()
     write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
     return out
 

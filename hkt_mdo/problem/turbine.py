@@ -391,6 +391,13 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
         _with_material(_section(rotor, *parts), rotor, entry) for *parts, entry in named.values()
     ]
     notes = [note for each in sections for note in each.polars.messages]
+    shape = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
+    own = rotor.outline is None and rotor.polar and Path(rotor.polar).is_file()
+    notes += [
+        f"section {name or rotor.polar}: without an outline; mass and stress are by that of {shape}"
+        for name, (_, outline, *_) in named.items()
+        if outline is None and (name or own)
+    ]
     notes += [
         f"{each.outline}: outline from the coordinates that it names or holds (NumCoords)"
         for each in (*rotor.sections, rotor)

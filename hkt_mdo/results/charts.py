@@ -5,11 +5,9 @@ colour, line style and marker, so that they can be told apart in grey. Of a sing
 has the same colour in every chart.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,6 +66,15 @@ LEAST_SHOWN = 1e-10
 """Smallest value of the convergence that is drawn."""
 ENVELOPE = 300
 """Classes of the time in an envelope of scenarios."""
+
+MOST_NAMED = 8
+"""Of more polars, only the first and the last have labels."""
+POLARS = {
+    "lift": "lift coefficient (-)",
+    "drag": "drag coefficient (-)",
+    "ratio": "lift over drag (-)",
+    "suction": "largest suction, -cp (-)",
+}
 
 Solutions = Solution | Sequence[Solution]
 
@@ -544,3 +551,42 @@ def convergence(results: Results) -> list[Panel]:
             after = index + len(results)  # another line style
             panel.curves.append(Curve(count, broken, infeasibility, second, after, "marked"))
     return [panel]
+
+
+# ---- polars, for `hkt check` and `hkt polar`
+
+
+def polar_panels(curves: Sequence[Mapping[str, Any]]) -> list[Panel]:
+    """Return lift, drag, their ratio and suction, where it is known, over the angle of attack.
+
+    Parameters
+    ----------
+    curves : sequence of mapping
+        `alpha_deg`, `lift`, `drag` and `suction`, NaN where it is not known, (n_angles,), a
+        `label`, and where a curve is `sure`; elsewhere it is dotted.
+
+    Returns
+    -------
+    list of Panel
+        Of many curves only the first and the last are named.
+    """
+    from matplotlib import colormaps  # takes its time
+    from matplotlib.colors import to_hex
+
+    several = len(curves) > MOST_NAMED
+    shades = [to_hex(each) for each in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
+    panels = []
+    for column, title in POLARS.items():
+        panel = Panel(title, "angle of attack (deg)")
+        for number, (curve, color) in enumerate(zip(curves, shades, strict=True)):
+            y = curve["lift"] / curve["drag"] if column == "ratio" else curve[column]
+            if np.all(np.isnan(y)):
+                continue
+            name = "" if several and 0 < number < len(curves) - 1 else curve["label"]
+            sure = np.where(curve["sure"], y, np.nan)
+            panel.curves.append(Curve(curve["alpha_deg"], y, "", color, None))
+            panel.curves.append(
+                Curve(curve["alpha_deg"], sure, name, color, 0 if several else number)
+            )
+        panels.append(panel)
+    return panels

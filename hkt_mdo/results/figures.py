@@ -3,8 +3,6 @@
 A figure has the panels of a chart (`hkt_mdo.results.charts`) for which a result has data.
 """
 
-from __future__ import annotations
-
 import base64
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -23,27 +21,17 @@ _OF_ONE = "operation", "limits", "year"
 """Figures of one scenario each."""
 _OF_DESIGN = "blade", "coefficients", "convergence"
 """Figures of a result as a whole."""
-PANELS: dict[str, Callable[[Results], list[Panel]]] = {
-    "blade": charts.blade,
-    "coefficients": charts.coefficients,
-    "operation": charts.operation,
-    "power_curve": charts.power_curve,
-    "year": charts.year,
-    "loads": charts.loads,
-    "convergence": charts.convergence,
+FIGURES: dict[str, tuple[Callable[[Results], list[Panel]] | None, float, float]] = {
+    "blade": (charts.blade, 6.6, 1.8),
+    "coefficients": (charts.coefficients, 5.6, 2.2),
+    "operation": (charts.operation, 7.4, 1.55),
+    "power_curve": (charts.power_curve, 7.0, 2.05),
+    "year": (charts.year, 6.4, 2.05),
+    "limits": (None, 7.0, 1.0),
+    "loads": (charts.loads, 5.6, 2.0),
+    "convergence": (charts.convergence, 6.2, 2.7),
 }
-SIZES = {
-    "blade": (6.6, 1.8),
-    "coefficients": (5.6, 2.2),
-    "operation": (7.4, 1.55),
-    "power_curve": (7.0, 2.05),
-    "year": (6.4, 2.05),
-    "limits": (7.0, 1.0),
-    "loads": (5.6, 2.0),
-    "convergence": (6.2, 2.7),
-}
-"""Width of a figure and height of a panel (inches)."""
-FIGURES = tuple(SIZES)
+"""By the name of a figure: its panels, None for bars, its width and a panel's height (inches)."""
 
 
 def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
@@ -55,12 +43,12 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
 
 
 def _figure(results: Results, name: str, scenario: str = "") -> Figure | None:
-    width, height = SIZES[name]
+    make, width, height = FIGURES[name]
     first = printable(results[0].solution.name) if len(results) == 1 else ""
     title = ": ".join(filter(None, (joined(first, scenario), name.replace("_", " "))))
     alone = results if name in _OF_DESIGN else charts.by_scenario(results)
-    if name != "limits":
-        panels = PANELS[name](alone)
+    if make is not None:
+        panels = make(alone)
         known = any(panel.curves for panel in panels)
         return style.figure_of_panels(panels, width, height, title) if known else None
     bars = [len(each.limit_shares()) for each, _ in alone]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pydantic_core
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import write_files
+from hkt_mdo.files.table import csv_text, write_files
 
 MARKER = ".hkt_result"
 """The file by which a run marks a folder as its own; without it nothing there is replaced."""
@@ -137,5 +137,4 @@ def to_json(data) -> str:
 
 def write_csv(path: Path, header, rows) -> None:
     """Write rows of numbers, to ten digits, below a header."""
-    lines = [",".join(f"{float(value):.10g}" for value in row) for row in rows]
-    write_text(path, "\n".join([",".join(header), *lines, ""]))
+    write_text(path, csv_text(header, ([f"{float(value):.10g}" for value in row] for row in rows)))

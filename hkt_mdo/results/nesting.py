@@ -5,8 +5,6 @@ which one is a special case of another (`Law.contains`); and by a fixed and a de
 several results of one turbine in one flow check each other, without another program.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple

@@ -4,8 +4,6 @@ The panels of a chart stand one below the other over one horizontal axis. One wi
 data, and is left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple

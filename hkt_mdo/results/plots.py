@@ -5,8 +5,6 @@ by default), and returns the axes. A plot sets no rcParams. `style.draw` draws t
 `hkt_mdo.results.charts` in the same way.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Sections of a result's blade, from the outlines that its case names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Steady operation of a finished design, and its simulated operation by flow speed."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Nothing is drawn by pyplot, and no rcParams are set.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -156,9 +154,7 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
     for x, y, text in panel.notes:
         above: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "ha": "center"}
         ax.annotate(text, (x, y), fontsize=FONT_SIZE - 1.5, **above)
-    values = [
-        values for curve in panel.curves for values in (curve.y, curve.low) if values is not None
-    ]
+    values = [x for curve in panel.curves for x in (curve.y, curve.low) if x is not None]
     if panel.in_scale:
         ax.set_aspect("equal", adjustable="datalim")
     elif panel.from_zero and all(np.nanmin(x) > -0.01 * np.nanmax(x) for x in values if x.size):
@@ -183,15 +179,12 @@ def _draw_curve(curve: Curve, ax: Axes, n_bars: int) -> None:
     """Draw a curve; of several groups of bars, one beside the other."""
     index, label = curve.index or 0, legend_name(curve.name)
     if curve.kind == "band":
-        ax.fill_between(
-            curve.x, curve.low, curve.y, color=curve.color, alpha=0.2, linewidth=0, label=label
-        )
+        look = {"color": curve.color, "alpha": 0.2, "linewidth": 0}
+        ax.fill_between(curve.x, curve.low, curve.y, label=label, **look)
     elif curve.kind == "bar":
         step = float(np.min(np.diff(curve.x), initial=0.1)) / n_bars
-        at, look = (
-            curve.x + step * (index - 0.5 * (n_bars - 1)),
-            bar(index) | {"color": curve.color},
-        )
+        at, look = curve.x + step * (index - 0.5 * (n_bars - 1)), bar(index)
+        look["color"] = curve.color
         ax.bar(at, curve.y, width=0.9 * step, label=label, **look)
     else:
         look = line(index) if curve.index is not None else REFERENCE | {"linestyle": ":"}

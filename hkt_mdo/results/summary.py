@@ -147,10 +147,11 @@ class LimitEntry(LoadEntry):
         if not self.binding:
             return word
         share, worth = self.share_of_time, self.worth
+        verb = "give" if (worth or 0.0) >= 0.0 else "lose"
         return joined(
             word,
             "binding" + (f" {100.0 * share:.3g} % of the time" if share else ""),
-            "" if worth is None else f"1 % more would give {measured(worth, 'J', 3)}",
+            "" if worth is None else f"1 % more would {verb} {measured(abs(worth), 'J', 3)}",
         )
 
     def row(self, name: str, load: LoadEntry | None = None) -> Row:
@@ -682,11 +683,11 @@ class Summary(_Entry, Mapping[str, Any]):
         peak = measured(self.tip_speed_ratio_at_power_coefficient_max, digits=4)
         at_peak = f"at tip speed ratio {peak}"
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
-        limit, margin = case.control.torque_limit, "no limit"
-        if limit is not None:
-            entry = LimitEntry(value=torque, limit=limit)
-            margin = joined(f"limit {measured(limit, 'N*m')}", entry.margin)
-        yield Row("largest generator torque", torque, "N*m", margin)
+        limit = (self.limits or {}).get("control_torque")
+        if limit is None or case.control.torque_limit is None:
+            yield Row("largest generator torque", torque, "N*m", "no limit")
+        else:
+            yield limit.row("control_torque")
         if case.design.radius_bounds is not None:
             yield Row("tip radius", self.tip_radius_m, "m", digits=4)
         if case.design.set_angle_bounds:

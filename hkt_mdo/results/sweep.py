@@ -19,7 +19,7 @@ import numpy as np
 from hkt_mdo.case.document import unit_at
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_text, write_files
+from hkt_mdo.files.table import csv_text, read_text, write_files
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import PREFIXED, plain_unit, prefixed
@@ -88,11 +88,8 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
     """
     names = list(dict.fromkeys(name for row in rows for name in row))
     names.sort(key="message".__eq__)  # a text, the last one
-    text = io.StringIO()
-    writer = csv.DictWriter(text, names, lineterminator="\n", restval="")
-    writer.writeheader()
-    writer.writerows(rows)
-    files = {folder / TABLE: text.getvalue().encode()}
+    text = csv_text(names, ([row.get(name) for name in names] for row in rows))
+    files = {folder / TABLE: text.encode()}
     columns = {name: _column(row.get(name) for row in rows) for name in names}
     if all(map(find_spec, ("pandas", "pyarrow"))):
         from pandas import DataFrame

@@ -1,7 +1,5 @@
 """Figures of a sweep: Pareto front, map, parallel coordinates."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path

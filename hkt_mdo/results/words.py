@@ -1,7 +1,5 @@
 """Rows of a report, and quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import timedelta
@@ -189,7 +187,7 @@ def water_inertia(estimates: tuple[float, float], inertia: float, model: str) ->
 
 def weight_moment(moment: float) -> Row:
     """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
-    note = "edgewise, of one blade at the hub, reversing in every turn"
+    note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
     return Row("weight in water", abs(moment), "N*m", note, 3)
 
 

@@ -143,10 +143,11 @@ def _turbine(found: Findings) -> Rows:
         off = scale * np.abs(getattr(blade, name) - getattr(given, name))
         worst, points = int(np.argmax(off)), found.physics.shape.points[name]
         if off[worst] > FIT[name]:
+            place = found.stations.places([worst])
             yield _warning(
                 f"design.{name}_points",
                 f"a spline through {points} points differs from the {name} of the blade's file by "
-                f"{off[worst]:.2g} {unit} at {found.places([worst])}: the run begins with the "
+                f"{off[worst]:.2g} {unit} at {place}: the run begins with the "
                 "spline; more points follow the file more closely",
             )
     mass, inertia = found.physics.mass_and_inertia(blade)
@@ -163,7 +164,9 @@ def _turbine(found: Findings) -> Rows:
     if blade.cone:
         yield Row("cone", np.rad2deg(blade.cone), "deg", digits=3)
     yield Row("density of the water", found.case.fluid.density, "kg/m**3")
-    yield Row("blade at the start", source, "", f"{blade.r.size} stations at {found.places()}")
+    yield Row(
+        "blade at the start", source, "", f"{blade.r.size} stations at {found.stations.places()}"
+    )
     yield Row("chord", blade.chord, "m", digits=4)
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
@@ -195,9 +198,10 @@ def _stations(found: Findings) -> Rows:
         met = found.reynolds
         off = np.any((met < 0.99 * low) | (met > 1.01 * high), axis=0)
         if np.any(off):
+            places = found.stations.places(off)
             yield _warning(
                 "rotor.polar",
-                f"Reynolds numbers at {found.places(off)} are {powers(met[:, off])}, and the "
+                f"Reynolds numbers at {places} are {powers(met[:, off])}, and the "
                 f"polars' tables run from {powers((low, high))}: outside them the nearest is used",
             )
     yield Row("sections", ", ".join(polars))

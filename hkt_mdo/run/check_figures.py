@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.results import style
+from hkt_mdo.results.charts import polar_panels
 from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel, Span
-from hkt_mdo.results.polars import polar_panels
 from hkt_mdo.results.words import powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
@@ -89,7 +89,7 @@ def _polar_curves(found: Findings) -> Iterator[dict[str, Any]]:
     alpha = np.linspace(-40.0, 50.0, 361)
     angle = np.deg2rad(alpha)
     for tables, where in groups.items():
-        label = "all stations" if len(groups) == 1 else found.places(where)
+        label = "all stations" if len(groups) == 1 else found.stations.places(where)
         labels = [label]
         if isinstance(polar := found.plant.polar, LocalReynolds):
             labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]

@@ -4,9 +4,8 @@ A result is a success only if the optimizer converged and an integration that sh
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
+from operator import attrgetter
 
 import numpy as np
 
@@ -117,11 +116,8 @@ def _check(name, value, limit, detail) -> CheckEntry:
 
 def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of the checks of a scenario's integration."""
-    simulated, nodes, integrated = (
-        verification.simulation,
-        verification.trajectory,
-        verification.integrated,
-    )
+    simulated, integrated = verification.simulation, verification.integrated
+    nodes = verification.trajectory
     time, stopped, own = nodes["time"], simulated.stopped_at, verification.of_model.integrated
     if not verification.scenario.steady:
         yield from _of_flow(verification.scenario)
@@ -193,10 +189,8 @@ def _of_design(physics, optimum, reference, result, verifications):
     else:
         yield from _recovery(physics, result, verifications)
     if physics.case.generator.table is not None:
-        known = [
-            (x.trajectory["control_torque"], x.trajectory["rotor_speed"]) for x in verifications
-        ]
-        off = max(physics.case.generator.beyond_table(*each) for each in known)
+        beyond, nodes = physics.case.generator.beyond_table, [x.trajectory for x in verifications]
+        off = max(beyond(each["control_torque"], each["rotor_speed"]) for each in nodes)
         word = "how far torque or speed leave generator.table, over its range"
         yield "generator_table", max(off, 0.0), BEYOND, word
     if physics.law.states:
@@ -210,9 +204,7 @@ def _of_design(physics, optimum, reference, result, verifications):
     captured = isinstance(physics.objective, CapturedEnergy)
     if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
         stored = total(verifications, lambda verification: _stored(physics, result, verification))
-        energy = max(
-            abs(total(verifications, lambda verification: verification.simulation.energy)), 1e-9
-        )
+        energy = max(abs(total(verifications, attrgetter("simulation.energy"))), 1e-9)
         word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
         yield "stored_energy", stored / energy, STORED, word
     objective = simulated_objective(physics, verifications)
@@ -221,12 +213,9 @@ def _of_design(physics, optimum, reference, result, verifications):
         error = abs(result.objective - known) / max(abs(known), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
     if reference > 0.0:
-        yield (
-            "energy_below_start",
-            physics.objective.behind(objective, reference),
-            BELOW_START,
-            "share by which the objective is below that at the start of the run",
-        )
+        behind = physics.objective.behind(objective, reference)
+        word = "share by which the objective is below that at the start of the run"
+        yield "energy_below_start", behind, BELOW_START, word
     for limit in physics.design_limits:
         yield _of_design_limit(physics, limit, result, verifications)
     for verification, suffix in _suffixed(verifications):
@@ -264,7 +253,7 @@ def _bounds(physics, optimum, verifications):
     """Yield by how much the energy exceeds the bounds of theory, with a wake in equilibrium."""
     if physics.remembers:  # before the wake follows, a rotor may capture more
         return
-    energy = total(verifications, lambda verification: verification.simulation.energy)
+    energy = total(verifications, attrgetter("simulation.energy"))
     bound = energy_bound(physics, optimum)
     for name, most, word in (
         ("energy_over_bound", bound, "quasi-steady bound"),

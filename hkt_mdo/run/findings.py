@@ -78,17 +78,17 @@ class Stations(NamedTuple):
             np.max(torque / torque.sum(axis=1, keepdims=True), axis=0),
         )
 
+    def places(self, chosen=slice(None)) -> str:
+        """Return in words where some stations lie."""
+        return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
+
     def messages(self, of: str) -> Iterator[tuple[float, str]]:
         """Yield messages on stations of a blade, `of`, beyond their tables."""
-
-        def places(chosen):
-            return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
-
         if np.any(self.unsolved):
             yield (
                 1.0,
                 "blade element momentum theory has no solution at "
-                f"{places(self.unsolved)} of the {of}: no load counts there",
+                f"{self.places(self.unsolved)} of the {of}: no load counts there",
             )
         below, above = self.table[0] - self.met[0], self.met[1] - self.table[1]
         over = np.maximum(above, below)
@@ -99,7 +99,7 @@ class Stations(NamedTuple):
             table = measured(np.rad2deg(self.table[:, worst]), "deg", 4)
             yield (
                 share,
-                f"{outside.sum()} of the stations of the {of}, at {places(outside)}, with "
+                f"{outside.sum()} of the stations of the {of}, at {self.places(outside)}, with "
                 f"{number(100.0 * share, 2)} % of the torque, are outside the polar's table, "
                 f"{table}, in Viterna's extension, with "
                 f"angles of attack up to {angle:.3g} deg, at tip speed ratios of "
@@ -261,10 +261,6 @@ class Findings:
         at = np.array([[rotor_speed], [flow_speed]])
         return float(self.plant.generator_torque(*at)[0])
 
-    def places(self, chosen=slice(None)) -> str:
-        """Return in words where stations of the starting blade lie."""
-        return f"r/R = {measured(self.plant.blade.r[chosen] / self.plant.blade.tip_radius, '', 4)}"
-
     def rated(self, tip_speed_ratio: float) -> float:
         """Return the flow speed (m/s) at which the torque limit is met at a tip speed ratio.
 
@@ -323,16 +319,14 @@ def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
         return ProblemSize(*_sizes(physics, best), nodes)
     few, many = TRIAL_SEGMENTS
     step = physics.case.phase.duration / segments
-    small, large = (
-        _sizes(_one_flow(physics, segments=count, duration=step * count), best)
-        for count in (few, many)
-    )
+    parts = [_one_flow(physics, segments=x, duration=step * x) for x in TRIAL_SEGMENTS]
+    small, large = (_sizes(part, best) for part in parts)
     share = (segments - many) / (many - few)
-    unknowns, constraints = (
+    counts = (
         {name: round(n + share * (n - before[name])) for name, n in after.items()}
         for before, after in zip(small, large, strict=True)
     )
-    return ProblemSize(unknowns, constraints, nodes)
+    return ProblemSize(*counts, nodes)
 
 
 def _sizes(part: Physics, best: SteadyOptimum) -> tuple[dict[str, int], dict[str, int]]:

@@ -20,7 +20,7 @@ ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "iner
 
 
 def solve(
-    state: RunState, physics: Physics, setup: Setup, near: bool, most: int | None
+    state: RunState, physics: Physics, setup: Setup, near: bool, refined: bool, most: int | None
 ) -> Optimized:
     """Run one optimization; the run's state is updated at every evaluation.
 
@@ -30,8 +30,8 @@ def solve(
         What the run knows.
     physics, setup
         The problem and its start.
-    near
-        Whether the start is near the optimum (`make_driver`).
+    near, refined
+        Whether the start is near the optimum, and that on a coarser mesh (`make_driver`).
     most
         Largest number of iterations; None: as in the case.
 
@@ -40,7 +40,7 @@ def solve(
     Optimized
         The end of the optimization, converged or not.
     """
-    driver = make_driver(physics, state, most, near, first=not state.passes)
+    driver = make_driver(physics, state, most, near, refined)
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
     state.log.add_recorders(problem, whole=rows <= MOST_ROWS)

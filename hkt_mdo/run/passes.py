@@ -372,7 +372,8 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
         began = time.perf_counter()
         most = SECOND_ITERATIONS if task.verified else FIRST_ITERATIONS
         most = None if task.name == "begin again" else most
-        this = Pass(state, task, solve(state, task.physics, task.setup, near, most))
+        refined = task.name == "refine"
+        this = Pass(state, task, solve(state, task.physics, task.setup, near, refined, most))
         following = next_task(this)
         if following is None and this.approximate:
             this = replace(this, exact=True)

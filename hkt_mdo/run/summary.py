@@ -1,12 +1,11 @@
 """The files of a finished run: the summary, the tables and the blade."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from importlib import metadata
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +55,6 @@ SIMULATED = {
     "electrical_energy": "electrical_energy_J",
 }
 """Key in the summary of each energy of a `Simulation`."""
-TORQUE = "control_torque"
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
     "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "
@@ -105,9 +103,7 @@ class Finished:
     def scenarios(self) -> dict[str, tuple[Verification, ...]]:
         """The verifications of each scenario of the case: several where it has intervals."""
         groups = by_scenario([verification.scenario for verification in self.verifications])
-        return {
-            name: tuple(self.verifications[i] for i in places) for name, places in groups.items()
-        }
+        return {x: tuple(self.verifications[i] for i in places) for x, places in groups.items()}
 
     @property
     def turning(self) -> bool:
@@ -143,20 +139,13 @@ def summarize(finished: Finished) -> Summary:
         **_memory(finished),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
-        "branches": [
-            {"name": x.side, "objective_J": x.objective, "taken": x.kept}
-            | {"kept": x.excess <= KEPT_EXCESS}
-            for x in sorted(finished.start.starts, key=lambda each: not each.kept)
-            if x.side
-        ],
+        "branches": [*_branches(finished.start.starts)],
         "starts": [vars(record) for record in finished.start.starts],
         "start_breaks": list(finished.start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
         "surrogate_nodes": int(finished.result.curve.size),
-        "max_speed_error": max(
-            np.max(verification.speed_errors) for verification in finished.verifications
-        ),
+        "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
         "doubts": list(finished.physics.warnings),
@@ -165,19 +154,23 @@ def summarize(finished: Finished) -> Summary:
     return Summary.parse(to_json(values))
 
 
+def _branches(starts):
+    """Yield the branches of a search for a start, the one that was taken first."""
+    for each in sorted(starts, key=lambda start: not start.kept):
+        if each.side:
+            about = {"taken": each.kept, "kept": each.excess <= KEPT_EXCESS}
+            yield {"name": each.side, "objective_J": each.objective} | about
+
+
 def _energies(finished):
     """Return the energies of a result, the weighted sums of those of its scenarios, and bounds."""
     physics, verifications = finished.physics, finished.verifications
+    taken = "generator_energy", "friction_energy", "kinetic_energy_change"
     sums = {
-        name: total(
-            verifications, lambda verification, name=name: getattr(verification.simulation, name)
-        )
-        for name in (*SIMULATED, "friction_energy", "kinetic_energy_change")
+        name: total(verifications, attrgetter(f"simulation.{name}"))
+        for name in {*SIMULATED, *taken}
     }
-    energy, *parts = (
-        sums[name]
-        for name in ("energy", "generator_energy", "friction_energy", "kinetic_energy_change")
-    )
+    energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
     meshes = [each.mesh for each in physics.scenarios]
     open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
@@ -199,24 +192,21 @@ def _energies(finished):
         "bound_power_coefficient": finished.optimum.power_coefficient,
         "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
         "starting_energy_J": finished.start.operation.energy,
-        "energy_balance_error": abs(energy - sum(parts)) / max(energy, 1e-9),
+        "energy_balance_error": abs(energy - used) / max(energy, 1e-9),
     }
 
 
 def _controller(finished):
     """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
     blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
-    peak, torques = (
-        finished.physics.rotor.best_operation(blade),
-        _nodes(finished.verifications, TORQUE),
-    )
+    peak = finished.physics.rotor.best_operation(blade)
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(finished.physics.law.gain_units),
         "tip_speed_ratio": _span(_nodes(finished.verifications, "tip_speed_ratio")),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
-        "control_torque_max_Nm": np.max(torques),
+        "control_torque_max_Nm": np.max(_nodes(finished.verifications, "control_torque")),
     }
 
 
@@ -253,9 +243,8 @@ def _at_bounds(finished):
             at = np.isclose(value, bound, BINDING, 0.1 * BINDING * np.max(np.abs(value)))
             if np.any(at):
                 spans = np.flatnonzero(np.diff(at, prepend=False, append=False)).reshape(-1, 2)
-                ratio = (
-                    (blade.r / blade.tip_radius)[spans - [0, 1]] if limit.place == "span" else []
-                )
+                along = limit.place == "span"
+                ratio = (blade.r / blade.tip_radius)[spans - [0, 1]] if along else []
                 about = {"unit": unit, "r_over_R": ratio}
                 yield {"name": limit.name, "end": end, "bound": scale * bound} | about
 
@@ -304,25 +293,16 @@ def _memory(finished):
 def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = verifications[0].scenario, finished.physics.start_objective
-    turning, duration = _turning(verifications), scenario.mesh.duration
-    sums = {
-        key: sum(getattr(verification.simulation, name) for verification in verifications)
-        if turning
-        else None
-        for name, key in SIMULATED.items()
-    }
-    power = (
-        sum(verification.objective(objective) for verification in verifications) / duration
-        if turning
-        else None
-    )
-    speeds = [verification.simulation.inflow_speed for verification in verifications]
-    passed = sum(x.integral(v) for v, x in zip(speeds, verifications, strict=True))
-    mean = passed / sum(
-        x.integral(np.ones(v.size)) for v, x in zip(speeds, verifications, strict=True)
-    )
-    over_time = _over_time(finished, verifications)
-    limits = {name: _limit(pairs) for name, pairs in over_time.items()}
+    simulations, duration = [each.simulation for each in verifications], scenario.mesh.duration
+    sums, power = dict.fromkeys(SIMULATED.values()), None
+    if _turning(verifications):
+        sums = {key: sum(getattr(x, name) for x in simulations) for name, key in SIMULATED.items()}
+        power = sum(each.objective(objective) for each in verifications) / duration
+    speeds = [each.inflow_speed for each in simulations]
+    pairs = [*zip(verifications, speeds, strict=True)]
+    spans = sum(each.integral(np.ones(speed.size)) for each, speed in pairs)
+    mean = sum(each.integral(speed) for each, speed in pairs) / spans
+    limits = {name: _limit(x) for name, x in _over_time(finished, verifications).items()}
     year = None
     if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
         year = a_year.entry(verifications, limits).model_dump()
@@ -331,8 +311,7 @@ def _scenario(finished, verifications):
         "weight": scenario.weight,
         "duration_s": duration,
         "energy_J": sum(
-            each.scenario.node_weights @ each.trajectory["hydrodynamic_power"]
-            for each in verifications
+            x.scenario.node_weights @ x.trajectory["hydrodynamic_power"] for x in verifications
         ),
         **sums,
         "mean_power_W": power,
@@ -388,10 +367,8 @@ def _operation(finished, verifications, power):
 
 def _unstable(verifications):
     """Yield a note if an open loop needs a controller of its speed."""
-    stiffness = max(
-        (each.recorded.stiffness for each in verifications if each.recorded), default=0.0
-    )
-    if stiffness:
+    known = [each.recorded.stiffness for each in verifications if each.recorded]
+    if stiffness := max(known, default=0.0):
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
@@ -405,15 +382,14 @@ def _notes(finished):
     ratios = _nodes(finished.verifications, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
     met = Stations.of(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
+    start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
     return [
         *physics.messages,
         *finished.start.messages,
         *(text for _, text in met),
         *_unresolved(physics, blade, finished.verifications),
         *_unstable(finished.verifications),
-        *filter(
-            None, [start_against_friction(finished.verifications[0].plant, physics.scenarios)[0]]
-        ),
+        *([start] if start else []),
         *(PULSES,) * physics.may_pulse,
     ]
 
@@ -472,9 +448,8 @@ def _limit(pairs):
     for limit, verification in pairs:
         simulated, time = limit.told(verification.simulated), verification.simulated["time"]
         value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
-        found.append(
-            _entry(limit, value) | _place(verification.scenario, time[np.argmax(simulated)])
-        )
+        place = _place(verification.scenario, time[np.argmax(simulated)])
+        found.append(_entry(limit, value) | place)
         binding = np.where(simulated >= _least(limit), 1.0, 0.0)
         weight = verification.scenario.weight if counts else 1.0
         binds += weight * verification.integral(binding)
@@ -591,9 +566,8 @@ def _write_blade(path, physics, blade):
     given = physics.case.rotor.model_dump(mode="json")
     for key in ("polar", "outline", "sections", "reynolds_number"):
         rotor |= {key: given[key]} if given[key] else {}
-    section = yaml.dump(
-        rotor, Dumper=Dumper, sort_keys=False, default_flow_style=True, width=float("inf")
-    ).strip()
+    style = {"sort_keys": False, "default_flow_style": True, "width": float("inf")}
+    section = yaml.dump(rotor, Dumper=Dumper, **style).strip()
     remarks = (
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
         f"to start from it, with the path of this file: rotor: {section}",

@@ -30,8 +30,8 @@ CAUTIOUS: Settings = {
     "max_soc": 0,
     "watchdog_shortened_iter_trigger": 0,
     "mu_strategy": "monotone",
-    "mu_init": 1e-5,
 }
+CAUTIOUS_BARRIER = 1e-5
 """IPOPT's options (scaled problem) that keep it near its start.
 
 Where the constraints hold to rounding, IPOPT's filter accepts a second-order correction or a
@@ -104,7 +104,7 @@ def make_driver(
     if optimizer == "IPOPT" and barrier is not None:
         settings |= {"mu_init": barrier, "mu_max": barrier} | NEAR_START
     if optimizer == "IPOPT" and cautious:
-        settings |= CAUTIOUS
+        settings |= CAUTIOUS | {"mu_init": min(settings["mu_init"], CAUTIOUS_BARRIER)}
     if optimizer == "IPOPT" and memory is not None:
         settings["limited_memory_max_history"] = memory
     if carrier == "casadi":

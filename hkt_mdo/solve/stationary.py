@@ -27,13 +27,16 @@ class Rules:
         allow of the energy.
     better : float
         Relative change of the objective that is an improvement.
+    near : float
+        Violation of a bound up to which an iterate counts; one beyond it is on its way.
     patience : int
-        Iterations within all bounds without one after which the best is the end.
+        Such iterations without an improvement after which the best is the end.
     """
 
     gradient: float = 1e3
     gap: float = 500.0
     better: float = 1.0
+    near: float = 1e4
     patience: int = 30
 
 
@@ -88,7 +91,7 @@ class Stationary:
         """
         unit = self.tolerance
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
-        self._waited += bool(over <= unit)  # an iterate beyond its bounds is on its way
+        self._waited += bool(over <= RULES.near * unit)
         bound = np.where(multipliers > 0.0, self.upper, self.lower)
         room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
         gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)

@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import csv_text
 from hkt_mdo.quantities import names
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
@@ -181,13 +182,8 @@ class Run:
             return []
         tau1 = self.design.plant.wake.tau1
         how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
-        lines = [
-            f"{word}: {each.outcome}; rotor at {measured(each.simulation.rotor_speed, 'rad/s', 4)}"
-            for word, each in (
-                (f"with dynamic inflow ({how})", self),
-                ("without memory", self.without),
-            )
-        ]
+        both = {f"with dynamic inflow ({how})": self, "without memory": self.without}
+        lines = [f"{word}: {each.outcome}" for word, each in both.items()]
         if self.runs_away is not None:
             fastest, usual = (
                 float(np.max(each.simulation.rotor_speed)) for each in (self, self.without)
@@ -210,7 +206,7 @@ class Run:
 
     @property
     def outcome(self) -> str:
-        """The energies as text, or when the rotor stops.
+        """The energies and the rotor's speeds as text, or when the rotor stops.
 
         Returns
         -------
@@ -221,7 +217,8 @@ class Run:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         pairs = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
-        return joined(*texts[: 2 if self.design.physics.case.generator.lossless else 3])
+        energies = joined(*texts[: 2 if self.design.physics.case.generator.lossless else 3])
+        return f"{energies}; rotor at {measured(self.simulation.rotor_speed, 'rad/s', 4)}"
 
     @property
     def verdicts(self) -> str:
@@ -354,10 +351,8 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
         The files.
     """
     entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    rows = (header, *(record.values() for record in entries))
-    lines = [",".join("" if x is None else str(x) for x in row) for row in rows]
     folder.mkdir(parents=True, exist_ok=True)
     table, data = folder / "simulations.csv", folder / "simulations.json"
-    write_text(table, "\n".join([*lines, ""]))
+    write_text(table, csv_text(header, (record.values() for record in entries)))
     write_json(data, entries)
     return [table, data]

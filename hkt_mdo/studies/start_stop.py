@@ -1,7 +1,5 @@
 """A finished feedback design from standstill into operation, and out of it again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.cases import shipped_cases
+from hkt_mdo.files.shipped import shipped_cases
 from studies.study_common import LAWS, markdown_table
 
 SETTINGS = ("--segments", "20", "--set", "phase.duration=20", "--quiet")

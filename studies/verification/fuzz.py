@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
-from hkt_mdo.files.cases import shipped_cases
-from hkt_mdo.files.shipped import data_path, shipped_names
+from hkt_mdo.files.shipped import data_path, shipped_cases, shipped_names
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.outline import Outline

@@ -80,7 +80,7 @@ def test_files_are_replaced_only_by_force(hkt, tmp_path):
     file.write_text("mine")
     code, told = hkt(*command)
     assert code == 2
-    assert "is there already; choose another folder, or give --force" in told
+    assert "is there already; give --force to replace it" in told
     assert file.read_text() == "mine"
     assert hkt(*command, "--force")[0] == 0
     assert file.read_text() == before
@@ -88,7 +88,7 @@ def test_files_are_replaced_only_by_force(hkt, tmp_path):
     file.mkdir()
     code, told = hkt(*command, "--force")
     assert code == 2
-    assert "controller.c: is a folder; choose another folder for the export" in told
+    assert "controller.c: is a folder; choose another name or folder" in told
     code, told = hkt(*command[:-1], tmp_path / "out" / "controller.h")
     assert code == 2
     assert "cannot be made a folder (File exists); choose another one" in told

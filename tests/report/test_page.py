@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -201,9 +202,9 @@ def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
     assert capsys.readouterr().out == f"{out}\n"
     assert main(["report", str(folders[0]), "--out", out]) == 2
     assert "is there already; give --force" in capsys.readouterr().err
-    monkeypatch.setattr(page, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert main(["report", str(folders[0]), "--out", out, "--force"]) == 2
     told = capsys.readouterr().err
-    assert "needs plotly, which is not installed" in told
+    assert "needs the package plotly, which is not installed" in told
     assert "pip install" in told
     assert "[report]" in told
