@@ -8,8 +8,6 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import read_blade
-from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.run.check import check_case
@@ -98,19 +96,6 @@ def test_rm1_has_its_published_inertia_and_torque(name):
     rated = 500e3 / (11.5 * 2.0 * np.pi / 60.0)  # 500 kW at 11.5 rpm
     assert case.control.torque_limit == pytest.approx(rated, rel=1e-3)
     assert case.fluid.density == 1025.0
-
-
-def test_own_files_are_the_shipped_turbine_and_its_record_is_repaired():
-    river, own = read_blade("river"), read_blade(FILES / "blade.dat", hub_radius=0.12)
-    np.testing.assert_allclose(np.interp(river.r, own.r, own.chord), river.chord, atol=1e-12)
-    np.testing.assert_allclose(np.interp(river.r, own.r, own.twist), river.twist, atol=1e-12)
-    for table, name in zip(read_polars(FILES / "airfoil.dat"), ("2e5", "5e5"), strict=True):
-        (shipped,) = read_polars(f"naca4415_Re{name}")
-        assert table.reynolds == pytest.approx(float(name))
-        np.testing.assert_allclose(table.lift, shipped.lift, atol=1e-4)
-        np.testing.assert_allclose(table.drag, shipped.drag, atol=1e-5)
-    messages = " ".join(physics(load_case(EXAMPLES / "own_files.yaml")).messages)
-    assert "4 gaps interpolated, 8 samples" in messages
 
 
 def test_own_files_are_what_the_script_makes():

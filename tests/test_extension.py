@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from hkt_mdo import InputError, Solution, load_case, run_case
-from hkt_mdo.cli import main
 from tests.conftest import NINE
 
 EXTENSION = Path(__file__).parent / "data" / "extension.py"
@@ -53,18 +51,6 @@ def test_a_limit_is_kept_and_reported(run, control):
     assert {"tip_acceleration_at_nodes", "tip_acceleration_between_nodes"} <= checks
 
 
-@pytest.mark.parametrize(
-    "control", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)]
-)
-def test_a_start_keeps_a_limit_of_ones_own(run, control):
-    free, held = run(control=control), run(control=control, limits={"tip_acceleration": "46 m/s^2"})
-    assert held.success, held.message
-    summary = held.summary
-    assert summary["start_breaks"] == []
-    assert summary["starting_energy_J"] == pytest.approx(summary["energy_J"], rel=1e-3)
-    assert summary["energy_J"] < 0.99 * free.summary["energy_J"]
-
-
 def test_an_objective_is_maximized(run):
     plain = run()
     priced = run(objective={"kind": "priced_torque", "price": 1e-3})
@@ -95,36 +81,6 @@ def test_a_law_of_two_gains_is_at_least_as_good_as_its_parts(run):
     energy = {law: found.summary["simulated_energy_J"] for law, found in limited.items()}
     assert energy["quadratic"] * (1.0 - 1e-6) <= energy["mixed"]
     assert energy["mixed"] <= energy["open_loop"] * (1.0 + 2e-5)
-
-
-def test_a_flow_is_followed(run):
-    ramp = run(inflow={"profile": "ramp", "rise": "40 cm/s"})
-    assert ramp.success, ramp.message
-    time = ramp.trajectory["time_s"]
-    share = (time / 20.0) ** 2
-    expected = 1.3 + 0.4 * share / (1.0 + share)
-    np.testing.assert_allclose(ramp.trajectory["inflow_speed_m_s"], expected, rtol=1e-9)
-
-
-def test_the_command_line_takes_the_same(tmp_path, capsys):
-    case = SHORT | {
-        "limits": {"tip_acceleration": "95 m/s^2"},
-        "phase": {"segments": 15, "duration": 15},
-    }
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(case))
-    file, out = str(tmp_path / "own.yaml"), str(tmp_path / "out")
-    extend = ["--extend", str(EXTENSION)]
-    assert main(["check", file]) == 2
-    assert "limits.tip_acceleration" in capsys.readouterr().err
-    assert main([*extend, "check", file]) == 0
-    assert "limits.tip_acceleration" in capsys.readouterr().out
-    assert main([*extend, "schema"]) == 0
-    schema = capsys.readouterr().out
-    assert all(name in schema for name in ("tip_acceleration", "priced_torque", "mixed", "ramp"))
-    assert main([*extend, "run", file, "--out", out, "--no-figures"]) == 0
-    assert "tip acceleration" in capsys.readouterr().out
-    assert main([*extend, "show", out]) == 0
-    assert "tip acceleration" in capsys.readouterr().out
 
 
 def test_a_result_is_read_only_with_its_extension(run):

@@ -2,10 +2,12 @@
 
 import re
 import warnings
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 import pytest
+import yaml
 from openmdao.utils import cs_safe
 
 from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, load_case
@@ -17,93 +19,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective, Quantity
 """
-KINDS = {
-    "limit": (
-        "class Own(Limit):\n"
-        '    name: ClassVar[str] = "own"\n'
-        '    unit: ClassVar[str] = "{unit}"\n'
-        '    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed", "rotor_radius")\n'
-        '    bound: Annotated[float, Quantity("m/s**2")] = 95.0\n'
-        "    def value(self, rotor_speed, rotor_radius):\n"
-        "        {fault}\n"
-        "        return rotor_speed**2 * rotor_radius * factor\n",
-        "m/s**2",
-        "limits: {own: 95}",
-        "value",
-    ),
-    "limit of the design": (
-        "class Own(Limit):\n"
-        '    name: ClassVar[str] = "own"\n'
-        '    unit: ClassVar[str] = "{unit}"\n'
-        '    inputs: ClassVar[tuple[str, ...]] = ("mass",)\n'
-        '    bound: Annotated[float, Quantity("kg")] = 95.0\n'
-        "    def value(self, mass):\n"
-        "        {fault}\n"
-        "        return mass * factor\n",
-        "kg",
-        "limits: {own: 95}",
-        "value",
-    ),
-    "objective": (
-        "class Own(Objective):\n"
-        '    kind: ClassVar[str] = "own"\n'
-        '    unit: ClassVar[str] = "{unit}"\n'
-        '    inputs: ClassVar[tuple[str, ...]] = ("generator_power",)\n'
-        "    def rate(self, generator_power):\n"
-        "        {fault}\n"
-        "        return generator_power * factor\n",
-        "J",
-        "objective: own",
-        "rate",
-    ),
-    "objective of the design": (
-        "class Own(Objective):\n"
-        '    kind: ClassVar[str] = "own"\n'
-        '    unit: ClassVar[str] = "{unit}"\n'
-        "    maximize: ClassVar[bool] = False\n"
-        '    inputs: ClassVar[tuple[str, ...]] = ("mass",)\n'
-        "    def value(self, mass):\n"
-        "        {fault}\n"
-        "        return mass * factor\n",
-        "kg",
-        "objective: own",
-        "value",
-    ),
-    "law": (
-        "class Own(FeedbackLaw):\n"
-        '    law: Literal["own"] = "own"\n'
-        '    gain_units: ClassVar[tuple[str, ...]] = ("{unit}",)\n'
-        "    def demand(self, speed, gains):\n"
-        "        {fault}\n"
-        "        return gains[0] * speed * factor\n",
-        "N*m*s/rad",
-        "control: own",
-        "demand",
-    ),
-    "flow": (
-        "class Own(Inflow):\n"
-        '    profile: Literal["own"] = "own"\n'
-        '    mean: Annotated[float, Quantity("{unit}")] = 1.4\n'
-        "    highest_frequency: ClassVar[float] = 0.1\n"
-        "    def speed_at(self, time):\n"
-        "        {fault}\n"
-        "        return (self.mean + 0.1 * np.sin(0.2 * np.asarray(time))) * factor\n",
-        "m/s",
-        "inflow: own",
-        "speed_at",
-    ),
-    "aggregate": (
-        "class Own(Aggregate):\n"
-        '    measure: ClassVar[str] = "own"\n'
-        '    weight: Annotated[float, Quantity("{unit}")] = 1.0\n'
-        "    def value(self, rates, shares, unknowns):\n"
-        "        {fault}\n"
-        "        return np.min(rates) * factor\n",
-        "W",
-        "robustness: own\nscenarios: [{inflow: {profile: sine, mean: 1.3}}, {inflow: sine}]",
-        "value",
-    ),
-}
+KINDS = yaml.safe_load((Path(__file__).parent / "data" / "faulty_kinds.yaml").read_text())
 FAULTS = {
     "raises": ("factor = 1.0; dict()['key']", r"raises KeyError: 'key' in line \d+"),
     "is nan": ("factor = np.nan", "returns nan"),
@@ -121,7 +37,7 @@ phase: {duration: 5, segments: 5}
 
 def written(folder, kind, *, fault="factor = 1.0", unit=None):
     """Return the arguments of a command line with an extension and a case that names its kind."""
-    text, own_unit, case, method = KINDS[kind]
+    text, own_unit, case, method = (KINDS[kind][key] for key in ("text", "unit", "case", "method"))
     text = text.replace("{fault}", fault).replace("{unit}", unit or own_unit)
     (folder / "own.py").write_text(HEAD + text)
     key = case.partition(":")[0]

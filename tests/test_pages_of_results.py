@@ -8,8 +8,6 @@ from pathlib import Path
 import page_data
 import pytest
 
-from hkt_mdo.cli import main
-
 ROOT = Path(__file__).parent.parent
 PAGES = sorted(path.stem for path in (ROOT / "docs" / "data").glob("*.json"))
 OTHERWISE = {
@@ -59,30 +57,6 @@ def test_pages_that_are_written_by_hand_have_the_words_of_their_data(script, pag
 def test_certificates_are_those_of_the_runs():
     script, data = importlib.import_module("reproduction_page"), page_data.read("reproduction")
     assert all(row in page_data.text_of("checks") for row in script.certificates(data))
-
-
-@pytest.mark.slow
-def test_what_memory_does_to_the_papers_optimum_is_computed_again(solve, capsys):
-    folder, text = str(solve("sine_limited_quadratic").folder), page_data.text_of("dynamic_inflow")
-    oye = ["simulate", folder, "--inflow-dynamics", "oye"]
-    printed = []
-    for command in (["simulate", folder], oye, [*oye, "--tau1", "1"]):
-        assert main(command) == 0
-        printed.append(capsys.readouterr().out)
-    cells = []
-    for out, line in zip(
-        printed, (printed[1].partition("without memory:")[2], *printed[1:]), strict=True
-    ):
-        energy, low, high = re.search(
-            r"([\d.]+) kJ captured.*rotor at ([\d.]+) to ([\d.]+) rad/s", line
-        ).groups()
-        loads = (re.search(rf"(?m)^ {name} +([\d.]+) k", out)[1] for name in ("thrust", "power"))
-        thrust, power = (f"{float(each):.2f}" for each in loads)
-        speeds = f"{float(low):.2f} to {float(high):.2f}"
-        cells.append((speeds, thrust, f"{float(energy):.2f}", power))
-    names = "rotor speed, rad/s", "largest thrust, kN", "captured energy, kJ", "largest power, kW"
-    for name, row in zip(names, zip(*cells, strict=True), strict=True):
-        assert f"| {name} | {' | '.join(row)} |" in text
 
 
 def test_the_horizon_follows_from_the_flows_as_the_page_says():

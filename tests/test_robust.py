@@ -7,9 +7,7 @@ flows that count as one, and to designs that another measure has found.
 import re
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 from scipy.optimize import linprog
 
 from hkt_mdo.case import load_case
@@ -19,6 +17,7 @@ from hkt_mdo.problem.components import AggregateComp
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.run import run_case
+from tests.conftest import checked
 
 RATES, SHARES = np.array([2.0, 5.0, 3.0, 1.0, 4.0]) * 1e3, np.array([0.3, 0.2, 0.1, 0.0, 0.4])
 MEASURES = {"worst": Worst(), "cvar": ConditionalValueAtRisk(share=0.5)}
@@ -83,15 +82,8 @@ def test_partials_of_the_measures_are_exact_and_sparse(measure):
     rows = aggregate.rows(RATES, SHARES, unknowns).size
     about = {"n_unknowns": unknowns.size, "n_rows": rows}
     component = AggregateComp(aggregate=aggregate, shares=SHARES, duration=60.0, unit="J", **about)
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("of", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("mean_rate", RATES)
-    problem.set_val("unknowns", unknowns - 10.0)
-    problem.run_model()
-    data = problem.check_partials(method="cs", out_stream=None)
-    assert_check_partials(data, atol=1e-12, rtol=1e-12)
-    by_rate = component._subjacs_info["of.rows", "of.mean_rate"]
+    checked(component, 1e-12, 1e-12, mean_rate=RATES, unknowns=unknowns - 10.0)
+    by_rate = component._subjacs_info["part.rows", "part.mean_rate"]
     assert by_rate["val"].size == 4  # each scenario with a share of time is in one row
 
 
@@ -114,48 +106,6 @@ def test_realizations_are_scenarios_of_consecutive_seeds_that_share_a_weight():
     parts = {"profile": "sum", "parts": [{"profile": "constant", "speed": 1.0}, TURBULENCE]}
     made = load_case(case({"realizations": 2}, inflow=parts))
     assert [each.inflow.parts[1].seed for each in made.scenarios] == [7, 8]
-
-
-BAD = {
-    "no seed": (
-        {"scenarios": [{"inflow": "sine"}, {"inflow": "sine", "realizations": 2}]},
-        r"scenarios\[1\].realizations = 2: asks for 2 flows, .* has no seed; leave realizations",
-    ),
-    "none": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 0}]},
-        r"scenarios\[0\].realizations = 0: .*at least 1",
-    ),
-    "too many": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 101} for _ in range(2)]},
-        r"scenarios = .*: are 202 flows .*; give at most 200",
-    ),
-    "a name of another": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 2}, {"name": "flow_1_2"}]},
-        r"scenarios\[1\].name = 'flow_1_2': is the name of two scenarios",
-    ),
-    "share of nothing": (
-        {"robustness": {"measure": "cvar", "share": 0}},
-        r"robustness.share = 0: must be greater than 0",
-    ),
-    "share beyond all": (
-        {"robustness": {"measure": "cvar", "share": 1.2}},
-        r"robustness.share = 1.2: must be at most 1",
-    ),
-    "unknown measure": ({"robustness": "cvr"}, r"robustness.measure = 'cvr'.*did you mean cvar"),
-    "unknown key": ({"robustness": {"measure": "worst", "shar": 1}}, r"robustness.shar = 1"),
-    "no weight": (
-        {"scenarios": [{"inflow": TURBULENCE, "realizations": 2, "weight": 0}]},
-        r"scenarios = .*have weights that are all zero",
-    ),
-}
-
-
-@pytest.mark.parametrize(("sections", "message"), BAD.values(), ids=BAD)
-def test_bad_input_is_refused_with_its_key(sections, message):
-    data = case({"inflow": "sine"}) | {"inflow": "sine"} | sections
-    with pytest.raises(InputError) as error:
-        load_case(data)
-    assert re.search(message, str(error.value)), str(error.value)
 
 
 # Designs ------------------------------------------------------------------------------------------

@@ -39,18 +39,6 @@ def test_the_next_run_starts_from_exactly_that_blade(first, tmp_path):
     )
 
 
-def test_the_file_says_how_to_begin_from_it(first):
-    import yaml
-
-    line = (first.folder / "blade.csv").read_text(encoding="utf-8").splitlines()[1]
-    section = yaml.safe_load(line.partition("rotor: ")[2])
-    case = load_case(
-        first.folder / "case.yaml",
-        [f"rotor.{key}={'null' if value is None else value}" for key, value in section.items()],
-    )
-    np.testing.assert_array_equal(physics(case).blade.chord, first.summary["chord_m"])
-
-
 def test_a_spline_is_found_again(tmp_path):
     changes = ["rotor.station_count=24", "design.chord_points=5", "design.twist_points=6"]
     case = load_case(CASES / "sine_limited_quadratic.yaml", [*SHORT, *changes])

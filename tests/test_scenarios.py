@@ -4,24 +4,24 @@ One blade and one controller are designed for all flows of `scenarios`. Weights 
 the objective is the mean power, the sum of weight times mean power, times the case's duration.
 """
 
-import base64
 import json
-import re
 import subprocess
 import sys
 import time
-import zlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hkt_mdo.case import case_json_schema, case_markdown, load_case, read_case
+from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
-from hkt_mdo.run.run import run_case, write_n2
+from hkt_mdo.run.check import check_case
+from hkt_mdo.run.groups import by_scenario
+from hkt_mdo.run.run import run_case
 
 SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
 FAST = {"name": "fast", "inflow": "sine", "weight": 0.5}
@@ -119,7 +119,34 @@ def test_limits_hold_in_their_scenarios(solution):
         assert solution.summary.limits["power"].scenario == "fast"
 
 
-def test_a_result_gives_each_flow_and_one_design(solution):
+def test_the_largest_are_reported_with_their_scenario(solution):
+    summary = solution.summary
+    for name in ("thrust", "stress"):
+        entry, own = summary.loads[name], summary.scenarios["fast"].loads[name]
+        assert entry.scenario == "fast"
+        assert (entry.value, entry.time_s, entry.r_m) == (own.value, own.time_s, own.r_m)
+
+
+def test_two_of_one_flow_are_two_and_intervals_are_one():
+    (one,) = physics(load_case(case())).scenarios
+    same = [replace(one, name="a"), replace(one, name="b")]
+    assert by_scenario(same) == {"a": [0], "b": [1]}
+    parts = [
+        replace(one, name=f"a_interval_{n}", interval_of="a", edges=np.array(ends))
+        for n, ends in ((1, [0.0, 2.0]), (2, [3.0, 4.0]))
+    ]
+    assert by_scenario([*parts, same[1]]) == {"a": [0, 1], "b": [2]}
+
+
+def test_a_result_gives_each_flow_and_one_design(solution, capsys):
+    for command in ("show", "simulate"):
+        assert main([command, str(solution.folder)]) == 0
+        assert "fast" in capsys.readouterr().out
+    empty = replace(solution, summary=solution.summary.model_copy(update={"chord_m": None}))
+    with pytest.raises(InputError, match="holds no finished design"):
+        empty.design()
+    report = check_case(solution.case)
+    assert "share of time" in texts(report.tables["Flow of fast"])
     assert solution.scenarios == ("slow", "fast")
     slow = solution.scenario("slow")
     assert slow.energy == solution.summary.scenarios["slow"].energy_J
@@ -129,39 +156,12 @@ def test_a_result_gives_each_flow_and_one_design(solution):
     assert 0.9 <= speed.min() < speed.max() <= 1.3
     with pytest.raises(InputError, match=r"several scenarios: slow, fast; choose one.*--scenario"):
         solution.to_pandas()
+    with pytest.raises(InputError, match="'third': unknown scenario; give one of slow, fast"):
+        solution.scenario("third")
     design = solution.design()
     np.testing.assert_allclose(design.blade.chord, solution.summary.chord_m, rtol=1e-12)
     gains = [] if solution.gain is None else [solution.gain]
     assert list(design.gains) == pytest.approx(gains)
-
-
-@pytest.mark.slow
-def test_commands_take_two_flows(solution, one, tmp_path, capsys):
-    folder, other = str(solution.folder), str(one.folder)
-    assert main(["show", folder]) == 0
-    shown = " ".join(capsys.readouterr().out.split())
-    assert "slow: energy, simulated" in shown
-    assert "share of time 0." in shown
-    assert main(["plot", folder, "--out", str(tmp_path / "figures")]) == 0
-    figures = {path.name for path in (tmp_path / "figures").iterdir()}
-    drawn = {"operation_slow.png", "operation_fast.png", "limits_slow.png", "limits_fast.png"}
-    assert drawn | {"power_curve.png", "loads.png", "blade.png"} <= figures
-    capsys.readouterr()
-    for beside, figures in ((other, ["--out", str(tmp_path / "both")]), (folder, [])):
-        assert main(["compare", folder, beside, *figures]) == 0
-        assert "fast: energy, simulated" in " ".join(capsys.readouterr().out.split())
-    both = {path.name for path in (tmp_path / "both").iterdir()}
-    assert drawn | {"operation_phase.png", "limits_phase.png"} <= both
-    assert main(["simulate", folder, "--scenario", "medium"]) == 2
-    assert "give one of slow, fast" in capsys.readouterr().err
-    assert main(["simulate", folder, "--strict"]) == 0
-    together = capsys.readouterr().out
-    assert "Largest values of 2 simulations" in together
-    for name, own in solution.summary.scenarios.items():
-        assert main(["simulate", folder, "--scenario", name, "--strict"]) == 0
-        alone = re.search(r"([\d.]+) kJ captured", capsys.readouterr().out)[1]
-        assert 1e3 * float(alone) == pytest.approx(own.simulated_energy_J, rel=1e-4)
-        assert f"{name}, without noise: {alone} kJ captured" in together
 
 
 def test_the_case_of_a_run_is_that_case(two):
@@ -216,22 +216,6 @@ def test_force_leaves_no_table_of_the_run_before(tmp_path):
     assert Solution.load(out).scenarios == ("slow", "fast")
 
 
-def test_a_check_and_the_diagram_name_the_flows(tmp_path, capsys):
-    file = tmp_path / "case.yaml"
-    data = case("quadratic", SLOW, FAST | {"limits": {"thrust": "6 kN"}})
-    file.write_text(load_case(data).to_yaml(), encoding="utf-8")
-    assert main(["check", str(file)]) == 0
-    checked = " ".join(capsys.readouterr().out.split())
-    assert "Flow of slow" in checked
-    assert "fast: limits.thrust" in checked
-    write_n2(load_case(data), tmp_path / "n2.html")
-    page = (tmp_path / "n2.html").read_text(encoding="utf-8")
-    model = re.search(r'compressedModel = "([^"]*)"', page)[1]
-    names = zlib.decompress(base64.b64decode(model)).decode()
-    for name in ("slow", "fast"):
-        assert f'"name": "{name}", "type": "subsystem"' in names
-
-
 # Weights and order --------------------------------------------------------------------------------
 
 
@@ -254,15 +238,6 @@ def test_two_equal_flows_are_one(one, tmp_path, weight):
     same_design(
         run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT)), one, 1e-8, rel_design=1e-5
     )
-
-
-@pytest.mark.slow
-def test_two_equal_flows_are_one_in_open_loop(tmp_path):
-    one = run(tmp_path / "one", case("open_loop", driver=TIGHT))
-    flows = [{"name": name, "inflow": "sine", "weight": 0.5} for name in ("a", "b")]
-    found = run(tmp_path / "two", case("open_loop", *flows, driver=TIGHT))
-    # the energy is flat at the optimum, which the two approach from different starts
-    same_design(found, one, 1e-8, rel_design=1e-5)
 
 
 @pytest.mark.slow
@@ -321,56 +296,6 @@ def test_one_of_two_flows_is_cut(tmp_path):
 
 # Cases --------------------------------------------------------------------------------------------
 
-BAD = {
-    "one name twice": ([{"name": "a"}, {"name": "a"}], r"scenarios\[1\].name = 'a'", "its own"),
-    "names of one file": ([{"name": "a"}, {"name": "A"}], r"\[1\].name = 'A'", "its own"),
-    "name of another": ([{"name": "flow_2"}, {}], r"scenarios\[1\].name = 'flow_2'", "its own"),
-    "no weight": ([{"weight": 0}, {"weight": 0}], r"scenarios = \[0.0, 0.0\]", "weight above 0"),
-    "negative weight": ([{"weight": -1}, {}], r"scenarios\[0\].weight = -1", "at least 0"),
-    "unknown key": ([{"wieght": 1}], r"scenarios\[0\].wieght = 1", "did you mean weight"),
-    "limit of the design": (
-        [{"limits": {"taper_from": 0.5}}],
-        r"scenarios\[0\].limits.taper_from = 0.5",
-        "give it as limits.taper_from",
-    ),
-    "torque": (
-        [{"limits": {"torque": 600}}],
-        r"scenarios\[0\].limits.torque = 600",
-        "write control.torque_limit",
-    ),
-    "unknown limit": ([{"limits": {"thrst": 1}}], r"\[0\].limits.thrst = 1", "did you mean thrust"),
-    "name": ([{"name": "a b"}], r"scenarios\[0\].name = 'a b'", "letters and digits and `_`"),
-    "name in another script": ([{"name": "ä"}], r"scenarios\[0\].name = 'ä'", "letters and digits"),
-    "bare profile": ([{"inflow": "sin"}], r"\[0\].inflow.profile = 'sin'", "did you mean sine"),
-    "profile": (
-        [{"inflow": {"profile": "sinee"}}],
-        r"scenarios\[0\].inflow.profile = 'sinee'",
-        "did you mean sine",
-    ),
-    "no profile": ([{"inflow": {"mean": 1}}], r"scenarios\[0\].inflow.profile: is missing", "sine"),
-    "key of a flow": (
-        [{"inflow": {"profile": "sine", "maen": 1}}],
-        r"scenarios\[0\].inflow.maen = 1",
-        "did you mean mean",
-    ),
-    "unit": ([{"duration": "6 m"}], r"scenarios\[0\].duration = '6 m'", "in s"),
-    "section": ({}, r"scenarios = \{\}", "must be a list"),
-    "text": ("two", r"scenarios = 'two'", "must be a list"),
-    "null": (None, r"scenarios = null", "must be a list"),
-    "bare flow": (["sine"], r"scenarios\[0\] = 'sine'", "keys and values"),
-}
-
-
-@pytest.mark.parametrize(("scenarios", "place", "remedy"), BAD.values(), ids=BAD)
-def test_bad_scenarios_are_refused_in_a_line(tmp_path, capsys, scenarios, place, remedy):
-    file = tmp_path / "case.yaml"
-    text = json.dumps(case() | {"scenarios": scenarios})
-    file.write_text(text, encoding="utf-8")
-    assert main(["check", str(file)]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(place, line), line
-    assert remedy in line
-
 
 @pytest.mark.parametrize("scenarios", [[], [{"weight": 2.0}], [{}, FAST]])
 def test_a_flow_must_be_given_somewhere(scenarios):
@@ -398,22 +323,3 @@ def test_what_a_scenario_does_not_say_is_the_case_s(tmp_path):
     assert given.of_scenario("flow_1").phase.duration == 10.0
     with pytest.raises(InputError, match=r"scenarios\[0\]\."):
         physics(load_case(data | {"phase": {"duration": 30.0}}))
-
-
-def test_the_page_and_the_schema_have_the_scenarios():
-    page = case_markdown()
-    for text in (
-        "[`scenarios`](#scenarios) ·",
-        "Several flows, for which",
-        "### An entry of `scenarios`",
-        "- **`weight`**: number, at least 0. Default: `1`.",
-        "- **`duration`**: number in s, greater than 0",
-        "## robustness",
-        "### `measure: expected`",
-        "- **`version`**: whole number. Default: `2`.",
-    ):
-        assert text in page
-    entry = case_json_schema()["$defs"]["FlowScenario"]["properties"]
-    assert entry["duration"]["title"] == "duration [s]"
-    flows = entry["inflow"]["anyOf"][0]["oneOf"]
-    assert "sine" in flows[-1]["enum"]

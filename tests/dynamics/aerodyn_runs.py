@@ -23,74 +23,6 @@ DATA = Path(__file__).parents[1] / "data" / "openfast"
 RAMP = 0.1  # s
 KEPT = 80  # points of a hold, at least
 COLUMNS = "time_s,inflow_speed_m_s,rotor_speed_rad_s,torque_N_m,thrust_N"
-INFLOW = """------- InflowWind: a uniform flow over time -------
-written by hkt_mdo's tests
----------------------------------------------------------------
-False         Echo           - Echo input data (flag)
-2             WindType       - 2: uniform
-0             PropagationDir - Direction (deg)
-0             VFlowAng       - Upflow angle (deg)
-False         VelInterpCubic - Unused (flag)
-0             NWindVel       - Number of points of output (-)
-0             WindVxiList    - (m)
-0             WindVyiList    - (m)
-0             WindVziList    - (m)
-================== Steady [used with WindType 1] =========================
-0             HWindSpeed     - (m/s)
-1             RefHt          - (m)
-0             PLexp          - (-)
-================== Uniform [used with WindType 2] ========================
-"flow.dat"    FileName_Uni   - Flow over time
-1             RefHt_Uni      - (m)
-1             RefLength      - (m)
-================== TurbSim [used with WindType 3] ========================
-"unused"      FileName_BTS   - Unused
-================== Bladed [used with WindType 4] =========================
-"unused"      FilenameRoot   - Unused
-False         TowerFile      - Unused (flag)
-================== HAWC [used with WindType 5] ===========================
-"unused"      FileName_u     - Unused
-"unused"      FileName_v     - Unused
-"unused"      FileName_w     - Unused
-2             nx             - (-)
-2             ny             - (-)
-2             nz             - (-)
-1             dx             - (m)
-1             dy             - (m)
-1             dz             - (m)
-1             RefHt_HAWC     - (m)
-------------- Scaling ----------------------------------------------------
-0             ScaleMethod    - (-)
-1             SFx            - (-)
-1             SFy            - (-)
-1             SFz            - (-)
-1             SigmaFx        - (m/s)
-1             SigmaFy        - (m/s)
-1             SigmaFz        - (m/s)
-------------- Mean -------------------------------------------------------
-1             URef           - (m/s)
-0             WindProfile    - (-)
-0             PLExp_HAWC     - (-)
-0.03          Z0             - (m)
-0             XOffset        - (m)
-================== LIDAR =================================================
-0             SensorType     - 0: none
-0             NumPulseGate   - (-)
-0             PulseSpacing   - (m)
-0             NumBeam        - (-)
-0             FocalDistanceX - (m)
-0             FocalDistanceY - (m)
-0             FocalDistanceZ - (m)
-0.0 0.0 0.0   RotorApexOffsetPos - (m)
-0             URefLid        - (m/s)
-0             MeasurementInterval - (s)
-False         LidRadialVel   - (flag)
-0             ConsiderHubMotion - (flag)
-====================== Output ============================================
-False         SumPrint       - (flag)
-              OutList        - Channels
-END of input file
-"""
 
 
 @dataclass(frozen=True)
@@ -175,7 +107,8 @@ def write_inputs(run, folder):
     times, _ = run.corners
     speed, flow = run.speeds(times, design_of(run.blade).blade.rotor_radius)
     driver = place / "aerodyn_driver.dvr"
-    text = re.sub(r"(?m)^----- Cases.*?(?=^----- Output)", CASES, driver.read_text(), flags=re.S)
+    cases = (DATA / "cases.dat").read_text()
+    text = re.sub(r"(?m)^----- Cases.*?(?=^----- Output)", cases, driver.read_text(), flags=re.S)
     driver.write_text(text)
     changes = {"TMax": run.duration, "DT": run.step}
     if run.what == "speed":
@@ -188,18 +121,11 @@ def write_inputs(run, folder):
         rpm = float(speed[0] * 30.0 / np.pi)
         changes |= {"AnalysisType": 1, "CompInflow": 1, "InflowFile": '"inflow.dat"'}
         changes["RotSpeed(1)"] = rpm
-        (place / "inflow.dat").write_text(INFLOW)
+        shutil.copy(DATA / "inflow.dat", place)
         rows = [f"{t!r} {v!r} 0 0 0 0 0 0 0" for t, v, _ in _rows(times, flow, speed)]
         (place / "flow.dat").write_text("\n".join(["! Time flow", *rows, ""]))
     _edit(driver, **changes)
     return place
-
-
-CASES = """----- Cases -----
-0            NumCases           - Unused
-HWndSpeed   PLExp  RotSpd  Pitch  Yaw    dT   Tmax  DOF  Amplitude  Frequency
-(m/s)       (-)    (rpm)   (deg)  (deg)  (s)  (s)   (-)  (-)        (Hz)
-"""
 
 
 def _rows(*columns):

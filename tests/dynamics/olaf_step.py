@@ -25,53 +25,6 @@ NEAR, FAR = 100, 120  # panels of the wake
 TIMES = 0.12, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0, 9.0  # s after the begin of the ramp
 KEPT = DATA / "paper" / "wake" / "olaf_step.csv"
 COLUMNS = "time_s,torque_N_m,held_torque_N_m"
-OLAF = f"""------- Free vortex wake -------
-written by hkt_mdo's tests
---- General ---
-5            IntMethod          - 5: forward Euler
-{STEP}       DTfvw              - (s)
-0.0          FreeWakeStart      - (s)
-0.0          FullCircStart      - (s)
---- Circulation ---
-1            CircSolvMethod     - 1: by the polars
-default      CircSolvConvCrit   - (-)
-default      CircSolvRelaxation - (-)
-100          CircSolvMaxIter    - (-)
-"unused"     CirculationFile    - (-)
-======
---- Wake ---
---- Extent ---
-{NEAR}       nNWPanels          - (-)
-{NEAR}       nNWPanelsFree      - (-)
-{FAR}        nFWPanels          - (-)
-{FAR}        nFWPanelsFree      - (-)
-False        FWShedVorticity    - (flag)
---- Regularization ---
-0            DiffusionMethod    - 0: none
-0            RegDeterMethod     - 0: as given
-3            RegFunction        - 3: Vatistas
-3            WakeRegMethod      - 3: by age
-{CORE}       WakeRegFactor      - (m)
-{CORE}       WingRegFactor      - (m)
-100          CoreSpreadEddyVisc - (-)
---- Treatment ---
-False        TwrShadowOnWake    - (flag)
-0            ShearModel         - (switch)
---- Speed ---
-1            VelocityMethod     - 1: every segment
-1.5          TreeBranchFactor   - (-)
-1            PartPerSegment     - (-)
-======
---- Output ---
-0            WrVTk              - (flag)
-0            nVTKBlades         - (-)
-1            VTKCoord           - (-)
-1            VTK_fps            - (1/s)
-0            nGridOut           - (-)
-GridName GridType TStart TEnd DTGrid XStart XEnd nX YStart YEnd nY ZStart ZEnd nZ
-(-) (-) (s) (s) (s) (m) (m) (-) (m) (m) (-) (m) (m) (-)
---- End ---
-"""
 
 
 def olaf(run, program, folder):
@@ -79,7 +32,8 @@ def olaf(run, program, folder):
     place = aerodyn_runs.write_inputs(run, folder)
     changes = {"Wake_Mod": 3, "OLAFInputFileName": '"olaf.dat"'}
     aerodyn_runs._edit(place / "aerodyn.dat", **changes)
-    (place / "olaf.dat").write_text(OLAF)
+    inputs = (DATA / "olaf.dat").read_text()
+    (place / "olaf.dat").write_text(inputs.format(STEP=STEP, NEAR=NEAR, FAR=FAR, CORE=CORE))
     command = [program, "aerodyn_driver.dvr"]
     subprocess.run(command, cwd=place, capture_output=True, text=True, check=True)
     (path,) = place.glob("aerodyn_driver*.out")

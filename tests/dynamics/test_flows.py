@@ -1,11 +1,7 @@
 """Flow profiles: against their formulas and spectra, and their rates by complex step."""
 
-from typing import get_args
-
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.case import read_case
 from hkt_mdo.dynamics.flows import (
@@ -22,6 +18,7 @@ from hkt_mdo.dynamics.flows import (
 from hkt_mdo.dynamics.rotor_ode import InflowComp
 from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.errors import InputError
+from tests.conftest import checked
 
 TIME = np.linspace(0.0, 60.0, 245)
 STEP, SINE = StepInflow(), SineInflow()
@@ -68,23 +65,8 @@ def test_rate_is_the_derivative(inflow):
 
 @each_profile
 def test_partials(inflow):
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("flow", InflowComp(num_nodes=7, inflow=inflow), promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("time", np.linspace(0.0, 60.0, 7))
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-12, rtol=1e-12)
-
-
-@each_profile
-def test_one_time_is_as_many(inflow):
-    times = TIME[::7]
-    for function in (inflow.speed_at, inflow.rate_at):
-        many = function(times)
-        np.testing.assert_allclose([function(t) for t in times.tolist()], many, atol=1e-14)
-        np.testing.assert_array_equal(function(times.reshape(5, 7)), many.reshape(5, 7))
-        assert np.shape(function(1.0)) == ()
+    component = InflowComp(num_nodes=7, inflow=inflow)
+    checked(component, 1e-12, 1e-12, time=np.linspace(0.0, 60.0, 7))
 
 
 @pytest.mark.parametrize(
@@ -132,13 +114,6 @@ def test_a_section_of_a_case_is_its_flow(text, flow, length, highest_frequency):
     assert (read.messages == ()) == (text.count("turbulence") == 0)
 
 
-def test_the_case_allows_what_the_formulas_know():
-    name = TidalConstituent.model_fields["name"].annotation
-    assert set(get_args(get_args(name)[0])) == set(TIDAL_HOURS)
-    shapes = get_args(GustInflow.model_fields["shape"].annotation)
-    assert all(np.isfinite(GustInflow(shape=shape).speed_at(TIME)).all() for shape in shapes)
-
-
 def test_a_flow_of_ones_own_needs_speed_at_alone():
     class Own(Inflow):
         def speed_at(self, time):
@@ -169,15 +144,6 @@ def test_sine_is_equation_10():
     np.testing.assert_allclose(SINE.speed_at(TIME), expected, rtol=1e-15)
 
 
-def test_uncertain_flows_are_those_of_section_5():
-    nominal = 0.2 * np.sin(0.25 * TIME) + 1.5
-    np.testing.assert_allclose(SineInflow(scale=1.1).speed_at(TIME), 1.1 * nominal)
-    np.testing.assert_allclose(
-        SineInflow(phase=0.2 * np.pi).speed_at(TIME),
-        0.2 * np.sin(0.25 * TIME + 0.2 * np.pi) + 1.5,
-    )
-
-
 def test_mexican_hat_is_the_extreme_operating_gust():
     time = np.linspace(20.0, 30.5, 201)
     place = (time - 20.0) / 10.5
@@ -186,23 +152,6 @@ def test_mexican_hat_is_the_extreme_operating_gust():
     fine = HAT.speed_at(np.linspace(20.0, 30.5, 100_001))
     assert np.max(fine) - 1.5 == pytest.approx(0.74 * 0.4, rel=1e-9)
     assert np.min(fine) - 1.5 == pytest.approx(-0.27 * 0.4, rel=0.01)
-
-
-def test_bump_rises_by_its_amplitude():
-    assert BUMP.speed_at(25.25) == pytest.approx(1.5 + 0.3, rel=1e-14)
-    assert BUMP.speed_at(22.625) == pytest.approx(1.5 + 0.3 / 4.0, rel=1e-14)
-
-
-@pytest.mark.parametrize("inflow", [HAT, BUMP], ids=["hat", "bump"])
-def test_gusts_begin_and_end_without_a_jump(inflow):
-    for end, inwards in ((20.0, 1.0), (30.5, -1.0)):
-        for distance, height in ((1e-2, 1e-8), (1e-3, 1e-11)):
-            inside = end + inwards * distance
-            assert abs(inflow.speed_at(inside) - 1.5) < 20 * height  # third power at least
-            ends = inflow.rate_at(inside + 1e-6 * np.array([-1.0, 1.0]))
-            assert abs(np.diff(ends)[0] / 2e-6) < 0.5 * distance
-        assert inflow.speed_at(end - inwards) == 1.5
-        assert inflow.rate_at(end - inwards) == 0.0
 
 
 def test_periods_are_sums_of_the_astronomical_rates():
@@ -223,31 +172,6 @@ def test_periods_are_sums_of_the_astronomical_rates():
     assert set(rates) == set(TIDAL_HOURS)
     for name, rate in rates.items():
         assert TIDAL_HOURS[name] == pytest.approx(360.0 / rate, rel=2e-7), name
-
-
-def test_spring_follows_neap():
-    fortnight = 354.3670666 * 3600.0  # the period of MSf
-    lunar = TidalConstituent(name="M2", amplitude=1.0)
-    solar = TidalConstituent(name="S2", amplitude=0.4)
-    tide = TidalInflow(mean=3.0, constituents=(lunar, solar), scale=0.5)
-    assert tide.speed_at(0.0) == pytest.approx(0.5 * 4.4, rel=1e-15)
-    half = np.linspace(-0.5, 0.5, 2001) * 3600.0 * TIDAL_HOURS["M2"]
-    assert np.ptp(tide.speed_at(fortnight + half)) == pytest.approx(2.8 * 0.5, rel=2e-3)
-    assert np.ptp(tide.speed_at(0.5 * fortnight + half)) == pytest.approx(1.2 * 0.5, rel=2e-2)
-
-
-@pytest.mark.parametrize(
-    ("inflow", "share"),
-    [(STEP, 0.03), (HAT, 0.03), (BUMP, 0.01), (SINE, 0.03)],
-    ids=["step", "hat", "bump", "sine"],
-)
-def test_little_of_the_rates_spectrum_lies_above_the_highest_frequency(inflow, share):
-    time = np.linspace(0.0, 60.0, 2**14)
-    window = np.blackman(time.size) if inflow is SINE else 1.0  # takes away the edges
-    power = np.abs(np.fft.rfft(inflow.rate_at(time) * window)) ** 2
-    frequency = np.fft.rfftfreq(time.size, time[1])
-    above = np.sum(power[frequency > inflow.highest_frequency + 0.06])
-    assert above < share * np.sum(power)
 
 
 # Sums ---------------------------------------------------------------------------------------------
@@ -344,9 +268,3 @@ def test_a_peak_between_two_looks_is_found(excess):
 @pytest.mark.parametrize("speed", [1.7, 1.8])
 def test_a_flow_that_reaches_a_speed_or_not_is_below_it_throughout(speed):
     assert np.array_equal(SINE.spans_below(speed, 60.0), [[0.0, 60.0]])
-
-
-def test_a_flow_that_is_always_faster_has_no_spans():
-    assert SINE.spans_below(1.299, 60.0).shape == (0, 2)
-    assert ConstantInflow(speed=1.3).spans_below(1.2, 60.0).shape == (0, 2)
-    assert np.array_equal(ConstantInflow(speed=1.3).spans_below(1.3, 9.0), [[0.0, 9.0]])

@@ -1,15 +1,12 @@
 """The generator: closed forms of its losses, its table, and where a lossy rotor works best."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
 from hkt_mdo import InputError, load_case
-from hkt_mdo.dynamics.generator import LOSSLESS, Generator
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import STEP
-from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.find import find_start
@@ -27,18 +24,6 @@ def table_of(tmp_path, efficiency, torques=(0, 200, 400, 700), speeds=(0, 30, 60
     path = tmp_path / "table.csv"
     path.write_text("\n".join(["torque_Nm,speed_rpm,efficiency", *rows[::-1], ""]))
     return path
-
-
-def test_without_keys_nothing_is_lost():
-    np.testing.assert_array_equal(LOSSLESS.electrical_power(TORQUE, SPEED), TORQUE * SPEED)
-    assert LOSSLESS.proportional
-    assert LOSSLESS.largest_efficiency == 1.0
-
-
-def test_an_efficiency_is_a_share():
-    generator = Generator(efficiency=0.92)
-    np.testing.assert_allclose(generator.electrical_power(TORQUE, SPEED), 0.92 * TORQUE * SPEED)
-    assert generator.proportional
 
 
 def test_losses_are_those_of_their_formulas_and_negative_power_is_drawn():
@@ -74,14 +59,6 @@ def test_a_table_of_a_fast_shaft_is_refused(tmp_path):
         Generator(table=str(path)).check(0.8, 1.0, 2.0)
 
 
-def test_a_table_is_smooth_at_its_ends(tmp_path):
-    generator = Generator(table=str(table_of(tmp_path, lambda u, n: 0.9 - 0.2 * np.exp(-u / 200))))
-    step = 0.5
-    power = generator.electrical_power(700.0 + step * np.arange(-3, 4), 5.0)
-    second = np.diff(power, 2) / step**2
-    assert np.ptp(second) < 0.05 * np.max(np.abs(np.diff(power) / step)) / 35.0
-
-
 @pytest.mark.parametrize("kind", ["losses", "table", "efficiency"])
 def test_derivatives_by_complex_step(kind, tmp_path):
     path = table_of(tmp_path, lambda u, n: 0.9 - 0.3 * np.exp(-u / 150) - 1e-3 * n)
@@ -99,47 +76,7 @@ def test_derivatives_by_complex_step(kind, tmp_path):
         np.testing.assert_allclose(exact.imag / STEP, difference / (2.0 * h), rtol=1e-6)
 
 
-def test_the_trajectory_has_the_electrical_power():
-    known = trajectory_of(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4, LOSSY)
-    np.testing.assert_array_equal(known["electrical_power"], LOSSY.electrical_power(TORQUE, SPEED))
-    known = trajectory_of(SPEED, 1.5, SPEED, TORQUE, TORQUE, 1.4)
-    np.testing.assert_array_equal(known["electrical_power"], known["generator_power"])
-
-
 # What a case may say ------------------------------------------------------------------------------
-
-CASE = {"inflow": "sine", "control": "open_loop"}
-
-
-@pytest.mark.parametrize(
-    ("section", "told"),
-    [
-        ({"efficiency": 1.1}, "generator.efficiency = 1.1: must be at most 1"),
-        ({"efficiency": 0}, "must be greater than 0"),
-        ({"efficiency": 0.9, "copper_loss": 1, "rated_torque": 1}, "copper_loss = 1.0: is given t"),
-        ({"copper_loss": "300 W"}, "generator.copper_loss = 300.0: needs rated_torque"),
-        ({"iron_loss": 3, "rated_torque": 2}, "iron_loss = 3.0: needs rated_speed"),
-        ({"rated_torque": 700}, "generator.rated_torque = 700.0: has no effect; give gen"),
-        (
-            {"efficiency": 0.9, "rated_speed": 9},
-            "rated_speed = 9.0: is given together with efficiency",
-        ),
-        ({"table": "nowhere.csv"}, "generator.table = 'nowhere.csv': is not a file"),
-        ({"efficiency": 0.9, "slip": 0.1}, "generator.slip = 0.1: unknown key"),
-    ],
-)
-def test_a_case_gives_one_way_and_all_of_it(section, told):
-    with pytest.raises(InputError) as caught:
-        load_case(CASE | {"generator": section})
-    assert told in str(caught.value)
-
-
-def test_units_of_a_case():
-    section = {"rated_torque": "0.7 kN m", "rated_speed": "90 rpm", "copper_loss": "0.3 kW"}
-    generator = load_case(CASE | {"generator": section | {"iron_loss": 0}}).generator
-    assert generator.copper_loss == 300.0
-    assert generator.rated_speed == pytest.approx(3.0 * np.pi)
-
 
 HEADER = "torque_Nm,speed_rpm,efficiency\n"
 
@@ -198,17 +135,3 @@ def test_copper_losses_move_the_best_tip_speed_ratio_up():
         expected = minimize_scalar(lost, bounds=(4.0, 12.0), method="bounded")
         assert -lost(ratios[1][place]) == pytest.approx(-expected.fun, rel=1e-6)
         assert -lost(ratios[0][place]) < -expected.fun
-
-
-def test_quantities_that_are_not_maximized_are_not_bounded():
-    case = load_case(CASE | {"generator": {"rated_torque": 700, "copper_loss": 9}})
-    from hkt_mdo.problem.model import Physics
-
-    lossy = SimpleNamespace(objective=case.objective, case=case)
-    assert Physics.starting_generator.fget(lossy) is None
-    electrical = case.with_overrides("objective=electrical").objective
-    lossy = SimpleNamespace(objective=electrical, case=case)
-    assert Physics.starting_generator.fget(lossy) is case.generator
-    efficient = SimpleNamespace(generator=Generator(efficiency=0.9))
-    constant = SimpleNamespace(objective=electrical, case=efficient)
-    assert Physics.starting_generator.fget(constant) is None

@@ -3,9 +3,7 @@
 from typing import ClassVar, Literal
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.dynamics.laws import (
     FeedbackLaw,
@@ -14,6 +12,7 @@ from hkt_mdo.dynamics.laws import (
     smooth_saturation,
 )
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
+from tests.conftest import checked
 
 SPEED = np.linspace(0.5, 12.0, 24)
 
@@ -50,62 +49,10 @@ def test_a_limited_law_is_equation_4():
     np.testing.assert_allclose(law.torque(SPEED, gain), expected, rtol=1e-14)
 
 
-def test_saturation_stays_between_zero_and_the_limit():
-    saturated = smooth_saturation(np.linspace(0.0, 1e5, 2001), 700.0, 0.001)
-    assert np.all(saturated > 0.0)
-    assert np.all(saturated < 700.0)
-    assert np.all(np.diff(saturated) > 0.0)
-
-
-def test_saturation_at_standstill_is_0_78_percent_of_the_limit():
-    expected = 0.25 * (2.0 + np.sqrt(0.001) - np.sqrt(4.001))
-    assert smooth_saturation(0.0, 700.0, 0.001) / 700.0 == pytest.approx(expected, rel=1e-14)
-    assert expected == pytest.approx(0.0078, abs=5e-5)
-
-
-def test_saturation_far_above_the_limit_has_the_documented_remainder():
-    remainder = 1.0 - smooth_saturation(10.0 * 700.0, 700.0, 0.001) / 700.0
-    assert remainder == pytest.approx(0.001 / (16.0 * 10.0 * 9.0), rel=1e-4)
-
-
 def test_saturation_is_within_one_percent_of_the_limit_of_the_sharp_one():
     torque = np.linspace(0.0, 3000.0, 3001)
     error = smooth_saturation(torque, 700.0, 0.001) - np.minimum(torque, 700.0)
     assert np.max(np.abs(error)) < 0.01 * 700.0  # the paper's statement below eq. 4
-
-
-def test_saturation_tends_to_the_sharp_one_as_the_smoothing_vanishes():
-    torque = np.array([0.0, 350.0, 699.0, 701.0, 2000.0])
-    np.testing.assert_allclose(
-        smooth_saturation(torque, 700.0, 1e-16), np.minimum(torque, 700.0), atol=1e-5
-    )
-
-
-def test_slopes_of_the_two_laws():
-    """du/dw and du/dK in closed form; the program takes them by complex step."""
-    for law, gain, by_speed, by_gain in (
-        (LinearFeedback(), 70.0, np.full(SPEED.size, 70.0), SPEED),
-        (QuadraticFeedback(), 7.0, 14.0 * SPEED, SPEED**2),
-    ):
-        gains = np.array([gain])
-        np.testing.assert_allclose(law.torque_by_speed(SPEED, gains), by_speed, rtol=1e-14)
-        np.testing.assert_allclose(law.torque_by_gain(SPEED, gains), [by_gain], rtol=1e-14)
-        assert np.ndim(law.torque_by_speed(5.0, gains)) == 0
-
-
-def test_slope_of_the_saturation():
-    law, gains = LinearFeedback(torque_limit=400.0), np.array([70.0])
-    step = 1e-5
-    difference = law.torque(SPEED + step, gains) - law.torque(SPEED - step, gains)
-    np.testing.assert_allclose(
-        law.torque_by_speed(SPEED, gains), difference / (2.0 * step), rtol=1e-6, atol=1e-6
-    )
-
-
-@pytest.mark.parametrize("kind", [LinearFeedback, QuadraticFeedback])
-def test_fit_recovers_the_gain_of_its_own_torque(kind):
-    law = kind()
-    np.testing.assert_allclose(law.fit(SPEED, law.torque(SPEED, np.array([8.5]))), [8.5])
 
 
 def test_fit_minimizes_the_squared_distance():
@@ -114,22 +61,9 @@ def test_fit_minimizes_the_squared_distance():
     assert gain == pytest.approx(torque @ SPEED**2 / (SPEED**2 @ SPEED**2), rel=1e-12)
 
 
-def test_starting_gains():
-    assert LinearFeedback().starting_gains() is None
-    np.testing.assert_array_equal(LinearFeedback(gain=70.0).starting_gains(), [70.0])
-    assert PowerLaw().starting_gains() is None
-
-
 @pytest.mark.parametrize("limit", [None, 700.0])
 @pytest.mark.parametrize(("kind", "gains"), CASES, ids=[kind.__name__ for kind, _ in CASES])
 def test_partials(kind, gains, limit):
-    problem = om.Problem(reports=False)
+    values = {f"gain_{i}": gain for i, gain in enumerate(gains)}
     component = FeedbackComp(num_nodes=24, law=kind(torque_limit=limit))
-    problem.model.add_subsystem("law", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    problem.set_val("rotor_speed", SPEED)
-    for i, gain in enumerate(gains):
-        problem.set_val(f"gain_{i}", gain)
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-10, rtol=1e-12)
+    checked(component, 1e-10, 1e-12, rotor_speed=SPEED, **values)

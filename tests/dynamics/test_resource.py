@@ -114,28 +114,6 @@ def test_the_ends_of_the_flow_are_speeds_without_energy(resource, cut_out, ends)
         assert np.min(shares[1:-1]) > 1e-12
 
 
-@pytest.mark.parametrize(
-    ("resource", "words"),
-    [
-        ({"speeds": [1, 2], "hours": [-1, 3]}, "hours\\[0\\] = -1: must be at least 0"),
-        ({"speeds": [1, 2], "hours": [0, 0]}, "sum to nothing"),
-        ({"speeds": [1, float("nan")], "hours": [1, 1]}, "finite"),
-        ({"speeds": [1, 2], "hours": [1, float("inf")]}, "finite"),
-        ({"speeds": [1], "hours": [1, 1]}, "2 values for 1 speeds"),
-        ({"speeds": [1, 1], "hours": [1, 1]}, "twice"),
-        ({"profile": "sine"}, "is no resource"),
-        ({"speeds": [-1, 1], "hours": [1, 1], "reversal": "backwards"}, "which needs it"),
-        ({"speeds": [1], "hours": [1], "reversed_polar": __file__}, "which needs it"),
-        ({"speeds": [1], "hours": [1], "speed_uncertainty": -0.1}, "at least 0"),
-        ({"profile": "distribution", "scale": -1, "shape": 2}, "greater than 0"),
-    ],
-)
-def test_a_bad_resource_is_refused_with_its_key(resource, words):
-    with pytest.raises(InputError, match=words) as refused:
-        year(**({"profile": "histogram"} | resource))
-    assert str(refused.value.key).startswith("resource")
-
-
 def test_a_year_without_flow_is_refused():
     slow = year(profile="histogram", speeds=[0.1, 0.2], hours=[1, 1])
     with pytest.raises(InputError, match="no time of operation"):

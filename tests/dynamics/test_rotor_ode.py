@@ -61,15 +61,6 @@ def test_friction_brakes_the_shaft_and_takes_its_power(closed_loop):
     np.testing.assert_allclose(problem.get_val("generator_power"), less * speed, rtol=1e-12)
 
 
-def test_forward_and_inverse_dynamics_are_inverses(closed_loop):
-    inverse = problem_of(hydrodynamics=spline_hydrodynamics, law=OpenLoop())
-    inverse.set_val("torque_coefficient_table", TABLE)
-    inverse.set_val("rotor_acceleration", closed_loop.get_val("rotor_acceleration"))
-    inverse.run_model()
-    for name in ("control_torque", "generator_power", "hydrodynamic_power"):
-        np.testing.assert_allclose(inverse.get_val(name), closed_loop.get_val(name), rtol=1e-12)
-
-
 def test_acceleration_is_equation_6(closed_loop):
     torque, control = (
         closed_loop.get_val("hydrodynamic_torque"),
@@ -85,16 +76,6 @@ def test_power_is_equation_5_and_scales_with_the_swept_area(closed_loop):
     coefficient = closed_loop.get_val("torque_coefficient")
     expected = 0.5 * 998.0 * np.pi * RADIUS**2 * v**3 * ratio * coefficient
     np.testing.assert_allclose(closed_loop.get_val("hydrodynamic_power"), expected, rtol=1e-12)
-
-
-def test_a_steady_rotor_gives_all_its_power_to_the_generator():
-    problem = problem_of(hydrodynamics=spline_hydrodynamics, law=OpenLoop())
-    problem.set_val("torque_coefficient_table", TABLE)
-    problem.set_val("rotor_acceleration", 0.0)
-    problem.run_model()
-    np.testing.assert_allclose(
-        problem.get_val("generator_power"), problem.get_val("hydrodynamic_power"), rtol=1e-14
-    )
 
 
 @pytest.mark.parametrize(

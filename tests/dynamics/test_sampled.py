@@ -1,23 +1,20 @@
 """Flows through samples: splines against polynomials, turbulence against its spectrum, records."""
 
 import os
-from dataclasses import asdict
-from typing import get_args
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, trapezoid
+from scipy.integrate import quad
 from scipy.signal import periodogram
-from scipy.special import gamma, kv
+from scipy.special import gamma
 from scipy.stats import kstest
 
 from hkt_mdo.case import read_case
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
-from hkt_mdo.dynamics.records import RecordOptions, read_record
+from hkt_mdo.dynamics.records import read_record
 from hkt_mdo.dynamics.sampled import SPECTRA, RecordInflow, SampledInflow, TurbulentInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record_table import DISCHARGE_UNITS, SPEED_UNITS, TIME_UNITS
 from tests.files.broken.records import SOUND
 
 TIME = np.linspace(0.0, 60.0, 245)
@@ -55,25 +52,6 @@ def test_spline_of_a_cubic_is_the_cubic():
     np.testing.assert_allclose(inflow.rate_at(between), cubic.deriv()(between), atol=1e-13)
 
 
-def test_spline_is_twice_differentiable_at_its_samples():
-    def curvature(time):
-        return (WAVES.rate_at(time + 1e-10) - WAVES.rate_at(time - 1e-10)) / 2e-10
-
-    inner = _TIMES[1:-1]
-    jump = curvature(inner + 1e-9) - curvature(inner - 1e-9)
-    assert np.max(np.abs(jump)) < 1e-4 * np.max(np.abs(curvature(inner)))
-    assert np.max(np.abs(WAVES.rate_at(inner + 1e-9) - WAVES.rate_at(inner - 1e-9))) < 1e-8
-
-
-def test_spline_converges_with_the_fourth_power_of_the_step():
-    def error(count):
-        time = np.linspace(0.0, 60.0, count)
-        found = through(time, SINE.speed_at(time)).speed_at(TIME)
-        return np.max(np.abs(found - SINE.speed_at(TIME)))
-
-    assert error(61) / error(121) == pytest.approx(16.0, rel=0.2)
-
-
 def test_samples_hold_their_ends_outside():
     for time, value in ((-3.0, WAVES.given[1][0]), (1e9, WAVES.given[1][-1])):
         assert WAVES.speed_at(time) == pytest.approx(value, rel=1e-14)
@@ -91,16 +69,6 @@ def test_periodic_samples_go_on_smoothly():
     far = np.linspace(-3.0 * period, 5.0 * period, 401)
     np.testing.assert_allclose(inflow.speed_at(far), SINE.speed_at(far), atol=2e-6)
     np.testing.assert_allclose(inflow.rate_at(far), SINE.rate_at(far), atol=5e-6)
-
-
-def test_rate_of_samples_is_the_derivative_and_one_time_is_as_many():
-    times = TIME[::7]
-    by_complex_step = np.imag(WAVES.speed_at(times + 1e-30j)) / 1e-30
-    np.testing.assert_allclose(WAVES.rate_at(times), by_complex_step, rtol=1e-13, atol=5e-14)
-    for function in (WAVES.speed_at, WAVES.rate_at):
-        np.testing.assert_allclose(
-            [function(t) for t in times.tolist()], function(times), atol=1e-14
-        )
 
 
 # Turbulence ---------------------------------------------------------------------------------------
@@ -175,21 +143,6 @@ def test_random_amplitudes_are_rayleighs_about_the_spectrum_and_leave_the_phases
     np.testing.assert_allclose(found, kept, rtol=1e-6)
 
 
-def test_autocorrelation_is_von_karmans():
-    # the spectrum's transform: 2^(2/3) / gamma(1/3) z^(1/3) K_1/3(z), z = tau V / (1.339 L)
-    inflow = TurbulentInflow(length_scale=3.0, seed=5, duration=4000.0, cutoff=40.0)
-    samples, step = own_samples(inflow)
-    power = np.abs(np.fft.rfft(samples - 1.5)) ** 2
-    correlation = np.fft.irfft(power, samples.size) / (samples.size * 0.15**2)
-    lags = np.round(np.array([0.5, 1.0, 2.0, 4.0, 6.0]) / step).astype(int)
-    z = lags * step * 1.5 / (3.0 * np.sqrt(70.8) / (2.0 * np.pi))
-    expected = 2.0 ** (2.0 / 3.0) / gamma(1.0 / 3.0) * z ** (1.0 / 3.0) * kv(1.0 / 3.0, z)
-    np.testing.assert_allclose(correlation[lags], expected, atol=2e-3)
-    # and its integral is L / V
-    window = int(30.0 / step)
-    assert trapezoid(correlation[:window], dx=step) == pytest.approx(3.0 / 1.5, rel=0.02)
-
-
 def test_seeds_reproduce_and_a_cutoff_leaves_what_is_slower():
     inflow = TurbulentInflow(spectrum="kaimal", seed=11, duration=300.0, cutoff=1.0)
     inflow.speed_at(0.0)  # a copy must not keep these samples
@@ -209,20 +162,6 @@ def test_turbulence_between_its_samples_is_the_sum_of_waves():
     time = np.linspace(0.0, 400.0, 5001)
     waves = np.cos(2.0 * np.pi * np.multiply.outer(time, frequency) + phase) @ amplitude
     np.testing.assert_allclose(inflow.speed_at(time), 1.5 + waves, atol=2e-4)
-
-
-def test_turbulence_is_gaussian():
-    samples, _ = own_samples(
-        TurbulentInflow(spectrum="kaimal", length_scale=2.0, duration=5000.0, cutoff=5.0)
-    )
-    normal = (samples - 1.5) / np.std(samples)
-    assert np.mean(normal**3) == pytest.approx(0.0, abs=0.05)
-    assert np.mean(normal**4) == pytest.approx(3.0, abs=0.1)
-
-
-def test_turbulence_that_may_stand_still_is_refused():
-    with pytest.raises(InputError, match="inflow: reaches -"):
-        TurbulentInflow(intensity=0.9).check(60.0)
 
 
 # Records ------------------------------------------------------------------------------------------
@@ -292,29 +231,3 @@ def test_a_record_must_last(sound):
         with pytest.raises(InputError, match=r"is longer than the record of the flow, 59\.5 s"):
             flow.check(60.0)
     TurbulentInflow().check(200.0)  # turbulence repeats
-
-
-def test_a_broken_record_is_reported_with_its_file(sound):
-    sound.write_bytes(SOUND[1].replace(b"speed_m_s", b"speed"))
-    with pytest.raises(InputError, match=r"sound\.csv: column speed: has no unit that is known"):
-        RecordInflow(file=str(sound)).check(10.0)
-
-
-def words(model, key):
-    """Return the words that a key of a section allows."""
-    annotation = model.model_fields[key].annotation
-    inner = get_args(annotation)
-    return set(get_args(inner[0]) if type(None) in inner else inner)
-
-
-def test_the_case_allows_what_the_readers_know():
-    assert words(TurbulentInflow, "spectrum") == set(SPECTRA)
-    assert words(RecordInflow, "time_unit") == set(TIME_UNITS)
-    assert words(RecordInflow, "speed_unit") == {*SPEED_UNITS, *DISCHARGE_UNITS}
-    defaults = {key: field.default for key, field in RecordInflow.model_fields.items()}
-    assert {**asdict(RecordOptions()), "profile": "record"} == {
-        key: value for key, value in defaults.items() if key != "file"
-    }
-    for key in ("gaps", "spikes", "uneven"):
-        for word in words(RecordInflow, key):
-            RecordOptions(**{key: word})

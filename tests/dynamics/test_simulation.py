@@ -25,8 +25,6 @@ from hkt_mdo.dynamics.simulation import (
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.bem import Coefficients
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.steady_optimum import best_operation
 
 DENSITY = 1000.0
 
@@ -42,19 +40,6 @@ def constant_torque_coefficient(value):
         return Coefficients(np.full(ratio.shape, value), ratio * value, *[empty] * 6)
 
     return coefficients
-
-
-def test_speed_under_constant_torques_is_a_straight_line(blade, polar):
-    """With Q and u constant, w = w0 + (Q - u) t / J and the energies are parabolas."""
-    coefficient, control, inertia, duration = 0.05, 300.0, 40.0, 5.0
-    plant = Plant(blade, polar, inertia, DENSITY, constant_torque_coefficient(coefficient))
-    torque = 0.5 * DENSITY * 1.5**2 * np.pi * 1.4**3 * coefficient
-    run = simulate(plant, ConstantInflow(speed=1.5), lambda t, w: control, 6.0, duration)
-    rate = (torque - control) / inertia
-    np.testing.assert_allclose(run.rotor_speed, 6.0 + rate * run.time, rtol=1e-8)
-    angle = 6.0 * duration + 0.5 * rate * duration**2
-    assert run.energy == pytest.approx(torque * angle, rel=1e-8)
-    assert run.generator_energy == pytest.approx(control * angle, rel=1e-8)
 
 
 def test_friction_slows_the_rotor_as_in_closed_form(blade, polar):
@@ -91,13 +76,6 @@ def relaxing(blade, polar, rate):
     return plant, control
 
 
-def test_linear_equation_has_its_closed_solution(blade, polar):
-    plant, control = relaxing(blade, polar, 1.0)
-    run = simulate(plant, ConstantInflow(speed=1.5), control, 7.0, 20.0)
-    exact = 5.0 + np.cos(run.time) + np.exp(-run.time)
-    np.testing.assert_allclose(run.rotor_speed, exact, rtol=1e-8)
-
-
 def test_method_is_of_order_nine(blade, polar):
     """Radau IIA with five stages; a large tolerance keeps the steps as long as they are given."""
     plant, control = relaxing(blade, polar, 1.0)
@@ -117,45 +95,6 @@ def test_stiff_limit_follows_the_slow_solution(blade, polar, rate):
     np.testing.assert_allclose(run.rotor_speed, 5.0 + np.cos(run.time), rtol=1e-7)
 
 
-def test_a_rotor_in_equilibrium_stays_there(plant):
-    """K2 = 0.5 rho pi R^5 Cp / tsr^3 holds the optimum in steady flow (docs/checks.md)."""
-    optimum = best_operation(plant.blade, Hydrodynamics(plant.polar))
-    gain = 0.5 * DENSITY * np.pi * 1.4**5 * optimum.power_coefficient / optimum.tip_speed_ratio**3
-    speed = optimum.tip_speed_ratio * 1.5 / 1.4
-    law = QuadraticFeedback()
-    run = simulate(
-        plant, ConstantInflow(speed=1.5), lambda t, w: law.torque(w, np.array([gain])), speed, 20.0
-    )
-    np.testing.assert_allclose(run.rotor_speed, speed, rtol=1e-7)
-    power = 0.5 * DENSITY * np.pi * 1.4**2 * 1.5**3 * optimum.power_coefficient
-    assert run.energy == pytest.approx(20.0 * power, rel=1e-7)
-
-
-@pytest.fixture(scope="module")
-def closed_loop(plant):
-    law = QuadraticFeedback(torque_limit=700.0)
-
-    def run(tolerance):
-        return simulate(
-            plant,
-            SineInflow(),
-            lambda t, w: law.torque(w, np.array([20.0])),
-            6.5,
-            30.0,
-            tolerance=tolerance,
-        )
-
-    return run
-
-
-def test_energy_balance_closes(closed_loop):
-    """The integral of (Q - u) w is the change of kinetic energy."""
-    run = closed_loop(1e-9)
-    assert run.energy - run.generator_energy == pytest.approx(
-        run.kinetic_energy_change, abs=1e-11 * run.energy
-    )
-
-
 def test_a_tabulated_torque_is_that_of_bem(plant):
     quick = plant.tabulated(np.linspace(SLOWEST_RATIO, 25.0, 2500))
     speed = np.linspace(2.0, 14.0, 101)
@@ -164,17 +103,6 @@ def test_a_tabulated_torque_is_that_of_bem(plant):
     error = np.abs(quick.torque(speed, flow) - exact) / np.max(exact)
     assert np.max(error) < 1e-4  # where a station stalls, the curve has a kink
     assert np.median(error) < 1e-7
-
-
-def test_tolerance_does_not_decide_the_energy(closed_loop):
-    assert closed_loop(1e-9).energy == pytest.approx(closed_loop(1e-11).energy, rel=1e-9)
-
-
-def test_a_rotor_that_is_braked_too_hard_stops(plant):
-    run = simulate(plant, ConstantInflow(speed=1.5), lambda t, w: 5000.0, 6.0, 20.0)
-    assert run.stopped_at is not None
-    assert 0.0 < run.stopped_at < 1.0
-    assert run.time[-1] == run.stopped_at
 
 
 @pytest.mark.parametrize("refused", [1, np.inf])

@@ -1,9 +1,7 @@
 """Control of the speed to a schedule: linear theory, then the motion, then derivatives."""
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 from scipy.integrate import solve_ivp
 
 from hkt_mdo.case import load_case
@@ -19,7 +17,7 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.find import find_start
-from tests.conftest import CASES, NINE
+from tests.conftest import CASES, NINE, checked
 
 KNOTS, INERTIA = 5, 4.0
 LAW = Tracking(knots=KNOTS, flow_range=(1.2, 1.8))
@@ -115,20 +113,6 @@ def test_schedule_is_its_knots_and_a_straight_line_where_they_are():
 # Motion -------------------------------------------------------------------------------------------
 
 
-def test_steady_flow_gives_the_open_loops_energy(plant, blade, polar):
-    """Begun off its equilibrium, the rotor ends at the best tip speed ratio: power P v³."""
-    best = best_operation(blade, Hydrodynamics(polar))
-    gains, speed, torque, _ = steady(LAW, plant, 1.5, best.tip_speed_ratio)
-    loop, flow = FeedbackTorque(LAW, gains), ConstantInflow(speed=1.5)
-    states = np.array(LAW.at_rest(torque, 1.5))
-    run = simulate(plant, flow, loop, Start(speed[0] - 0.5, 0.9 * states), 20.0)
-    assert run.rotor_speed[-1] == pytest.approx(speed[0], rel=1e-9)
-    ideal = 0.5 * 1000.0 * np.pi * blade.rotor_radius**2 * best.power_coefficient * 1.5**3
-    assert run.hydrodynamic_torque[-1] * run.rotor_speed[-1] == pytest.approx(ideal, rel=1e-9)
-    assert run.control_torque[-1] == pytest.approx(torque, rel=1e-9)
-    np.testing.assert_allclose(run.states[:, -1], states, rtol=1e-9)
-
-
 def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
@@ -191,9 +175,6 @@ def test_motion_is_that_of_scipys_radau(plant):
 @pytest.mark.parametrize("limit", [None, 500.0])
 def test_partials_by_complex_step(limit):
     law, n = LAW.model_copy(update={"torque_limit": limit}), 7
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("law", FeedbackComp(num_nodes=n, law=law), promotes=["*"])
-    problem.setup(force_alloc_complex=True)
     rng = np.random.default_rng(2)
     values = {
         "rotor_speed": rng.uniform(6.0, 9.0, n),
@@ -201,13 +182,8 @@ def test_partials_by_complex_step(limit):
         "integral_torque": rng.uniform(200.0, 600.0, n),
         "sensed_flow": rng.uniform(1.1, 1.9, n),
     }
-    for name, value in values.items():
-        problem.set_val(name, value)
-    for i, gain in enumerate(GAINS):
-        problem.set_val(f"gain_{i}", gain)
-    problem.run_model()
-    data = problem.check_partials(method="cs", out_stream=None)
-    assert_check_partials(data, atol=1e-9, rtol=1e-9)
+    gains = {f"gain_{i}": gain for i, gain in enumerate(GAINS)}
+    problem = checked(FeedbackComp(num_nodes=n, law=law), 1e-9, 1e-9, **values, **gains)
     expected = law.torque(values["rotor_speed"], GAINS, *list(values.values())[2:])
     np.testing.assert_allclose(problem.get_val("control_torque"), expected, rtol=1e-14)
 

@@ -154,16 +154,6 @@ def test_a_wake_in_equilibrium_has_the_torque_and_loads_of_direct_bem(blade, tau
         np.testing.assert_allclose(given[name].largest, load.largest, rtol=1e-10)
 
 
-def test_steady_flow_gives_the_energy_of_a_wake_in_equilibrium(paper):
-    plant, controller = paper
-    quiet = Plant(plant.blade, plant.polar, plant.inertia, plant.density, bem.rotor_coefficients)
-    flow = ConstantInflow(speed=1.4)
-    rest = simulate(quiet, flow, controller, 8.0, 20.0).rotor_speed[-1]
-    runs = [simulate(each, flow, controller, float(rest), 10.0) for each in (plant, quiet)]
-    np.testing.assert_allclose(runs[0].rotor_speed, rest, rtol=1e-10)
-    assert runs[0].energy == pytest.approx(runs[1].energy, rel=1e-10)
-
-
 @pytest.mark.parametrize("tau1", [1.0, None])
 def test_a_run_with_memory_is_that_of_an_integrator_without_elimination(paper, tau1):
     """SciPy's Radau over all states at once, in a flow that the torque limit does not bend."""

@@ -9,8 +9,6 @@ import pytest
 
 from hkt_mdo.cli import main
 from hkt_mdo.errors import install
-from hkt_mdo.exports import FORMATS
-from hkt_mdo.exports.base import Format, chosen
 
 RESULT = Path(__file__).parents[1] / "data" / "openfast" / "paper"
 
@@ -33,16 +31,6 @@ def changed(folder, **entries):
     summary = json.loads((folder / "summary.json").read_text())
     (folder / "summary.json").write_text(json.dumps(summary | entries))
     return folder
-
-
-def test_all_formats_are_described_and_have_their_name(hkt):
-    _, told = hkt("export", "--help")
-    for name in FORMATS:
-        assert name in told
-    for name, made in zip(FORMATS, chosen(list(FORMATS)), strict=True):
-        assert isinstance(made, Format)
-        assert made.name == name
-        assert bool(made.packages) == bool(made.extra)
 
 
 def test_several_formats_are_written_side_by_side(hkt, tmp_path):

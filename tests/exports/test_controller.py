@@ -3,7 +3,7 @@
 import ctypes
 import subprocess
 import types
-from math import exp, sin
+from math import exp
 
 import numpy as np
 import pytest
@@ -11,11 +11,10 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Source, export
+from hkt_mdo.exports.base import export
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
-from hkt_mdo.rotor.scales import torque_scale
 from tests.exports.made import made
 
 LAWS = {
@@ -166,42 +165,6 @@ def test_steps_of_tracking_converge_to_the_continuous_law(tracking, tmp_path):
     assert errors[-1] < 2.0
 
 
-@pytest.mark.slow
-def test_steps_of_tracking_drive_the_rotor_as_the_law_does(tracking, tmp_path):
-    # the rotor's own equation of motion, by a fine curve of its torque and the Runge-Kutta method
-    design = tracking.design()
-    world, blade, law = design.physics, design.blade, design.law
-    plant = Plant(blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"])
-    ratios, radius = np.linspace(0.5, 15.0, 3001), blade.rotor_radius
-    curve = CubicSpline(ratios, world.rotor.coefficients(blade, ratios).torque)
-    begin = float(law.speed_at_rest(np.array([1.5]), design.gains)[0])
-    torque = float(plant.torque(np.array([begin]), np.array([1.5]))[0])
-    controlled = FeedbackTorque(law, design.gains)
-    known = simulate(plant, world.inflow, controlled, Start(begin, (torque, 1.5)), 8.0)
-
-    def acceleration(time, speed, torque):
-        flow = 1.5 + 0.2 * sin(0.25 * time)
-        unit = torque_scale(world.density, radius, flow)
-        return (unit * float(curve(speed * radius / flow)) - torque) / design.inertia
-
-    errors = []
-    for period in (0.002, 0.001):
-        folder = tmp_path / f"{period}"
-        export(tracking, ["controller"], folder, options=[f"controller.sample_time={period} s"])
-        controller, speed = module_of(folder).Controller(torque, 1.5), begin
-        for step in range(round(8.0 / period)):
-            now, half = step * period, 0.5 * period
-            held = controller.step(speed, 1.5 + 0.2 * sin(0.25 * now))
-            one = acceleration(now, speed, held)
-            two = acceleration(now + half, speed + half * one, held)
-            three = acceleration(now + half, speed + half * two, held)
-            four = acceleration(now + period, speed + period * three, held)
-            speed += period / 6.0 * (one + 2.0 * two + 2.0 * three + four)
-        errors.append(abs(speed / float(known.speed_at(8.0)) - 1.0))
-    assert errors[1] < 1e-4
-    assert errors[1] < 0.6 * errors[0]
-
-
 def test_the_sample_time_follows_the_loop(tracking, tmp_path):
     design = tracking.design()
     answers = design.inertia / KP
@@ -240,18 +203,6 @@ def test_an_estimated_flow_in_c_is_that_of_python(tmp_path):
     module, random = module_of(tmp_path), np.random.default_rng(2)
     for row in random.uniform([3.0, 0.0, -2.0], [12.0, 900.0, 2.0], (500, 3)).tolist():
         assert flow(*row) == pytest.approx(module.flow(*row), rel=1e-12)
-
-
-@pytest.mark.parametrize("name", ["rated_power", "curve"])
-def test_each_file_names_its_source(name, tmp_path):
-    solution = result(tmp_path / "result", *LAWS[name])
-    for path in export(solution, ["controller"], tmp_path):
-        mark, text = ("#" if path.suffix == ".py" else "//"), path.read_text()
-        for line in Source(solution).provenance:
-            assert f"{mark} {line}\n" in text
-        assert "rad/s" in text
-        assert "this code does not check: power 6000 W\n" in text
-        assert ("cut-out, not part of this code: a flow of 2.5 m/s" in text) == (name != "curve")
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):

@@ -154,13 +154,6 @@ def test_kept_output_of_aerodyn_has_the_loads_of_direct_bem(name):
     check(name, kept, rotor)
 
 
-def test_loads_of_the_papers_blade_are_those_of_aerodyn_to_a_millionth():
-    for point in points("paper", columns(DATA / "paper" / "aerodyn" / "loads.csv")):
-        size = np.linalg.norm(point.own_loads, axis=0)
-        assert np.max(np.abs(point.loads - point.own_loads) / size) < 1e-6
-        assert np.max(np.abs(np.rad2deg(point.angle - point.own_angle))) < 1e-4
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_exported_input_is_what_aerodyn_was_given(exported, name):
     """Line by line, numbers to nine digits; the second line says from where it comes."""
@@ -248,23 +241,6 @@ def test_mhk_2_and_a_given_depth_count_heights_from_the_surface(tmp_path):
     outlines = design_of("river").outlines
     areas = [outline.area * 4.0 / np.pi for outline in outlines]  # over that of a circle
     np.testing.assert_allclose(own[1:-1, 8], areas, rtol=1e-9)
-
-
-def test_what_the_user_must_fill_in_is_marked(exported):
-    """The paper's case has no depth; no case knows the nacelle."""
-    texts = {path.name: path.read_text() for path in exported("paper").glob("*.d*")}
-    for file, key in (
-        ("aerodyn_driver.dvr", "WtrDpth"),
-        ("aerodyn_driver.dvr", "HubHt(1)"),
-        ("aerodyn.dat", "VolNac"),
-        ("elastodyn.dat", "NacMass"),
-        ("elastodyn_tower.dat", "TwrFADmp(1)"),
-    ):
-        (line,) = [x for x in texts[file].splitlines() if key in x.split()[:2]]
-        assert "FILL IN" in line
-    for text in texts.values():
-        assert "written by hkt_mdo" in text
-        assert "case sine_limited_quadratic" in text
 
 
 @pytest.mark.parametrize(

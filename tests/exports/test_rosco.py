@@ -224,14 +224,6 @@ def test_what_rosco_cannot_express_is_refused_with_the_reason(
     assert not (tmp_path / "out").exists()
 
 
-def test_files_say_from_where_they_come(kept):
-    _, folder = kept("river")
-    for name in ("DISCON.IN", "Cp_Ct_Cq.txt"):
-        assert "written by hkt_mdo" in (folder / name).read_text()
-        assert "case river25_short, control law rated" in (folder / name).read_text()
-    assert float(read_DISCON(str(folder / "DISCON.IN"))["F_LPFCornerFreq"]) == 40.0
-
-
 @pytest.mark.slow
 def test_rosco_flies_the_quadratic_law_as_this_program_does(tmp_path):
     """ROSCO's limit is sharp, the program's smoothed; with a sharp one the energies are equal."""

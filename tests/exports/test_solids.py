@@ -169,13 +169,6 @@ def body_centroid(loop):
     return apex + weight @ (one + two) / (3.0 * np.sum(weight))
 
 
-def test_cone_turns_the_tips_upstream(source):
-    blade = source.design.blade
-    tip = mesh(files(source, "stl")["blade.stl"]).vertices
-    tip = np.mean(tip[tip[:, 2] > 0.97 * tip[:, 2].max()], axis=0)
-    assert tip[0] == pytest.approx(-np.tan(blade.cone) * tip[2], abs=0.5 * blade.chord[-1])
-
-
 def test_trailing_edge_has_its_thickness(paper):
     def across(option):
         made = files(paper, "sections", f"trailing_edge={option}", "points=100")
@@ -212,19 +205,6 @@ def test_sections_have_the_blade_in_their_comments(source):
         assert y == pytest.approx(chordwise * np.cos(turn) - across * np.sin(turn), abs=1e-7)
         assert x == pytest.approx(axial * np.cos(cone) - blade.r[n] * np.sin(cone), abs=1e-7)
         assert z == pytest.approx(axial * np.sin(cone) + blade.r[n] * np.cos(cone), abs=1e-7)
-
-
-def test_binary_stl_says_where_it_comes_from(paper):
-    made = files(paper, "stl", "spanwise=10", "points=40")
-    content = made["blade.stl"]
-    count = int.from_bytes(content[80:84], "little")
-    assert len(content) == 84 + 50 * count
-    assert b"written by hkt_mdo" in content[:80]
-    assert b"result" in content[:80]
-    text = made["stl.txt"].decode()
-    for part in ("case made", "unit: metre", "clockwise", "0.5 % of the local chord"):
-        assert part in text
-    assert "outlines: naca63815" in text
 
 
 def test_files_of_a_failed_run_are_marked(tmp_path):
@@ -302,13 +282,6 @@ def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
     for part in ("written by hkt_mdo", "case made", "seen from upstream"):
         assert part in text[: text.index("ENDSEC")]
     assert capfd.readouterr() == ("", "")
-
-
-def test_sharp_trailing_edge_is_an_edge_of_the_solid(paper, tmp_path):
-    sharp, points = "trailing_edge=0", "points=60"
-    _, (one,) = read_step(files(paper, "step", sharp, points)["blade.step"], tmp_path)
-    sharp = mesh(files(paper, "stl", sharp, points)["blade.stl"])
-    assert one == pytest.approx(sharp.volume, rel=0.01)
 
 
 def test_loft_goes_through_the_sections(source):

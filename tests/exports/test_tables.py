@@ -3,17 +3,14 @@
 import json
 from functools import cache
 
-import netCDF4
 import numpy as np
 import pandas
 import pytest
 import xarray
 
-from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source, export
 from hkt_mdo.exports.tables import steady_operation, tables
-from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -95,28 +92,6 @@ def test_numbers_read_back_bit_by_bit(name, request, tmp_path):
                 assert group[column].attrs == {"units": about.unit or "1", "long_name": about.text}
                 in_json = data["tables"][table.name]["columns"][column]
                 assert (in_json["unit"], in_json["long_name"]) == (about.unit, about.text)
-
-
-def test_every_file_names_its_result_version_and_case(scenarios, tmp_path):
-    export(scenarios, ["csv", "json", "netcdf"], tmp_path)
-    lines = Source(scenarios).provenance
-    assert "result result" in lines[0]
-    for path in tmp_path.glob("*.csv"):
-        head = path.read_text().splitlines()[: len(lines)]
-        assert head == [f"# {line}" for line in lines]
-    assert json.loads((tmp_path / "result.json").read_text())["provenance"] == list(lines)
-    with netCDF4.Dataset(tmp_path / "result.nc") as file:
-        assert file.source.splitlines() == list(lines)
-        assert {"trajectory_slow", "simulation_fast"} <= file.groups.keys()
-
-
-def test_the_program_reads_the_blade_back(quadratic, tmp_path):
-    export(quadratic, ["csv"], tmp_path)
-    rotor = f"{{blade: {tmp_path}/blade.csv, radius: 1.4, hub_radius_fraction: 0.125}}"
-    blade = physics(read_case(f"{QUADRATIC}rotor: {rotor}\n")).blade
-    own = quadratic.design().blade
-    for name in ("r", "chord", "twist"):
-        np.testing.assert_array_equal(getattr(blade, name), getattr(own, name))
 
 
 BLADES = {
@@ -247,26 +222,3 @@ def test_coefficients_reach_beyond_the_operation(quadratic):
     known = design.physics.rotor.coefficients(design.blade, ratio)
     np.testing.assert_array_equal(found["power_coefficient"], known.power)
     np.testing.assert_allclose(found["power_coefficient"], found["torque_coefficient"] * ratio)
-
-
-def test_sections_are_named(quadratic, tmp_path):
-    names = values(by_name(quadratic)["blade"])["section_name"]
-    assert set(names) == {"naca63815_Re2e5"}
-    rotor = """
-rotor:
-  stations: [0.2, 0.4, 0.6, 0.8, 0.99]
-  blade: rm1
-  set_angle: 0
-  sections:
-    - {name: thin, outline: examples/files/naca4412.csv, polar: examples/files/naca4412_polars.csv}
-    - {outline: examples/files/naca4424.csv, polar: examples/files/naca4424_polars.csv}
-"""
-    text = QUADRATIC.replace("700", "70 kN m") + rotor
-    several = made(tmp_path / "several", text, [11.0])
-    names = values(by_name(several)["blade"])["section_name"]
-    assert any(name.startswith("thin to naca4424, 0.") for name in names)
-    assert "naca4424" in names
-    thickness = values(by_name(several)["blade"])["thickness_over_chord"]
-    shares = [float(name.split(", ")[1]) for name in names if "," in name]
-    inside = [t for name, t in zip(names, thickness, strict=True) if "," in name]
-    np.testing.assert_allclose(0.12 + 0.12 * np.array(shares), inside, atol=2e-3)

@@ -11,7 +11,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hkt_mdo.case import read_case
 from hkt_mdo.exports.base import Source, export
-from hkt_mdo.exports.openfast import polar_rows
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import steady_operation
 from hkt_mdo.problem.physics import physics
@@ -152,12 +151,6 @@ def test_the_airfoils_are_those_of_the_stations(turbine):
         assert airfoil["rthick"] == pytest.approx(outline.thickness, rel=2e-2)
         assert np.all(np.hypot(np.diff(x), np.diff(y)) > 0.0)
         assert np.mean(y[: x.size // 4]) > np.mean(y[-x.size // 4 :])  # the suction side first
-
-
-def test_a_polar_is_periodic(polar):
-    alpha, lift, drag = polar_rows(polar).T
-    assert (alpha[0], alpha[-1]) == (-180.0, 180.0)
-    assert (lift[0], drag[0]) == (lift[-1], drag[-1])
 
 
 @pytest.mark.slow

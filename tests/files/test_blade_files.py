@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade, write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable, SectionTable
-from hkt_mdo.files.shipped import data_path
 from tests.conftest import refused
 from tests.files.broken.blades import AERODYN, CSV, WINDIO
 from tests.properties import examples
@@ -62,19 +61,6 @@ def test_the_same_blade_in_other_units(put):
     np.testing.assert_array_equal(doubled.chord, metres.chord)
     assert doubled.tip_radius == 2.0
     assert not doubled.relative
-
-
-def test_every_conversion_is_reported(put):
-    table = read_blade(
-        put("a.csv", "r_mm,chord_mm,twist_deg,thickness_percent\n500,250,5,20\n1000,125,2,15\n")
-    )
-    assert table.messages == (
-        "r_mm: mm converted to m",
-        "chord_mm: mm converted to m",
-        "twist_deg: degrees converted to radians",
-        "thickness_percent: per cent converted to a fraction",
-    )
-    assert read_blade(put("b.csv", "r_m,chord_m,twist_rad\n0.5,0.2,0\n1,0.1,0\n")).messages == ()
 
 
 def test_sections_of_a_csv(put):
@@ -141,16 +127,6 @@ def test_what_is_written_reads_back_bit_by_bit(data, tmp_path_factory):
     assert not list(path.parent.glob("*.part"))
 
 
-def test_a_table_with_sections_reads_back(tmp_path, put):
-    table = read_blade(
-        put("a.csv", "r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,root\n1,.1,0,.12,'tip'\n")
-    )
-    write_blade_csv(tmp_path / "b.csv", table)
-    back = read_blade(tmp_path / "b.csv")
-    assert back.section == table.section
-    np.testing.assert_array_equal(back.thickness, table.thickness)
-
-
 def test_what_cannot_be_written_is_said(tmp_path, put):
     table = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
     with pytest.raises(InputError, match="cannot be written"):
@@ -166,19 +142,6 @@ def test_what_cannot_be_written_is_said(tmp_path, put):
 def aerodyn(put, rows, count=None, name="blade.dat"):
     lines = rows.strip().splitlines()
     return put(name, TEMPLATE.format(count=count or len(lines), rows="\n".join(lines)))
-
-
-def test_scaling_by_nothing_changes_no_bit(put):
-    table = read_blade(aerodyn(put, "0 0 0 0 10 .3 1\n0.7 0 0 0 5 .2 1\n1.3 0 0 0 1 .1 2"), 0.1)
-    assert table.tip_radius == 0.1 + 1.3
-    assert table.scaled(table.tip_radius) is table
-    larger = table.scaled(2.1)
-    assert larger.r[-1] == larger.tip_radius == 2.1
-    np.testing.assert_allclose(larger.r, table.r * 1.5, rtol=1e-15)
-    np.testing.assert_allclose(larger.chord, table.chord * 1.5, rtol=1e-15)
-    np.testing.assert_array_equal(larger.twist, table.twist)
-    assert larger.hub_radius == pytest.approx(0.15)
-    assert "scaled" in larger.messages[-1]
 
 
 def test_metres_without_a_tip_stay_metres(put):
@@ -203,17 +166,6 @@ def test_interior_rows_lie_between_hub_and_tip():
 
 
 # --- published files -----------------------------------------------------------------------------
-
-
-def test_the_shipped_blade_reads_as_it_is_printed():
-    table = read_blade("bahaj2007")
-    raw = np.genfromtxt(data_path("bahaj2007", "blade"), delimiter=",", names=True)
-    np.testing.assert_array_equal(table.r, raw["r_over_R"])
-    np.testing.assert_array_equal(table.chord, raw["c_over_R"])
-    np.testing.assert_array_equal(table.twist, np.deg2rad(raw["pitch_deg"]))
-    np.testing.assert_array_equal(table.thickness, raw["t_over_c_pct"] / 100.0)
-    assert table.relative
-    assert table.section is None
 
 
 def test_an_aerodyn_blade_counts_from_the_root(put):
@@ -275,12 +227,6 @@ def test_prebend_sweep_and_layers_are_not_ignored_silently(put):
     assert "BlSwpAC: sweep of up to 0.5 m" in messages
     assert "BlCrvAng: cant angle of up to 3 deg" in messages
     assert "straight blade" in messages
-
-
-def test_the_content_decides_the_format_not_the_suffix(put):
-    rows = "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1"
-    assert read_blade(aerodyn(put, rows, name="blade.csv"), 0.1).section == ("1", "1")
-    assert not read_blade(put("m.dat", "r_m,chord_m,twist_rad\n0.5,0.25,0\n1,0.1,0\n")).relative
 
 
 def test_the_hub_radius_is_required(put):

@@ -6,7 +6,6 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import polar_table
-from hkt_mdo.files.shipped import POLAR_FAMILIES, read_table
 from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 
@@ -241,14 +240,6 @@ def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(tmp_path)
     assert "1 repeated rows are left out" in table.messages[0]
 
 
-def test_heads_of_a_csv_polar_may_have_capitals(tmp_path):
-    lines = [f"{a:.3f},{cl},{cd}" for a, cl, cd, _ in rows(ALPHA, 5e4)]
-    (table,) = read_polars(write(tmp_path, "\n".join(["Alpha_deg,CL,Cd", *lines])))
-    np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
-    with pytest.raises(InputError, match="lacks the column cd; did you mean cdd"):
-        read_polars(write(tmp_path, "\n".join(["alpha_deg,cl,cdd", *lines])))
-
-
 def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
     text = airfoil_tools_text().replace("number,50000", "number,fast")
     with pytest.raises(InputError, match=r"line 4, Reynolds number = 'fast': is no Reynolds"):
@@ -321,14 +312,6 @@ def test_full_circle_is_used_as_it_is(tmp_path):
     assert np.allclose(cd, 1.0 - 0.98 * np.cos(2.0 * alpha), atol=1e-4)
 
 
-def test_full_circle_in_rounded_radians_is_closed(tmp_path):
-    alpha = np.deg2rad(np.linspace(-180.0, 180.0, 73))
-    text = "alpha_rad,cl,cd\n" + "".join(f"{a:.4f},{np.sin(2 * a):.3f},0.5\n" for a in alpha)
-    (table,) = read_polars(write(tmp_path, text))
-    assert table.full_circle
-    assert table.alpha[-1] == np.pi
-
-
 def test_ends_of_a_full_circle_are_one_angle(tmp_path):
     with pytest.raises(InputError, match=r"line 74, column cl = .*differs.*one angle"):
         read_polars(write(tmp_path, circle_text(gap=0.01)))
@@ -345,42 +328,7 @@ def test_cylinder_needs_but_its_ends(tmp_path):
         read_polars(write(tmp_path, text.replace("\n0,0,", "\n0,0.1,")))
 
 
-def test_shipped_names():
-    """A shipped polar is the file's rows; the section's name stands for all of them."""
-    family = read_polars("naca63815")
-    assert [table.reynolds for table in family] == [1e5, 2e5, 3e5, 5e5, 1e6, 2e6]
-    for name, table in zip(POLAR_FAMILIES["naca63815"], family, strict=True):
-        columns = read_table(name, ("alpha_deg", "cl", "cd", "cm"), "polar")
-        (single,) = read_polars(name)
-        assert single.reynolds == table.reynolds
-        for one in (single, table):
-            assert np.array_equal(one.alpha, np.deg2rad(columns["alpha_deg"]))
-            assert np.array_equal(one.lift, columns["cl"])
-            assert np.array_equal(one.drag, columns["cd"])
-            assert np.array_equal(one.moment, columns["cm"])
-
-
 # Blend and family
-
-
-def test_blend_is_linear_in_the_coefficients():
-    low, high = PolarFamily.from_file("naca63815").polars[:2]
-    alpha = np.linspace(-3.2, 3.2, 777)
-    for weight in (0.0, 0.3, 1.0):
-        blend = np.array(low.blend(high, weight).evaluate(alpha))
-        expected = (1.0 - weight) * np.array(low.evaluate(alpha)) + weight * np.array(
-            high.evaluate(alpha)
-        )
-        assert np.allclose(blend, expected, rtol=0.0, atol=1e-14)
-
-
-def test_blend_knows_the_range_that_both_tables_cover():
-    one, other = (
-        Polar.from_polar_table(polar_table(alpha, 0.0 * alpha, 1.0 + 0.0 * alpha))
-        for alpha in (np.arange(-10.0, 15.5, 0.5), np.arange(-8.0, 20.5, 0.5))
-    )
-    blend = one.blend(other, 0.5)
-    assert (blend.alpha_min, blend.alpha_max) == (other.alpha_min, one.alpha_max)
 
 
 def test_family_is_linear_in_the_logarithm_and_clamped():
@@ -393,13 +341,6 @@ def test_family_is_linear_in_the_logarithm_and_clamped():
     assert np.allclose(
         middle, 0.5 * (family.polars[0].coefficients + family.polars[1].coefficients), atol=1e-12
     )
-
-
-def test_family_of_one_is_the_same_everywhere(tmp_path):
-    text = "alpha_deg,cl,cd\n" + "".join(f"{a},{0.1 * a},0.02\n" for a in range(-8, 17))
-    family = PolarFamily.from_file(write(tmp_path, text))
-    assert family.reynolds.tolist() == [np.inf]
-    assert family.at(1e4) is family.at(1e7) is family.polars[0]
 
 
 # Curves that overshoot

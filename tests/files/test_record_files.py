@@ -1,7 +1,6 @@
 """Measured records: readers against each other, what is repaired, flaws told."""
 
 import json
-import subprocess
 import sys
 from datetime import UTC, datetime, timedelta
 
@@ -173,13 +172,6 @@ def test_a_part_is_taken(tmp_path):
     assert told(record, "taken from 100 s to 160 s of the record")
     whole = read_record(csv(tmp_path), duration=599.75)
     assert whole.time.size == TIME.size
-
-
-def test_flaws_outside_the_part_do_not_matter(tmp_path):
-    speed = SPEED.copy()
-    speed[100], speed[2000] = np.nan, 9.0
-    record = read_record(csv(tmp_path, speed=speed), start=100.0, duration=60.0)
-    assert record.time.size == 241
 
 
 # Gaps, spikes, uneven samples ---------------------------------------------------------------------
@@ -404,14 +396,6 @@ def test_the_horizontal_speed_is_of_horizontal_components(labels, message):
     assert message in str(caught.value)
 
 
-def test_a_nan_in_one_bin_is_a_gap():
-    data = adcp()
-    data["U_mag"][1, 40] = np.nan
-    with pytest.raises(InputError, match="row 41, column U_mag: is missing"):
-        record_from(data, speed_column="U_mag", bins=(1.0, 5.0))
-    record_from(data, speed_column="U_mag", bins=(3.0, 5.0))
-
-
 def test_times_of_a_netcdf_file_may_be_numbers(tmp_path):
     pytest.importorskip("netCDF4")
     data = adcp()[["pressure"]].assign_coords(time=("time", TIME / 60.0, {"units": "minutes"}))
@@ -618,19 +602,6 @@ def test_missing_packages_are_reported(tmp_path, monkeypatch, name, package):
     assert f"{install('records')}, or save the record as CSV" in message
 
 
-def test_csv_needs_no_package_of_the_extra(tmp_path):
-    program = (
-        "import sys\nsys.modules.update(pandas=None, xarray=None, pyarrow=None, netCDF4=None)\n"
-        "from hkt_mdo.dynamics.records import read_record\n"
-        "heavy = {'scipy', 'openmdao'} & set(sys.modules)\n"
-        f"print(read_record({str(csv(tmp_path))!r}).time.size, *heavy)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split() == [str(TIME.size)]
-
-
 # What is refused ----------------------------------------------------------------------------------
 
 
@@ -645,12 +616,6 @@ def test_limits(tmp_path, monkeypatch):
     assert "has 2,404 even samples, and 2,402 are the most" in told_gap
     with pytest.raises(InputError, match="does not exist; give the path of a record"):
         read_record(tmp_path / "none.csv")
-
-
-def test_gaps_cost_no_memory_before_they_are_refused(tmp_path):
-    time = np.append(TIME, 9e9)
-    message = refused(read_record, csv(tmp_path, time, np.append(SPEED, 1.5)), gaps="interpolate")
-    assert "line 2402" in message
 
 
 @pytest.mark.parametrize(
@@ -668,21 +633,6 @@ def test_times_that_no_record_has_are_refused(tmp_path, time, line, problem):
     assert message.startswith(f"line {line}, column time_s")
     assert problem in message
     assert "time_unit" in message
-
-
-def test_the_longer_of_two_usual_steps_is_a_gap(tmp_path):
-    """No step is near the mean of the two in the middle."""
-    time = np.cumsum(np.repeat([0.0, 1.0, 100.0], [1, 8, 8]))
-    message = refused(read_record, csv(tmp_path, time, np.full(17, 1.5)))
-    assert message.startswith(
-        "line 11, column time_s = '108 s since the first': ends a gap of 99 s"
-    )
-
-
-def test_a_discharge_over_next_to_no_area_is_refused(tmp_path):
-    path = csv(tmp_path, speed=1e308 * SPEED / SPEED.max(), header="time_s,discharge_m3_s")
-    message = refused(read_record, path, area=1e-3, gaps="interpolate", spikes="keep")
-    assert "column discharge_m3_s = 'inf m/s': is faster than any river" in message
 
 
 CELLS = st.sampled_from(

@@ -27,8 +27,8 @@ SOUND = {
     "blade.yaml": (read_blade, blades.WINDIO.encode()),
     "record.csv": (read_record, records.SOUND[1]),
 } | {
-    name: (read_outline if "outline" in kind else read_polars, content)
-    for kind, (name, content) in polars.WELL.items()
+    name: (read_polars if place < 7 else read_outline, (polars.DATA / name).read_bytes())
+    for place, name in enumerate(polars.WELL)
 }
 WHOLE = re.compile(
     "is empty|is not NetCDF|cannot be read as|"

@@ -1,6 +1,5 @@
 """What is shipped is read by its name; an unknown name is told with the names that there are."""
 
-import numpy as np
 import pytest
 
 from hkt_mdo.errors import InputError
@@ -20,24 +19,6 @@ def test_shipped_tables_are_read(kind):
         table = read_table(name, COLUMNS[kind], kind)
         assert tuple(table) == COLUMNS[kind]
         assert len({column.shape for column in table.values()}) == 1
-
-
-def test_shipped_outline_has_the_area_its_source_states():
-    outline = read_table("naca63815", ("x_over_c", "y_over_c"), "outline")
-    x, y = outline["x_over_c"], outline["y_over_c"]
-    area = 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
-    assert area == pytest.approx(0.094, abs=5e-4)
-
-
-def test_table_takes_remarks_further_and_optional_columns(tmp_path):
-    path = tmp_path / "p.csv"
-    path.write_text("# source\ncd , cl,note,alpha_deg\n\n1e-2,.5,a,-3\n2e-2,0.6,b,4.\n", "utf-8")
-    table = read_table(path, ("alpha_deg", "cl", "cd"), "polar", optional=("cm",))
-    assert {name: list(column) for name, column in table.items()} == {
-        "alpha_deg": [-3.0, 4.0],
-        "cl": [0.5, 0.6],
-        "cd": [0.01, 0.02],
-    }
 
 
 @pytest.mark.parametrize(

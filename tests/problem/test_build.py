@@ -228,14 +228,6 @@ def public():
     return problem
 
 
-def test_the_public_problem_runs_as_it_stands(public):
-    energy = public.get_val("energy", units="J")[0]
-    power = public.get_val("traj.phase.timeseries.hydrodynamic_power", units="W").ravel()
-    assert energy == pytest.approx(15.0 * np.mean(power), rel=0.02)
-    assert public.get_val("objective")[0] == pytest.approx(energy, rel=1e-14)
-    assert 0.0 < public.get_val("inertia", units="kg*m**2")[0] < 100.0
-
-
 def test_partials_of_the_public_problem():
     """Those of the package's own components but BEM, which takes no complex numbers."""
     case = {
@@ -272,8 +264,3 @@ def test_the_public_problem_is_optimized_as_it_stands():
     assert problem.driver.outcome().success
     assert problem.get_val("energy")[0] == pytest.approx(start, rel=5e-4)
     assert problem.get_val("energy")[0] > start
-
-
-def test_n2_of_the_public_problem(public, tmp_path):
-    om.n2(public, outfile=str(tmp_path / "n2.html"), show_browser=False)
-    assert (tmp_path / "n2.html").stat().st_size > 100_000

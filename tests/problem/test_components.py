@@ -3,9 +3,7 @@
 from typing import ClassVar
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import SineInflow
@@ -16,6 +14,7 @@ from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, Int
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+from tests.conftest import checked
 
 N, RADIUS, DENSITY = 6, 1.4, 998.0
 NODES = np.linspace(2.0, 12.0, 41)
@@ -53,21 +52,6 @@ class PaidPower(Objective):
 
     def rate(self, generator_power, rotor_speed, rotor_radius):
         return generator_power - 2.0 * rotor_speed**2 * rotor_radius
-
-
-def checked(component, **values):
-    """Return a problem of one component at some values, after a check of its partials."""
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("part", component, promotes=["*"])
-    problem.setup(force_alloc_complex=True)
-    for name, value in values.items():
-        meta = problem.model.get_io_metadata(("input",), metadata_keys=("shape",))
-        shape = next(each["shape"] for each in meta.values() if each["prom_name"] == name)
-        problem.set_val(name, np.reshape(value, shape))
-    problem.run_model()
-    data = problem.check_partials(method="cs", compact_print=True, out_stream=None)
-    assert_check_partials(data, atol=1e-9, rtol=1e-11)
-    return problem
 
 
 def operation():
@@ -125,55 +109,12 @@ def test_a_limit_of_time_and_design():
     np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-14)
 
 
-class LargestInertia(Limit):
-    """A limit on a scalar of the design alone."""
-
-    name: ClassVar[str] = "largest_inertia"
-    unit: ClassVar[str | None] = "kg*m**2"
-    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
-    bound: float = 3.0
-
-    def value(self, inertia):
-        return inertia
-
-
-def test_a_limit_of_the_design_alone():
-    limit = LargestInertia()
-    assert (limit.place, PowerPerInertia().place) == ("design", "time")
-    problem = checked(FormulaComp(formula=limit), inertia=3.5)
-    np.testing.assert_array_equal(problem.get_val("value"), [3.5])
-    np.testing.assert_allclose(limit.excess({"inertia": 3.6}), [0.2])
-
-
-def test_a_limit_of_one_quantity():
-    torque = np.linspace(-10.0, 700.0, N)
-    problem = checked(
-        FormulaComp(formula=TorqueLimit(bound=500.0), size=N, n_times=N), control_torque=torque
-    )
-    np.testing.assert_array_equal(problem.get_val("value"), torque)
-
-
 def test_excess_is_counted_in_bounds():
     """Above the upper or below the lower bound, over the larger of the two."""
     limit = TorqueLimit(bound=500.0)
     torque = np.array([-50.0, 0.0, 250.0, 500.0, 600.0])
     over = limit.excess({"control_torque": torque})
     np.testing.assert_allclose(over, [0.1, 0.0, -0.5, 0.0, 0.2], atol=1e-15)
-
-
-class InertiaCost(Objective):
-    """A rate that does not change over time."""
-
-    kind: str = "inertia_cost"
-    inputs: ClassVar[tuple[str, ...]] = ("inertia",)
-
-    def rate(self, inertia):
-        return -2.0 * inertia
-
-
-def test_a_constant_rate_holds_at_every_instant():
-    trajectory = {"time": np.linspace(0.0, 20.0, N), "inertia": 3.5}
-    np.testing.assert_array_equal(InertiaCost().rate_of(trajectory), np.full(N, -7.0))
 
 
 def test_integrals_are_weighted_sums_over_all_scenarios():

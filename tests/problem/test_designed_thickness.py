@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.start.build import build_problem
 
@@ -59,29 +58,3 @@ def test_partials_of_the_problem(control):
             assert error <= 2e-6 * max(each["magnitude"].fd, 1e-9), (component, pair)
     assert problem.get_val("thickness").shape == (8,)
     assert "thickness_control" in problem.model.get_design_vars()
-
-
-ONE = {"sections": [], "polar": "naca4415_Re1e6", "outline": "naca4415"}
-SAME = [SECTIONS[1], SECTIONS[1]]
-BOUNDS = {"thickness_bounds": [0.1, 0.2]}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"rotor": ONE}, r"design.thickness_points: needs several sections.*give rotor.sections"),
-        ({"rotor": {"sections": SAME}}, "rotor.sections: has two sections of one thickness"),
-        ({"design": BOUNDS}, r"thickness_bounds = \[0.1, 0.2\]: reach beyond .* 0.12 to 0.2402"),
-        ({"rotor": {"reynolds": "local"}}, "design.thickness_points: .*rotor.reynolds: invariant"),
-        ({"limits": {}, "hydrodynamics": {"torque": "direct"}}, "torque: curve"),
-        ({"hydrodynamics": {"bem": "ccblade"}}, "bem: vectorized"),
-        ({"design": {"blade": "fixed"}}, "design.chord_points.* of a blade that is fixed"),
-        (
-            {"design": BOUNDS | {"thickness_points": None}},
-            "thickness_bounds.*bounds a thickness that is not designed",
-        ),
-    ],
-)
-def test_what_cannot_be_designed_is_refused(changes, message):
-    with pytest.raises(InputError, match=message):
-        physics(case(**changes))

@@ -1,6 +1,5 @@
 """A rotor and a turbine in other OpenMDAO models: values, partials, names, one's own objective."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -122,15 +121,6 @@ def test_formulas_of_the_rotor_by_complex_step(rotor, monkeypatch):
     data = problem.check_partials(includes=parts, method="cs", out_stream=None)
     assert set(data) == set(parts)
     assert_check_partials(data, atol=1e-6, rtol=1e-9)
-
-
-def test_rotor_takes_the_blade_of_a_result():
-    solution = Solution.load(RESULT)
-    case, design = solution.case, solution.design()
-    problem = model_of(RotorGroup(case, blade=design.blade))
-    best = solution.summary.power_coefficient_max
-    assert problem["power_coefficient"][0] == pytest.approx(best, rel=1e-6)
-    assert problem["mass"][0] == pytest.approx(solution.summary.mass_kg, rel=1e-9)
 
 
 def test_rotor_without_depth_has_no_cavitation_and_local_reynolds_numbers_are_refused():
@@ -267,59 +257,4 @@ def test_partials_of_the_turbine_by_complex_step():
     assert_check_partials(data, atol=1e-5, rtol=1e-8)
 
 
-@pytest.mark.parametrize("torque", ["curve", "direct"])
-def test_complex_step_through_a_turbine_is_refused(torque):
-    case = load_case(SHORT | LAWS["quadratic"] | {"hydrodynamics": {"torque": torque}})
-    problem = model_of(TurbineGroup(case, improve=False))
-    problem.model.add_objective("energy")
-    with pytest.raises(InputError, match=REFUSED):
-        problem.check_totals(of=["energy"], wrt=["chord_control"], method="cs")
-
-
-def test_what_a_turbine_keeps_is_an_input_and_what_it_designs_an_output():
-    case = load_case(SHORT | LAWS["quadratic"] | {"design": {"gain_bounds": [1, 50]}})
-    model = model_of(TurbineGroup(case, improve=False), rotor_radius=1.4, density=1025.0).model
-    inputs, outputs = (
-        {meta["prom_name"] for _, meta in found(out_stream=None, prom_name=True)}
-        for found in (model.list_inputs, model.list_outputs)
-    )
-    assert {"rotor_radius", "density"} <= inputs - outputs
-    assert {"chord_control", "twist_control", "gain_0", "energy", "mass"} <= outputs
-
-
 # The N2 diagram -----------------------------------------------------------------------------------
-
-
-PAGE = (Path(__file__).parents[2] / "docs" / "dev" / "architecture.md").read_text(encoding="utf-8")
-DYMOS = "traj"
-
-
-def names_within(system):
-    """Yield the names of all subsystems that this package has named."""
-    for part in system.system_iter(include_self=False, recurse=False):
-        if part.name != "_auto_ivc":
-            yield part.name
-            if part.name != DYMOS:
-                yield from names_within(part)
-
-
-DRAWN = {
-    "usual": {},
-    "limits": {
-        "limits": {"power": 5000, "torque_rate": 900},
-        "control": {"law": "open_loop"},
-    },
-    "several sections": SEVERAL | {"limits": {"stress": "100 MPa"}},
-}
-
-
-@pytest.mark.parametrize("name", but(DRAWN, ["usual"]))
-def test_the_page_names_every_subsystem_of_the_n2_diagram(name, tmp_path):
-    told = set(re.findall(r"^\| `(\w+)(?:_<\w+>)?`", PAGE, re.MULTILINE))
-    case = load_case(SHORT | LAWS["quadratic"] | DRAWN[name])
-    problem = model_of(TurbineGroup(case, improve=False))
-    for group in (problem.model.group, model_of(RotorGroup(case)).model.group):
-        for found in names_within(group):
-            assert any(found == each or found.startswith(f"{each}_") for each in told), found
-    om.n2(problem, outfile=str(tmp_path / "n2.html"), show_browser=False)
-    assert (tmp_path / "n2.html").stat().st_size > 100_000

@@ -24,11 +24,6 @@ def made(*overrides, law="quadratic"):
     return problem
 
 
-def series(problem, name):
-    """Return a quantity of the phase at its nodes."""
-    return problem.get_val(f"traj.phase.timeseries.{name}").ravel()
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("tau1", ["null", "1"])
 def test_partials_are_exact(tau1, monkeypatch):
@@ -50,15 +45,6 @@ def test_partials_are_exact(tau1, monkeypatch):
                 size = max(np.max(np.abs(each["J_fd"])), 1e-9)
                 assert np.max(np.abs(each["J_fwd"] - each["J_fd"])) < 1e-5 * size, pair
     assert checked == set(kinds)
-
-
-@pytest.mark.slow
-def test_a_steady_flow_has_the_energy_of_a_wake_in_equilibrium():
-    steady = "inflow={profile: constant, speed: 1.5}"
-    remembers, quiet = made(steady), made(steady, "inflow_dynamics=quasi_steady")
-    np.testing.assert_allclose(series(remembers, "wake_factor"), 1.0, atol=1e-6)
-    energies = [each.get_val("energy")[0] for each in (remembers, quiet)]
-    assert energies[0] == pytest.approx(energies[1], rel=1e-6)
 
 
 @pytest.mark.parametrize(("tau1", "power"), [(1.0, 0), (1.0, 1), (1.8, 1)])

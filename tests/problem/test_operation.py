@@ -5,9 +5,7 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.certificate import Passing
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import broken_limits
-from hkt_mdo.problem.operation import MOST_INTERVALS
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
@@ -84,15 +82,6 @@ def test_a_limit_that_the_fast_flow_alone_breaks_is_kept():
     assert broken == [["power"], []]
 
 
-def test_segments_are_as_long_as_those_of_the_case():
-    for count in (60, 120):
-        found = world(phase={"segments": count})
-        for scenario in found.scenarios:
-            lengths = np.diff(scenario.edges)
-            np.testing.assert_allclose(lengths, lengths[0])
-            assert 0.6 * 60.0 / count <= lengths[0] <= 60.0 / count
-
-
 @pytest.mark.parametrize("cut_out", [1.7, 2.0])
 def test_a_flow_that_is_nowhere_faster_is_left_as_it_is(cut_out):
     (kept,), (whole,) = (world(each).scenarios for each in (cut_out, None))
@@ -118,27 +107,3 @@ def test_short_intervals_are_standstill_too():
     still = 60.0 - 20.0 * (1.0 - 2.0 * share)
     assert f"standstill for {still:.4g} s of 60 s" in told
     assert f"in 1 interval; 1 interval more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in told
-
-
-@pytest.mark.parametrize(
-    ("cut_out", "sections", "words"),
-    [
-        (1.29, {}, "no time for operation: the flow has at least 1.3 m/s"),
-        (1.3001, {}, "slower than this for 0.253 s at a time"),
-        (1.2, {"inflow": {"profile": "constant", "speed": 1.3}}, "at least 1.3 m/s"),
-        (
-            1.5,
-            {
-                "inflow": {"profile": "sine", "angular_frequency": 1.0},
-                "phase": {"duration": 2e3, "segments": 2000},
-            },
-            f"{MOST_INTERVALS} are the most",
-        ),
-    ],
-)
-def test_refusals(cut_out, sections, words):
-    with pytest.raises(InputError, match=words) as caught:
-        world(cut_out, **sections)
-    assert caught.value.key == "control.cut_out"
-    assert caught.value.value == cut_out
-    assert "give a" in str(caught.value)

@@ -31,15 +31,6 @@ def test_weights_integrate_polynomials_exactly(transcription, order):
 
 
 @pytest.mark.parametrize("transcription", TRANSCRIPTIONS)
-def test_nodes_fill_the_segments(transcription):
-    made = scenario(transcription, 3)
-    nodes = made.node_times.reshape(4, made.nodes_per_segment)
-    np.testing.assert_allclose(nodes[:, 0], [0.0, 2.5, 5.0, 7.5])
-    np.testing.assert_allclose(nodes[:, -1], [2.5, 5.0, 7.5, 10.0])
-    assert np.all(np.diff(nodes, axis=1) > 0.0)
-
-
-@pytest.mark.parametrize("transcription", TRANSCRIPTIONS)
 def test_distinct_nodes_have_every_time_once(transcription):
     made = scenario(transcription, 3)
     time = made.node_times[made.distinct_nodes]

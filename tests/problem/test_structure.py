@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from hkt_mdo.case import load_case, read_case
-from hkt_mdo.errors import InputError
+from hkt_mdo.case import load_case
 from hkt_mdo.files.shipped import MATERIALS
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.outline import Outline
@@ -37,11 +36,6 @@ def plant(rotor=None, **limits):
 def stress(found):
     """Return the stress over q at tip speed ratios and places."""
     return found.rotor.loads.coefficients(found.blade, RATIO, names=("stress",))["stress"].exact
-
-
-def ellipse(height):
-    angle = np.linspace(0.0, 2.0 * np.pi, 1001)
-    return 0.5 + 0.5 * np.cos(angle), 0.5 * height * np.sin(angle)
 
 
 def rectangle(height):
@@ -90,48 +84,6 @@ def test_tube(wall):
     assert inertia == pytest.approx(blades * (TIP**3 - HUB**3) / 3.0, rel=2e-3)
 
 
-@pytest.mark.parametrize("wall", [0.002, 0.03, 0.2])
-def test_bending_stress_of_a_tube(wall):
-    """It is that of the cylinder over 1 - k⁴, and the centrifugal stress is that of the cylinder.
-
-    Of a blade of one section the latter is that of a rod, whatever its area.
-    """
-    light = {"outline": "cylinder", "material_density": 1e-9}
-    bending = stress(plant(light))
-    k = 1.0 - 2.0 * wall
-    hollow = stress(plant(light | {"wall": wall}))
-    expected, least = bending / (1.0 - k**4), 1e-12 * bending.max()  # nothing bends the last place
-    np.testing.assert_allclose(hollow, expected, rtol=2e-3, atol=least)
-    heavy = {"outline": "cylinder", "material_density": 1e5}
-    centrifugal = stress(plant(heavy)) - bending
-    added = stress(plant(heavy | {"wall": wall})) - hollow
-    np.testing.assert_allclose(added, centrifugal, rtol=1e-9, atol=1e-9 * centrifugal.max())
-
-
-@pytest.mark.parametrize("height", [0.5, 0.2])
-def test_thin_ellipse(outline, height):
-    """Integrals along the outline times the wall; the error is of the order of the wall."""
-    x, y = ellipse(height)
-    wall, path = 1e-3, outline(x, y)
-    structure = plant({"outline": path, "wall": wall}).rotor.loads.structure
-    length = np.hypot(np.diff(x), np.diff(y))
-    x, y = 0.5 * (x[1:] + x[:-1]) - 0.5, 0.5 * (y[1:] + y[:-1])
-    assert structure.area == pytest.approx(wall * np.sum(length), rel=0.01)
-    assert structure.xx == pytest.approx(wall * np.sum(length * y**2), rel=0.02)
-    assert structure.yy == pytest.approx(wall * np.sum(length * x**2), rel=0.02)
-
-
-@pytest.mark.parametrize("wall", [0.01, 0.04])
-def test_box(outline, wall):
-    """b h - b' h' and (b h³ - b' h'³)/12, b' and h' less than b and h by two walls."""
-    height = 0.3
-    found = plant({"outline": outline(*rectangle(height)), "wall": wall})
-    structure, b, h = found.rotor.loads.structure, 1.0 - 2.0 * wall, height - 2.0 * wall
-    assert structure.area == pytest.approx(height - b * h, rel=0.01)
-    assert structure.xx == pytest.approx((height**3 - b * h**3) / 12.0, rel=0.01)
-    assert structure.yy == pytest.approx((height - b**3 * h) / 12.0, rel=0.01)
-
-
 def test_a_wall_of_half_the_thickness_is_solid():
     solid = plant()
     for wall in (0.5, 0.5 * Outline.from_file("naca4415").thickness):
@@ -141,19 +93,6 @@ def test_a_wall_of_half_the_thickness_is_solid():
 
 
 # What a case gives for its sections
-
-
-def test_the_outlines_own_numbers_change_nothing():
-    plain = plant()
-    area, moments, _ = material_section(Outline.from_file("naca4415"))
-    numbers = dict(zip(("flapwise", "edgewise", "product"), moments, strict=True))
-    found = plant({"sections": [SECTION | {"area": area, "second_moments": numbers}]})
-    np.testing.assert_allclose(stress(found), stress(plain), rtol=1e-12)
-    deflection = [each.rotor.loads.tip_deflection(each.blade, RATIO) for each in (found, plain)]
-    np.testing.assert_allclose(*deflection, rtol=1e-12)
-    assert found.mass_and_inertia(found.blade) == pytest.approx(
-        plain.mass_and_inertia(plain.blade), rel=1e-12
-    )
 
 
 def test_given_numbers_stand_in_for_the_outlines():
@@ -217,15 +156,6 @@ def test_a_solid_section_beside_a_hollow_one(tmp_path):
     np.testing.assert_allclose(at.area, place_weights(5) @ found.rotor.section_area, rtol=1e-12)
 
 
-def test_one_section_with_second_moments_beside_one_without(tmp_path):
-    moments = {"flapwise": 4e-4, "edgewise": 6e-3}
-    found = spanwise({"second_moments": moments}, {}, tmp_path).rotor.loads.structure
-    base = Outline.from_file("naca4415")
-    own = material_section(base.stretched(0.12 / base.thickness))[1]
-    assert [found.xx[0], found.yy[0], found.xy[0]] == pytest.approx([4e-4, 6e-3, 0.0])
-    assert [found.xx[-1], found.yy[-1], found.xy[-1]] == pytest.approx(list(own))
-
-
 def test_derivatives_of_the_stress_in_a_hollow_blade(tmp_path):
     """By chord and twist, against central differences of fourth order."""
     found = spanwise({"wall": 0.05}, {"wall": 0.01}, tmp_path)
@@ -246,13 +176,6 @@ def test_derivatives_of_the_stress_in_a_hollow_blade(tmp_path):
 
 
 # Materials
-
-
-def test_the_default_is_solid_aluminium():
-    case = load_case({"inflow": "sine", "control": "quadratic"})
-    material = case.rotor.blade_material
-    assert (material.density, material.modulus) == (2700.0, 68.9e9)
-    assert case.rotor.wall is None
 
 
 @pytest.mark.parametrize("name", MATERIALS)
@@ -282,47 +205,3 @@ def test_a_material_of_ones_own_and_keys_beside_it():
         900.0,
         20e9,
     )
-
-
-def test_a_written_case_is_the_same_and_takes_another_material():
-    rotor = UNIFORM | {"material": "steel_s355", "material_density": None, "wall": 0.02}
-    moments = {"flapwise": 1e-4, "edgewise": 1e-3}
-    rotor |= {"sections": [SECTION | {"area": 0.05, "second_moments": moments}]}
-    given = {"inflow": "sine", "control": "quadratic", "rotor": rotor}
-    case = load_case(given | {"limits": {"stress": "allowable"}})
-    assert read_case(case.to_yaml()) == case
-    other = physics(case.with_overrides("rotor.material=glass_epoxy_uniaxial"))
-    assert other.rotor.loads.structure.density == 1940.0
-    assert {each.name: each.upper for each in other.limits}["stress"] == 370.69e6
-
-
-MOMENTS = {"flapwise": 1e-4, "edgewise": 1e-4}
-
-
-@pytest.mark.parametrize(
-    ("rotor", "limit", "told"),
-    [
-        ({"material": "steel_s35"}, 1e8, "rotor.material = 'steel_s35': unknown material; did you "
-         "mean steel_s355? known: aluminium_6061_t6, steel_s355, "),
-        ({"material": {"density": 1900}}, 1e8, "rotor.material.modulus: is missing"),
-        ({"material": {"density": 1, "modulus": 1, "yield": 1}}, 1e8, "material.yield = 1: unk"),
-        ({"material": 7}, 1e8, "rotor.material = 7: must be a section of keys and values"),
-        ({"wall": 0.6}, 1e8, "rotor.wall = 0.6: must be at most 0.5"),
-        ({"wall": "3 mm"}, 1e8, "rotor.wall = '3 mm': must be a plain number"),
-        ({"sections": [SECTION | {"wall": 0}]}, 1e8, "rotor.sections[0].wall = 0: must be greater"),
-        ({"sections": [SECTION | {"second_moments": {"flapwise": 1e-4}}]}, 1e8,
-         "rotor.sections[0].second_moments.edgewise: is missing"),
-        ({"sections": [SECTION | {"second_moments": MOMENTS | {"product": -1e-4}}]}, 1e8,
-         "rotor.sections[0].second_moments.product = -0.0001: is not less than"),
-        ({}, "allowed", "limits.stress.bound = 'allowed': must be a number, or a number and a "
-         "unit; give the largest stress as a number in Pa, or a text with a unit of that "
-         "kind, or allowable"),
-        ({"material": {"density": 1e3, "modulus": 1e9}}, "allowable",
-         "limits.stress = 'allowable': refers to the allowable stress of rotor.material, "
-         "which has none; give rotor.material.allowable_stress, or a stress here"),
-    ],
-)  # fmt: skip
-def test_refusals(rotor, limit, told):
-    with pytest.raises(InputError) as caught:
-        plant(rotor, stress=limit)
-    assert told in str(caught.value)

@@ -63,15 +63,6 @@ def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
     assert best.tip_speed_ratio == pytest.approx(ratio, rel=0.05)
 
 
-@pytest.mark.parametrize("name", shipped_names("blade"))
-def test_a_shipped_blade_is_scaled_to_the_radius(name, turbine):
-    small = turbine(f"blade: {name}").blade
-    large = turbine(f"blade: {name}, radius: {1.5 * small.tip_radius}").blade
-    for lengths in ("r", "chord", "hub_radius", "tip_radius"):
-        ratio = np.array(getattr(large, lengths)) / getattr(small, lengths)
-        np.testing.assert_allclose(ratio, 1.5, rtol=1e-12)
-
-
 def test_rows_between_hub_and_tip_are_the_stations(turbine):
     found = turbine("blade: b.csv, radius: 1, set_angle: 2, cone: 3")
     np.testing.assert_array_equal(found.blade.r, [0.2, 0.6, 0.9])
@@ -80,12 +71,6 @@ def test_rows_between_hub_and_tip_are_the_stations(turbine):
     assert (found.blade.hub_radius, found.blade.blade_count) == (0.125, 3)
     assert np.rad2deg(found.blade.cone) == pytest.approx(3.0)
     assert any("1 of 4 rows lie at hub or tip" in line for line in found.messages)
-
-
-def test_stations_are_interpolated_between_the_rows(turbine):
-    blade = turbine("blade: b.csv, radius: 1, stations: [0.4, 0.75, 0.95]").blade
-    np.testing.assert_allclose(blade.chord, [0.15, 0.1, 0.1], rtol=1e-12)
-    np.testing.assert_allclose(np.rad2deg(blade.twist), [15, 7.5, 4.5], rtol=1e-12)
 
 
 def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
@@ -114,12 +99,6 @@ def test_sections_are_blended_by_thickness(turbine):
     np.testing.assert_allclose(
         found.section_area, base.area * found.thickness / base.thickness, rtol=1e-12
     )
-
-
-def test_sections_are_those_that_the_file_names(turbine):
-    a, b = (each[:-1] + f", name: {name}}}" for each, name in ((THICK, "a"), (THIN, "b")))
-    found = turbine(f"blade: n.csv, radius: 1, sections: [{b}, {a}]")
-    np.testing.assert_allclose(found.thickness, [0.24, 0.15, 0.15], rtol=1e-12)
 
 
 def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
@@ -270,11 +249,3 @@ def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
     assert world.shape.chord_bounds == pytest.approx(bounds, rel=0.005)  # three digits
     again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
     assert again.case.design == world.case.design
-
-
-def test_bounds_of_the_paper_stay_with_its_rotor():
-    case = read_case("{inflow: sine, control: linear}")
-    assert physics(case.with_overrides("inflow.mean=1.4")).shape.chord_bounds == (0.01, 1.0)
-    assert physics(case.with_overrides("rotor.radius=14")).shape.chord_bounds != (0.01, 1.0)
-    given = case.with_overrides("design.chord_bounds=[0.02, 1]")
-    assert given.with_overrides("rotor.radius=14").design.chord_bounds == (0.02, 1.0)

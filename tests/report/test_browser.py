@@ -6,7 +6,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,8 +16,8 @@ from playwright.sync_api import Browser, sync_playwright
 from plotly.offline import get_plotlyjs
 
 from hkt_mdo.pages import page
-from hkt_mdo.results.solution import ScenarioTables, Solution
-from tests.conftest import make_result, operate
+from hkt_mdo.results.solution import Solution
+from tests.conftest import make_result
 from tests.exports.made import made
 from tests.report.test_page import TWO
 
@@ -154,13 +153,3 @@ def test_a_picture_replaces_the_solid_without_webgl(pages, start):
     assert tab.locator("#picture").is_visible()
     assert tab.evaluate("document.getElementById('picture').naturalWidth") > 500
     browser.close()
-
-
-def test_an_hour_has_room(pages, tmp_path):
-    solution = Solution.load(make_result(tmp_path / "hour"))
-    table = operate(np.linspace(0.0, 3600.0, 144_001), 700.0, "quadratic")
-    rng = np.random.default_rng(1)
-    table |= {key: x * rng.uniform(0.9, 1.1, x.size) for key, x in table.items() if key != "time_s"}
-    tables = {"phase": ScenarioTables(table, table, solution.loads)}
-    written = page.write_report([replace(solution, tables=tables)] * 3, tmp_path / "hour.html")
-    assert 5e6 < written.stat().st_size < 8e6

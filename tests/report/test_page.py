@@ -1,11 +1,10 @@
-"""The report: what its page says, read by a parser of its own, and what its charts show."""
+"""The report: what its page says, and what its charts show."""
 
 import base64
 import json
 import re
 import sys
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -33,39 +32,9 @@ scenarios:
 """
 
 
-class Reader(HTMLParser):
-    """The rows of a page's tables, its headings and its data, by Python's own parser."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self.headings: list[str] = []
-        self.links: list[str] = []
-        self.data, self._into = "", ""
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
-        self.links += [value for key, value in attrs if key in ("src", "href") and value]
-        if tag == "tr":
-            self.rows.append([])
-        elif tag in ("td", "th"):
-            self.rows[-1].append("")
-        elif tag in ("h1", "h2"):
-            self.headings.append("")
-        if tag in ("td", "th", "h1", "h2", "script"):
-            self._into = given.get("id") or tag
-
-    def handle_endtag(self, tag):
-        self._into = "" if tag in ("td", "th", "h1", "h2", "script") else self._into
-
-    def handle_data(self, data):
-        if self._into == "data":
-            self.data += data
-        elif self._into in ("td", "th"):
-            self.rows[-1][-1] += data
-        elif self._into in ("h1", "h2"):
-            self.headings[-1] += data
+def data_of(text: str) -> dict:
+    """Return what the charts of a page are drawn from."""
+    return json.loads(re.findall(r'<script[^>]* id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[0])
 
 
 @pytest.fixture(scope="module")
@@ -83,12 +52,6 @@ def folders(tmp_path_factory) -> list[Path]:
 
 
 @pytest.fixture(scope="module")
-def read(texts) -> dict[str, Reader]:
-    """The pages as they are read."""
-    return {name: Reader(text) for name, text in texts.items()}
-
-
-@pytest.fixture(scope="module")
 def texts(folders, tmp_path_factory) -> dict[str, str]:
     """The pages of one result and of both."""
     out = tmp_path_factory.mktemp("pages")
@@ -99,57 +62,16 @@ def texts(folders, tmp_path_factory) -> dict[str, str]:
     }
 
 
-def cells(read: Reader) -> dict[str, list[str]]:
-    """Return the cells of a page's rows by the first one."""
-    return {row[0].strip(): [x.strip() for x in row[1:]] for row in read.rows if row}
-
-
-def test_one_result_shows_all_required_parts(texts, read, folders):
-    assert read["one"].headings == [
-        *("sine_quadratic", "Figures of merit", "Blade", "Operation", "Limits"),
-        *("Checks", "What is not modelled", "Convergence", "Case and versions"),
-    ]
-    rows = cells(read["one"])
-    checks = json.loads((folders[0] / "summary.json").read_text())["checks"]
-    told = [row[:4] for row in read["one"].rows if "✓ passed" in row]
-    assert told == [
-        [x["name"].replace("_", " "), "✓ passed", f"{x['value']:.3g}", f"{x['limit']:.3g}"]
-        for x in checks
-    ]
-    assert rows["generator torque"][:2] == ["700 N m", "700 N m"]
-    assert rows["generator torque"][2].startswith("margin 0.00 %, binding")
+def test_page_loads_nothing_and_tells_the_energy(texts):
+    for text in texts.values():
+        tags = re.sub("(<script[^>]*>).*?</script>", r"\1", text, flags=re.DOTALL)
+        links = re.findall(r'\b(?:src|href)="([^"]*)"', tags)
+        assert links
+        assert all(link.startswith(("#", "data:image/png")) for link in links)
+        assert "default-src 'none'" in text
     # energy over 60 s, in kW and in kWh a day
     assert f"{322240.5 / 60e3:.3f} kW" in texts["one"]
     assert f"{322240.5 / 60.0 * 24e-3:.4g} kWh" in texts["one"]
-
-
-def test_page_loads_nothing(texts, read):
-    for name, text in texts.items():
-        assert read[name].links
-        assert all(link.startswith(("#", "data:image/png")) for link in read[name].links)
-        assert "default-src 'none'" in text
-
-
-def test_several_results_stand_side_by_side(read):
-    rows = cells(read["both"])
-    assert rows["largest thrust"] == [rows["largest thrust"][0]] * 2  # of the same operation
-    assert rows["control.law"] == ["quadratic", "linear"]
-    assert rows["power"][0] == ""  # a check that only the second one has
-    assert rows["power"][1].startswith("✗ failed")
-    assert rows["objective, relative to the best"] == ["+0.0000 %", "+0.0000 %"]
-
-
-def test_differences_of_cases_are_in_peoples_units():
-    flow = {"inflow": "sine", "control": {"law": "quadratic", "torque_limit": 700}}
-    limited = flow | {"limits": {"power": "5 kW", "stress": "100 MPa"}, "inflow": {"mean": 1.4}}
-    limited["inflow"]["profile"] = "sine"
-    limited["scenarios"] = [{"name": "fast", "limits": {"thrust": "6 kN"}}]
-    found = dict(page._differences([load_case(flow), load_case(limited)]))
-    assert found.pop("inflow.mean") == ["1.5 m/s", "1.4 m/s"]
-    assert found.pop("limits.power.bound") == ["-", "5 kW"]
-    assert found.pop("limits.stress.bound") == ["-", "100 MPa"]
-    assert found.pop("scenarios[0].limits.thrust.bound") == ["-", "6 kN"]
-    assert not {"inflow.amplitude", "control.law"} & found.keys()
 
 
 def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
@@ -175,8 +97,8 @@ def test_what_a_case_models_is_not_missing(changes, words, told):
     assert (words in " ".join(page.not_modelled(case))) == told
 
 
-def test_charts_hold_the_numbers_of_the_tables(read, folders):
-    data = json.loads(read["one"].data)
+def test_charts_hold_the_numbers_of_the_tables(texts, folders):
+    data = data_of(texts["one"])
     (view,) = data["views"].values()
     table = Solution.load(folders[0]).simulation
     lines = {x["yaxis"]: x for x in view["time"]["data"]}
@@ -259,16 +181,6 @@ def test_envelope_covers_every_scenario(tmp_path):
     }
 
 
-def test_a_blade_that_would_break_is_in_the_headline(folders, tmp_path):
-    solution = Solution.load(folders[0])
-    summary = solution.summary.model_copy(update={"tip_deflection_m": 5.1})
-    text = page.write_report([replace(solution, summary=summary)], tmp_path / "broken.html")
-    told, verdict = text.read_text("utf-8"), "verified, but the blade would break, 1 warning"
-    assert f'<p class="verdict refused"><strong>{verdict}</strong>' in told
-    assert f"<dt>verdict</dt><dd>{verdict}</dd>" in told
-    assert "the largest deflection of a tip is 364 % of the radius, above 10 %" in told
-
-
 def test_an_unfinished_result_is_reported(folders, tmp_path):
     solution = Solution.load(folders[0])
     summary = solution.summary.model_copy(
@@ -281,7 +193,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     assert "the run did not come to its end" in text
     assert "No solid of sine_quadratic" in text
     assert "No check has looked at it." in text
-    assert cells(Reader(text))["optimizer"] == cells(Reader(text))["versions"] == ["not recorded"]
+    assert text.count("not recorded") == 3  # optimizer, digest, versions
 
 
 def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):

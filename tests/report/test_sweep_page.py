@@ -2,14 +2,12 @@
 
 import csv
 
-import numpy as np
 import pytest
 
 from hkt_mdo.case.sweep import SWEEP, load_sweep
 from hkt_mdo.cli import main
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.sweep import SweepTable, row_of, write_table
-from hkt_mdo.results.sweep_plots import plot_map
+from hkt_mdo.results.sweep import row_of, write_table
 from tests.conftest import make_result
 from tests.report.test_browser import browser, start  # noqa: F401 - fixtures
 
@@ -51,26 +49,6 @@ def test_the_table_has_a_grid_too(folder):
         rows = list(csv.DictReader(file))
     assert frame["mass_kg"].tolist()[:3] == [float(row["mass_kg"]) for row in rows[:3]]
     assert frame["state"].tolist() == [row["state"] for row in rows]
-
-
-def test_columns_are_shown_in_peoples_units(folder):
-    table = SweepTable.load(folder)
-    table.columns["stress_Pa"] = np.array([1e8, 2e8, np.nan, 3e6])
-    values, label = table.shown("stress_Pa")
-    np.testing.assert_array_equal(values, [100.0, 200.0, np.nan, 3.0])
-    assert label == "stress (MPa)"
-    assert table.shown("objective")[1] == "objective (J)"
-    assert table.shown("mass_kg")[1] == "mass (kg)"
-    labels = ["control.torque_limit (N m)", "inflow.mean (m/s)"]
-    assert [table.shown(key)[1] for key in table.numeric] == labels
-    ax, bar = plot_map(table).figure.axes
-    assert [ax.get_xlabel(), ax.get_ylabel(), bar.get_ylabel()] == [*labels, "objective (J)"]
-
-
-def test_figures_of_a_sweep(folder, capsys):
-    assert main(["plot", str(folder), "--format", "svg"]) == 0
-    names = {line.rpartition("/")[2] for line in capsys.readouterr().out.split()}
-    assert names == {"front.svg", "map.svg", "parallel.svg"}
 
 
 @pytest.mark.slow

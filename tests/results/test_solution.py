@@ -52,29 +52,6 @@ def test_load_takes_an_interrupted_run(result_folder: Path) -> None:
     assert repr(solution) == f"<Solution sine_quadratic: not verified, {str(result_folder)!r}>"
 
 
-def test_load_takes_what_an_optimizer_met(result_folder: Path) -> None:
-    path = result_folder / "convergence.csv"
-    path.write_text("evaluation,energy_J,infeasibility\n0,nan,inf\n1,3e5,1e-3\n2,-inf,+1.\n")
-    table = Solution.load(result_folder).convergence
-    np.testing.assert_array_equal(table["energy_J"], [np.nan, 3e5, -np.inf])
-    np.testing.assert_array_equal(table["infeasibility"], [np.inf, 1e-3, 1.0])
-
-
-def test_load_ignores_more_columns(result_folder: Path) -> None:
-    path = result_folder / "coefficients.csv"
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join([f"new,{lines[0]}", *(f"1,{line}" for line in lines[1:])]))
-    solution = Solution.load(result_folder)
-    assert set(solution.coefficients) == set(lines[0].split(","))
-    assert solution.coefficients["tip_speed_ratio"][0] == 2.2
-
-
-def test_load_needs_no_blade_file(result_folder: Path) -> None:
-    path = result_folder / "case.yaml"
-    path.write_text(path.read_text().replace("blade: bahaj2007", "blade: /not/here.csv"))
-    assert Solution.load(result_folder).case.rotor.blade.endswith("here.csv")
-
-
 @pytest.mark.parametrize("name", ["case.yaml", "summary.json"])
 def test_load_refuses_a_folder_without(result_folder: Path, name: str) -> None:
     (result_folder / name).unlink()
@@ -130,18 +107,6 @@ def test_load_refuses_a_large_table(result_folder: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("hkt_mdo.results.solution.MAX_CSV_BYTES", 1000)
     with pytest.raises(InputError, match=r"trajectory\.csv: is larger than"):
         Solution.load(result_folder)
-
-
-def test_a_prompt_and_a_notebook_show_it(result_folder: Path) -> None:
-    write_json(
-        result_folder / "summary.json",
-        {"success": True, "energy_J": 322239.0, "message": "<script>"},
-    )
-    solution = Solution.load(result_folder)
-    assert repr(solution).startswith("<Solution sine_quadratic: verified, 322.24 kJ, ")
-    shown = solution._repr_html_()
-    assert "<tr><th>energy</th><td>322.24 kJ</td></tr>" in shown
-    assert "&lt;script&gt;" in shown
 
 
 @pytest.mark.parametrize("name", [name for name in TABLES if name != "year"])

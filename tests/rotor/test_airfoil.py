@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.polar_table import polar_table
 from hkt_mdo.files.shipped import read_table, shipped_names
-from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.outline import Outline
 
@@ -16,18 +15,6 @@ POLARS = shipped_names("polar")
 @pytest.fixture(scope="module", params=POLARS, name="polar")
 def any_shipped_polar(request):
     return PolarFamily.from_file(request.param).polars[0]
-
-
-def write(folder, rows, header="alpha_deg,cl,cd"):
-    path = folder / "polar.csv"
-    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
-    return path
-
-
-def good_rows():
-    return [
-        f"{alpha},{0.1 * alpha + 0.3:.3f},{0.01 + 1e-4 * alpha**2:.5f}" for alpha in range(-8, 17)
-    ]
 
 
 # Theory
@@ -44,15 +31,6 @@ def test_polar_and_two_derivatives_are_continuous_everywhere(polar):
         assert np.allclose(2.0 * c2 + 6.0 * step * c3, 2.0 * following[:, 2], atol=1e-7)
 
 
-def test_polar_is_periodic(polar):
-    alpha = np.linspace(-np.pi, np.pi, 101)
-    for turns in (-2.0, -1.0, 1.0):
-        assert np.allclose(
-            polar.evaluate(alpha + 2.0 * np.pi * turns), polar.evaluate(alpha), atol=1e-11
-        )
-    assert np.allclose(polar.evaluate(np.pi), polar.evaluate(-np.pi), atol=1e-12)
-
-
 def test_derivatives_are_those_of_the_values(polar):
     alpha = np.linspace(-3.1, 3.1, 501)
     lift, drag = polar.evaluate(alpha + 1e-30j)
@@ -60,19 +38,6 @@ def test_derivatives_are_those_of_the_values(polar):
     assert np.allclose(lift_slope, lift.imag / 1e-30, rtol=1e-12, atol=1e-12)
     assert np.allclose(drag_slope, drag.imag / 1e-30, rtol=1e-12, atol=1e-12)
     assert by_reynolds == also_by_reynolds == 0.0
-
-
-def test_polar_takes_angles_of_any_shape(polar):
-    """Element by element the same, for CCBlade's numbers and for grids."""
-    grid = np.linspace(-7.0, 7.0, 24).reshape(2, 3, 4)
-    for method in (polar.evaluate, polar.derivatives):
-        for shape in ((24,), (4, 6), (2, 3, 4)):
-            values = method(grid.reshape(shape))
-            for which in (0, -1) if method == polar.evaluate else (0, 2):
-                assert values[which].shape == shape
-                single = [method(float(alpha))[which] for alpha in grid.flat]
-                assert values[which].ravel().tolist() == single
-    assert np.ndim(polar.evaluate(0.1)[0]) == 0
 
 
 def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
@@ -83,13 +48,6 @@ def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
     lift, drag = polar.evaluate(0.5 * np.pi)
     assert abs(lift) < 1e-6
     assert drag == pytest.approx(1.11 + 0.018 * 10.0, abs=1e-6)  # Viterna and Janetzke 1982, eq. 4
-
-
-def test_viterna_extension_meets_the_table(polar):
-    """The extension takes the last row's lift and drag: no step."""
-    for edge in (polar.alpha_min, polar.alpha_max):
-        around = edge + np.deg2rad(np.linspace(-1.0, 1.0, 201))
-        assert np.max(np.abs(np.diff(polar.evaluate(around), axis=1))) < 0.01
 
 
 # The table
@@ -107,52 +65,10 @@ def test_table_points_are_interpolated_exactly(name):
     assert np.allclose(drag, table["cd"], atol=1e-12)
 
 
-def test_spline_reproduces_a_straight_line_inside_the_table():
-    alpha = np.arange(-16.0, 20.5, 0.5)
-    table = polar_table(alpha, 0.2 + 5.0 * np.deg2rad(alpha), np.full(alpha.size, 0.02))
-    polar = Polar.from_polar_table(table)
-    inside = np.deg2rad(np.linspace(-8.0, 10.0, 333))
-    lift, drag = polar.evaluate(inside)
-    assert np.allclose(lift, 0.2 + 5.0 * inside, atol=1e-8)
-    assert np.allclose(drag, 0.02, atol=1e-8)
-
-
 # Broken files
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        (lambda rows: rows[:5], "at least 8"),
-        (lambda rows: [*rows[:3], rows[2] + "1", *rows[3:]], "increase strictly"),
-        (lambda rows: rows[6:], "-5"),
-        (lambda rows: rows[:18], "12"),
-        (lambda rows: [*rows[:4], "-4,0.1,-0.01", *rows[5:]], "drag must be positive"),
-        (lambda rows: [*rows[:4], "-4,0.1,nan", *rows[5:]], "line 6"),
-        (lambda rows: [*rows[:4], "-4,0.1", *rows[5:]], "line 6"),
-    ],
-)
-def test_broken_polar_is_refused_with_file_and_place(tmp_path, change, told):
-    path = write(tmp_path, change(good_rows()))
-    with pytest.raises(InputError) as caught:
-        PolarFamily.from_file(path)
-    assert str(path) in str(caught.value)
-    assert told in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_good_polar_is_taken_and_a_missing_column_is_not(tmp_path):
-    PolarFamily.from_file(write(tmp_path, good_rows()))
-    with pytest.raises(InputError, match="cd"):
-        PolarFamily.from_file(write(tmp_path, good_rows(), header="alpha_deg,cl,drag"))
-
-
 # Outline
-
-
-def ellipse(thickness, n=2000):
-    angle = np.linspace(0.0, 2.0 * np.pi, n, endpoint=False)
-    return Outline(0.5 + 0.5 * np.cos(angle), 0.5 * thickness * np.sin(angle))
 
 
 def naca_4_digit(camber, place, thickness, n=2001):
@@ -168,15 +84,6 @@ def naca_4_digit(camber, place, thickness, n=2001):
     upper = x - half * np.sin(slope), line + half * np.cos(slope)
     lower = x + half * np.sin(slope), line - half * np.cos(slope)
     return tuple(np.r_[up[::-1], low[1:]] for up, low in zip(upper, lower, strict=True))
-
-
-def test_outline_area():
-    """A rhombus has half the area of its box; the shipped section the area its README states."""
-    side = np.linspace(0.0, 1.0, 6)[1:]
-    x = np.concatenate(([1.0], 1.0 - 0.5 * side, 0.5 - 0.5 * side, 0.5 * side, 0.5 + 0.5 * side))
-    y = np.concatenate(([0.0], 0.1 * side, 0.1 - 0.1 * side, -0.1 * side, -0.1 + 0.1 * side))
-    assert Outline(x, y).area == pytest.approx(0.1, rel=1e-12)
-    assert Outline.from_file("naca63815").area == pytest.approx(0.094, abs=0.001)
 
 
 @pytest.mark.parametrize("turn", [1, -1])
@@ -198,26 +105,6 @@ def test_triangle_is_exact():
     assert outline.second_moments == pytest.approx(expected, rel=1e-13)
 
 
-def test_ellipse_has_its_closed_forms():
-    """pi a b, pi a b³/4, pi a³ b/4; the polygon's error falls with the square of its points."""
-    errors = []
-    for n in (200, 2000):
-        outline, a, b = ellipse(0.3, n), 0.5, 0.15
-        moments = outline.second_moments
-        errors.append(
-            [
-                outline.area / (np.pi * a * b) - 1.0,
-                moments.xx / (0.25 * np.pi * a * b**3) - 1.0,
-                moments.yy / (0.25 * np.pi * a**3 * b) - 1.0,
-            ]
-        )
-        assert outline.thickness == pytest.approx(0.3, rel=1e-12)
-        assert outline.centroid == pytest.approx((0.5, 0.0), abs=1e-12)
-        assert moments.xy == pytest.approx(0.0, abs=1e-12)
-    assert np.max(np.abs(errors[1])) < 1e-5
-    assert np.allclose(np.divide(*errors), 100.0, rtol=0.01)
-
-
 @pytest.mark.parametrize("thickness", [0.09, 0.15, 0.21])
 def test_naca_4_digit_area_thickness_and_flapwise_moment(thickness):
     """Integrals of the thickness polynomial: area 0.6851 t, thickness t."""
@@ -233,13 +120,6 @@ def test_naca_4_digit_area_thickness_and_flapwise_moment(thickness):
     cubes = np.einsum("i,j,k,ijk", a, a, a, 1.0 / (sums + 1.0))
     expected = 2.0 / 3.0 * (5.0 * thickness) ** 3 * cubes
     assert outline.second_moments.xx == pytest.approx(expected, rel=1e-5)
-
-
-def test_camber_leaves_thickness_across_the_camber_line():
-    """Thickness is laid off across the camber line: across the chord it is more by 1 / cos."""
-    outline = Outline(*naca_4_digit(0.04, 0.4, 0.12))
-    assert 0.12 < outline.thickness < 0.1202
-    assert outline.centroid[1] > 0.02
 
 
 def outline_files():
@@ -299,15 +179,6 @@ def test_lednicer_sides_with_noses_apart_keep_both_points(tmp_path):
     path = tmp_path / "section.dat"
     path.write_text("\n".join(rows), encoding="utf-8")
     assert Outline.from_file(path).x.size == 82
-
-
-def test_shipped_outline():
-    outline = Outline.from_file("naca63815")
-    assert outline.thickness == pytest.approx(0.15, abs=0.0005)  # its name
-    moments = outline.second_moments
-    assert 0.5 * np.arctan2(2.0 * moments.xy, moments.yy - moments.xx) == pytest.approx(
-        0.0, abs=np.deg2rad(3.0)
-    )
 
 
 def test_open_outline_is_refused(tmp_path):

@@ -130,38 +130,6 @@ def test_glauerts_rotor(ratio, ideal_polar):
     assert np.allclose(found_share[middle], share[middle], atol=1e-7)
 
 
-def test_glauerts_rotor_tends_to_betz_limit(ideal_polar):
-    """Where the wake hardly turns a section takes 16/27 of the flow's power, and no more."""
-    ratio = 200.0
-    blade, _ = glauert_rotor(ratio, count=300000)
-    found = bem.sections(blade, ideal_polar, ratio)
-    share = blade.blade_count * found.tangential_load[0] * ratio / (2.0 * np.pi)  # of one annulus
-    outer = (blade.r > 0.5) & (blade.r < 0.95)
-    assert np.allclose(share[outer], 16.0 / 27.0, atol=2e-4)
-    assert np.all(share <= 16.0 / 27.0)
-
-
-def test_section_without_force_leaves_the_flow_alone(study):
-    alpha = np.linspace(-np.pi, np.pi, 73)
-    nothing = study.circle_polar(alpha, np.zeros(73), np.zeros(73))
-    blade = Blade(np.array([0.3, 0.6, 0.9]), np.full(3, 0.1), np.zeros(3), 0.1, 1.0, 3)
-    ratio = np.array([0.5, 3.0, 12.0])
-    found = bem.sections(blade, nothing, ratio)
-    assert np.allclose(found.inflow_angle, np.arctan2(1.0, ratio[:, None] * blade.r), atol=1e-14)
-    assert np.allclose(found.axial_induction, 0.0, atol=1e-14)
-    assert np.allclose(found.tangential_induction, 0.0, atol=1e-14)
-    rotor = bem.rotor_coefficients(blade, nothing, ratio)
-    assert not np.any(rotor.torque)
-    assert not np.any(rotor.thrust)
-
-
-def test_beyond_runaway_drag_rules(blade, polar):
-    """Far beyond the speed of a free rotor, torque is negative and grows as tsr squared."""
-    torque = bem.rotor_coefficients(blade, polar, np.array([6.0, 60.0, 300.0, 600.0])).torque
-    assert torque[0] > 0.0 > torque[1]
-    assert torque[3] / torque[2] == pytest.approx(4.0, rel=0.05)
-
-
 @given(rotor=rotors(), ratio=ratios)
 def test_every_section_with_drag_has_a_root(rotor, ratio):
     """With cd > 0 a root with 0 < phi < 180 degrees and W > 0 exists always (docs/studies/bem.md).
@@ -214,14 +182,6 @@ def root_changes(blade, polar, low, high):
     return sorted(found, key=lambda change: change[1])
 
 
-def count_roots(blade, polar, j, ratio):
-    """Return the sign changes of a station's residual over the inflow angle."""
-    angles = np.linspace(1e-3, np.pi - 1e-3, 20001)
-    terms = np.array([bem._terms(angle, *station_of(blade, polar, j))[0] for angle in angles])
-    f = terms[:, 0] - terms[:, 1] * blade.tip_radius / (ratio * blade.r[j])
-    return np.count_nonzero(np.diff(np.sign(f)))
-
-
 def largest_jump(blade, polar, low, high):
     """Return the largest jump of torque over the largest torque, and that of the inflow angle.
 
@@ -261,19 +221,6 @@ def test_torque_is_continuous_except_where_a_root_vanishes(rotor, low, width):
             assert jump < 1e-4 or angle < 1.5 * bem.FINEST
 
 
-def test_two_roots_vanish_where_the_torque_jumps(study):
-    """At the stalled inner stations of a badly designed rotor."""
-    rotor = study.bahaj(polar="naca63815_Re1e5")
-    changes = root_changes(rotor.blade, rotor.polar, *rotor.tip_speed_ratio[[0, -1]])
-    assert len(changes) >= 3
-    for j, ratio in changes:
-        around = ratio * np.array([1.0 - 1e-5, 1.0 + 1e-5])
-        below, above = bem.sections(rotor.blade, rotor.polar, around).inflow_angle[:, j]
-        assert below > above + 0.005
-        fewer, more = (count_roots(rotor.blade, rotor.polar, j, each) for each in around)
-        assert more == fewer + 2
-
-
 # Derivatives: complex step through the residual, at every branch
 
 
@@ -310,15 +257,6 @@ def test_derivatives_are_those_of_the_complex_step(branch, study, ideal_polar):
             checked += 1
 
 
-def test_slopes_within_a_station_are_those_of_the_complex_step(polar):
-    for phi in (-0.7, -0.05, 0.03, 0.2, 0.9, 1.7, 2.8):
-        station = (0.2 + 0j, 0.1 + 0j, 0.8 + 0j, 0.2 + 0j, 1.4 + 0j, 3, polar.coefficients)
-        exact, real = bem._terms(phi + 1e-30j, *station), bem._terms(complex(phi), *station)
-        expected = [exact[0][0], exact[0][1], exact[1][0], exact[1][1]]
-        slopes = [*real[0][2:], real[1][2], real[1][3]]
-        assert np.allclose(np.real(slopes), np.imag(expected) / 1e-30, rtol=1e-9)
-
-
 # Interface
 
 
@@ -345,16 +283,6 @@ def test_coefficients_follow_from_sections_that_are_known(blade, polar, cone):
     known = rotor.coefficients(coned, ratio, True, rotor.sections(coned, ratio, True))
     for found, expected in zip(known, rotor.coefficients(coned, ratio, True), strict=True):
         np.testing.assert_array_equal(found, expected)
-
-
-def test_points_do_not_depend_on_their_company(blade, polar):
-    """Sampling ends early for fast rotors; the roots are the same to the last digits."""
-    ratio = np.array([0.3, 2.0, 5.0, 9.0, 14.0])
-    together = bem.rotor_coefficients(blade, polar, ratio).torque
-    alone = [bem.rotor_coefficients(blade, polar, each).torque[0] for each in ratio]
-    assert np.allclose(together, alone, rtol=1e-11)
-    load = bem.sections(blade, polar, ratio).tangential_load
-    assert np.allclose(load @ bem.torque_weights(blade), together, rtol=1e-11)
 
 
 @pytest.mark.parametrize("ratio", [0.0, -1.0, np.nan])
@@ -412,34 +340,7 @@ def test_random_rotors_are_those_of_ccblade_and_every_difference_is_explained(st
         assert study.CC_ONLY not in found.kinds
 
 
-def test_section_derivatives_are_those_of_ccblade(study):
-    rotor = study.bahaj(ratios=np.array([2.0, 5.0, 8.0]))
-    blade, ratio = rotor.blade, rotor.tip_speed_ratio
-    mine = bem.sections(blade, rotor.polar, ratio, derivatives=True)
-    _, _, recorded = study.ccblade(rotor, derivatives=True)
-    for i, (loads, derivatives) in enumerate(recorded):
-        for load, (name, value) in enumerate((("dTp", "Tp"), ("dNp", "Np"))):
-            ours, theirs = 0.5 * mine.derivatives[load, :, i], derivatives[name]
-            pairs = [
-                (0.5 * (mine.tangential_load, mine.normal_load)[load][i], loads[value]),
-                (ours[0] * np.pi * blade.tip_radius / 30.0, theirs["dOmega"].ravel()),
-                (ours[1], np.diag(theirs["dchord"])),
-                (ours[2], np.rad2deg(np.diag(theirs["dtheta"]))),
-            ]
-            for ours_now, theirs_now in pairs:
-                assert np.allclose(ours_now, theirs_now, rtol=1e-7, atol=1e-9)
-
-
 # Cone
-
-
-def test_coned_blades_meet_the_flow_as_plane_ones_at_a_larger_ratio(blade, polar):
-    """Speeds across the blade fall with the cone's cosine, torque with its cube, as R³ does."""
-    coned, ratio = replace(blade, cone=0.25), np.linspace(2.0, 12.0, 21)
-    mine = bem.rotor_coefficients(coned, polar, ratio)
-    plane = bem.rotor_coefficients(blade, polar, ratio / np.cos(0.25))
-    np.testing.assert_allclose(mine.torque, plane.torque, rtol=1e-13)
-    np.testing.assert_allclose(mine.thrust, plane.thrust * np.cos(0.25), rtol=1e-13)
 
 
 @pytest.mark.parametrize("cone", [0.0, 0.1, -0.2])
@@ -474,16 +375,6 @@ def test_local_reynolds_number_picks_the_polar(local):
         assert found.tangential_load[0, place] == pytest.approx(
             alone.tangential_load[0, place], rel=1e-9
         )
-
-
-def test_polars_of_one_table_at_all_numbers_are_invariant(local):
-    same = replace(local.polar, polars=((POLARS[1],) * 6,) * local.blade.r.size)
-    ratio = np.linspace(3.0, 11.0, 17)
-    found, alone = (
-        bem.rotor_coefficients(local.blade, each, ratio, True) for each in (same, POLARS[1])
-    )
-    for ours, other in zip(found, alone, strict=True):
-        np.testing.assert_allclose(ours, other, rtol=1e-11, atol=1e-14)
 
 
 def test_derivatives_with_a_local_reynolds_number(local):

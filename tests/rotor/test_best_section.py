@@ -55,13 +55,6 @@ def test_no_section_of_a_grid_is_better(shipped, chords, twists):
         assert np.all(chosen[1:])
 
 
-def test_the_load_of_a_cylinder_is_least_where_the_chord_is():
-    world = physics(load_case(STEADY | {"rotor": {"blade": "rm1", "station_count": 100}}))
-    found = best_sections(world.blade, world.rotor.polar, [4.0, 8.0], (0.3, 2.5), (-0.5, 0.5))
-    assert np.all(found.load[:, 0] < 0.0)
-    assert np.all(found.chord[:, 0] == 0.3)
-
-
 def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sections():
     """A local search that took its scale from negative loads stopped 0.13 % below."""
     turbine = {"rotor": {"blade": "rm1"}, "design": {"chord_points": 100, "twist_points": 100}}

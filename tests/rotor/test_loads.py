@@ -7,7 +7,6 @@ import openmdao.api as om
 import pytest
 
 from hkt_mdo.rotor import bem, loads
-from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import TablesComp
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -69,25 +68,6 @@ def uniform_blade(n=2001, twist=0.0, cone=0.0, hub=0.2, tip=1.4, chord=0.1):
 # Closed forms
 
 
-def test_cantilever_under_a_uniform_load():
-    """M = w (R - r)² / 2."""
-    blade = uniform_blade()
-    r = np.linspace(0.2, 1.39, 14)
-    found = np.full(blade.r.size, 7.0) @ moment_weights(blade, r)
-    assert found == pytest.approx(3.5 * (1.4 - r) ** 2, rel=1e-3)
-
-
-def test_cantilever_under_a_triangular_load():
-    """M = w (R - r)³ / 6, with the second order of the trapezoidal rule."""
-    errors = []
-    for n in (51, 101):
-        blade = uniform_blade(n)
-        found = (blade.tip_radius - blade.r) @ moment_weights(blade, np.array([0.2]))
-        errors.append(abs(found.item() / (1.2**3 / 6.0) - 1.0))
-    assert errors[1] < 1e-4
-    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05)
-
-
 def test_moment_between_stations_is_that_of_a_rule_which_begins_there(blade):
     """The trapezoidal rule over the place itself, the stations outside it and the tip."""
     load = np.random.default_rng(0).uniform(size=blade.r.size)
@@ -147,19 +127,6 @@ def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
         by_ratio, by_chord, *_ = found.slopes(np.broadcast_to(place, found.values.shape))
         assert by_ratio * RATIO == pytest.approx(2.0 * found.values @ place, rel=1e-12)
         assert np.sum(by_chord, axis=-1) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_a_tapered_bar_has_the_centrifugal_stress_of_its_mass_model(nothing):
-    r = np.array([0.3, 0.6, 1.0, 1.3])
-    chord = np.array([0.2, 0.15, 0.12, 0.08])
-    blade = Blade(r, chord, np.zeros(4), 0.2, 1.4, 3)
-    model = LoadModel(Hydrodynamics(nothing), WATER, Structure.of(rectangle(), METAL))
-    found = model.coefficients(blade, [6.0])["stress"]
-    for place, stress in zip(found.r[::7], found.exact[0, ::7], strict=True):
-        s = np.linspace(place, 1.4, 20001)
-        line = np.interp(s, r, chord) ** 2
-        expected = METAL * 2.0 * 36.0 / (WATER * 1.4**2) * np.trapezoid(line * s, s) / line[0]
-        assert stress == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_centrifugal_force_bends_coned_blades(nothing):
@@ -248,21 +215,6 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
         relative = q * (np.cos(cone) * state.relative_speed[i]) ** 2
         expected = (1.1 * peak * relative / static).ravel()
         assert q * found["cavitation"].exact[i] == pytest.approx(expected, rel=1e-13)
-
-
-def test_a_larger_rotor_of_the_same_shape(blade, polar):
-    """Thrust grows with the square of length, moments with the cube, stress not at all."""
-    large = replace(
-        blade,
-        r=2.0 * blade.r,
-        chord=2.0 * blade.chord,
-        hub_radius=2.0 * blade.hub_radius,
-        tip_radius=2.0 * blade.tip_radius,
-    )
-    model = model_of(polar)
-    small, large = model.coefficients(blade, RATIO), model.coefficients(large, RATIO)
-    for name, power in (("thrust", 2), ("root_moment", 3), ("stress", 0)):
-        assert large[name].values == pytest.approx(2**power * small[name].values, rel=1e-12)
 
 
 def test_loads_with_polars_at_the_local_reynolds_number(blade, polar):
@@ -397,34 +349,6 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
             assert np.allclose(mine, whole, rtol=1e-9, atol=1e-12 * scale), (name, by)
 
 
-@pytest.mark.parametrize("cone", [0.0, 0.12])
-def test_derivatives_are_those_of_differences(blade, polar, cone):
-    """Through BEM too: central differences of fourth order, whose error is about 1e-7."""
-    blade, model = replace(blade, cone=cone), model_of(polar)
-    found = model.coefficients(blade, RATIO, derivatives=True)
-    rng, n = np.random.default_rng(3), blade.r.size
-    chord, twist = 0.01 * rng.normal(size=n), 0.02 * rng.normal(size=n)
-
-    def at(step, ratio=0.0, shape=0.0, radius=0.0):
-        changed = blade.with_rotor_radius(blade.rotor_radius + step * radius)
-        changed = changed.with_shape(
-            blade.chord + step * shape * chord, blade.twist + step * shape * twist
-        )
-        return model.coefficients(changed, RATIO + step * ratio)
-
-    def slope(name, **which):
-        h = 1e-3
-        values = [at(k * h, **which)[name].envelope().values for k in (-2, -1, 1, 2)]
-        return (values[0] - 8.0 * values[1] + 8.0 * values[2] - values[3]) / (12.0 * h)
-
-    for name, load in found.items():
-        mine = load.envelope()
-        shape = mine.by_chord @ chord + mine.by_twist @ twist
-        assert mine.by_tip_speed_ratio == pytest.approx(slope(name, ratio=1.0), rel=1e-5)
-        assert mine.by_rotor_radius == pytest.approx(slope(name, radius=1.0), rel=1e-5)
-        assert shape == pytest.approx(slope(name, shape=1.0), rel=1e-5)
-
-
 def test_derivatives_of_the_stress_by_the_weight(blade, polar):
     model, h, n = model_of(polar), 1e-6, blade.r.size
     found, rng = model.weight_stress(blade), np.random.default_rng(3)
@@ -485,29 +409,4 @@ def test_what_cannot_be_computed_is_refused(blade, polar):
         model_of(polar, structure=Structure.of(outline, METAL)).tip_deflection(blade, RATIO)
 
 
-def test_a_model_has_the_loads_that_it_can_compute(blade, polar):
-    assert LoadModel(Hydrodynamics(polar)).names == ("thrust", "root_moment")
-    assert tuple(model_of(polar).coefficients(blade, RATIO)) == model_of(polar).names == NAMES
-    assert tuple(model_of(polar).coefficients(blade, RATIO, names=["stress"])) == ("stress",)
-
-
 # What was measured
-
-
-def test_the_papers_optimum_breaks():
-    """Optimum of cases/sine_limited_oloc.yaml, at 1.7 m/s: docs of this program, not a measurement.
-
-    Thrust 7.41 kN, root moment 1.90 kN m, and 3.5 GPa at 0.6 R where aluminium has some 0.1 GPa.
-    """
-    r = 1.4 * np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999])
-    chord = [0.10656, 0.08237, 0.06456, 0.05267, 0.04432, 0.03815, 0.03322, 0.02767, 0.02028]
-    twist = [13.227, 7.432, 3.944, 1.744, 0.237, -0.864, -1.729, -2.492, -5.587]
-    blade = Blade(r, np.array(chord), np.deg2rad(twist), 0.175, 1.4, 3)
-    polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
-    found = model_of(polar).coefficients(blade, [8.2325])
-    q = 0.5 * WATER * 1.7**2
-    assert q * found["thrust"].largest == pytest.approx(7414.5, rel=1e-3)
-    assert q * found["root_moment"].largest == pytest.approx(1898.8, rel=1e-3)
-    assert q * found["stress"].largest == pytest.approx(3.513e9, rel=2e-3)
-    stress = found["stress"]
-    assert stress.r[np.argmax(stress.exact)] == pytest.approx(0.84)

@@ -1,25 +1,19 @@
 """The rotor as one object and as a Group that runs without a turbine's other parts."""
 
-from dataclasses import replace
-
 import numpy as np
 import openmdao.api as om
 import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
-from hkt_mdo.rotor import bem, ccblade, steady_optimum
+from hkt_mdo.rotor import steady_optimum
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.components import BladeGroup
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.strength import Structure
-from hkt_mdo.rotor.suction import section_suction
-from hkt_mdo.rotor.thickness import ByThickness
 
 RATIOS = np.array([3.0, 5.0, 6.5, 9.0])
 BOUNDS = (0.05, 0.4), (-0.1, 0.6)
@@ -51,22 +45,6 @@ def problem_of(*parts):
 # The object
 
 
-def test_it_agrees_with_the_theories_on_a_blade(rotor, blade):
-    coned = replace(blade, cone=0.1)
-    expected = bem.rotor_coefficients(coned, rotor.polar, RATIOS, derivatives=True)
-    for one, two in zip(rotor.coefficients(coned, RATIOS, derivatives=True), expected, strict=True):
-        assert np.array_equal(one, two)
-    flow = bem.sections(coned, rotor.polar, RATIOS / np.cos(0.1))
-    assert np.array_equal(rotor.sections(coned, RATIOS).normal_load, flow.normal_load)
-    mass = mass_and_inertia(coned, rotor.section_area, 2700.0, 0.5)
-    assert rotor.mass_and_inertia(coned)[:2] == mass[:2]
-    assert rotor.loads.names == ("thrust", "root_moment", "stress", "cavitation")
-    operation = rotor.best_operation(coned)
-    assert operation.power_coefficient == pytest.approx(np.max(expected.power), rel=0.02)
-    thrust = rotor.loads.coefficients(coned, RATIOS, names=("thrust",))["thrust"].values[:, 0]
-    assert thrust / (np.pi * coned.rotor_radius**2) == pytest.approx(expected.thrust, rel=1e-12)
-
-
 def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     shape = Shape.designed(blade, None, None, *BOUNDS)
     best = rotor.best_of_shape(shape, blade)
@@ -80,46 +58,6 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
         steady_optimum.best_operation(blade, Hydrodynamics(rotor.polar)).tip_speed_ratio
         == fixed.tip_speed_ratio
     )
-
-
-def test_polars_follow_reynolds_number_or_thickness_or_neither(rotor, blade):
-    assert rotor.at_flow(2.0).polar is rotor.polar
-    assert rotor.as_built(blade).polar is rotor.polar
-    assert not rotor.several_sections
-    assert rotor.polars_at(1) == (rotor.polar,)
-    assert rotor.thickness_bounds == (0.0, 1.0)
-    family = PolarFamily.from_file("naca63815")
-    local = replace(rotor, polar=LocalReynolds.of((family,) * blade.r.size, 1.5, 1e-6))
-    faster = local.at_flow(3.0)
-    assert faster.follows_reynolds
-    assert faster.loads.rotor.polar.flow_speed == 3.0
-    assert len(local.polars_at(0)) == family.reynolds.size
-    assert np.all(faster.coefficients(blade, [6.0]).power > local.coefficients(blade, [6.0]).power)
-    sections = [
-        PolarFamily.from_file(name).polars[0] for name in ("naca63815_Re1e6", "naca63424_Re1e6")
-    ]
-    thick = replace(rotor, polar=ByThickness.of([0.15, 0.24], sections, (0.16, 0.2)))
-    assert thick.thickness_bounds == (0.16, 0.2)
-    assert thick.several_sections
-    half = replace(blade, thickness=np.full(blade.r.size, 0.195))
-    built = thick.as_built(half)
-    assert len(built.polar) == blade.r.size
-    np.testing.assert_allclose(
-        built.coefficients(half, RATIOS).power, thick.coefficients(half, RATIOS).power, rtol=1e-12
-    )
-    angle = np.full((1, blade.r.size), 0.05)
-    np.testing.assert_allclose(
-        thick.suction(angle, half.thickness)[0], section_suction(built.polar, angle)[0], rtol=1e-12
-    )
-
-
-def test_the_solver_is_chosen_by_its_name(rotor, blade, monkeypatch):
-    asked = []
-    solvers = {"ccblade": lambda *given: asked.append(given)}
-    monkeypatch.setattr("hkt_mdo.rotor.hydrodynamics.SOLVERS", solvers)
-    replace(rotor, solver="ccblade").coefficients(blade, RATIOS)
-    assert asked == [(blade, rotor.polar, RATIOS, False)]
-    assert ccblade.rotor_coefficients is not bem.rotor_coefficients
 
 
 # The group
@@ -151,33 +89,3 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
     assert (problem["mass"][0], problem["inertia"][0]) == pytest.approx(mass[:2], rel=1e-9)
     partials = problem.check_partials(method="fd", form="central", step=1e-6, out_stream=None)
     assert_check_partials(partials, atol=1e-3, rtol=1e-5)
-
-
-def test_a_model_of_ones_own_takes_the_group_and_its_totals(rotor, blade):
-    """Thrust in a flow of 2 m/s over the rotor's mass, by the radius and the twist."""
-    group = BladeGroup(rotor=rotor, blade=blade, nodes=RATIOS, loads=("thrust",))
-    own = om.IndepVarComp("rotor_radius", blade.rotor_radius, units="m")
-    more = om.ExecComp(
-        "ratio = 0.5 * density * 4.0 * thrust_table / mass",
-        density={"val": 1000.0, "units": "kg/m**3"},
-        mass={"units": "kg"},
-        ratio={"shape": RATIOS.size},
-        thrust_table={"shape": RATIOS.size, "units": "m**2"},
-    )
-    problem = problem_of(own, group, more)
-    problem.run_model()
-    thrust = rotor.loads.coefficients(blade, RATIOS)["thrust"].values[:, 0]
-    expected = 2000.0 * thrust / rotor.mass_and_inertia(blade).mass
-    np.testing.assert_allclose(problem["ratio"], expected, rtol=1e-12)
-    totals = problem.check_totals(
-        of=["ratio", "inertia"],
-        wrt=["rotor_radius", "chord", "twist"],
-        method="fd",
-        form="central",
-        step=1e-6,
-        out_stream=None,
-    )
-    for key, check in totals.items():
-        np.testing.assert_allclose(
-            check["J_rev"], check["J_fd"], rtol=1e-5, atol=1e-6, err_msg=str(key)
-        )

@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.components import ShapeComp
 from hkt_mdo.rotor.shape import Shape, spline_basis
+from tests.conftest import checked
 
 CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
 
@@ -27,29 +26,6 @@ def test_spline_basis_is_a_partition_of_unity_and_reproduces_straight_lines(poin
     )
     greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(points)])
     np.testing.assert_allclose(basis @ greville, position, rtol=1e-13)
-
-
-def test_ends_of_the_spline_are_its_first_and_last_control_points():
-    basis = spline_basis(6, np.array([0.2, 1.4]), 0.2, 1.4)
-    np.testing.assert_allclose(basis, np.eye(6)[[0, -1]], rtol=0.0, atol=1e-15)
-
-
-def test_chord_stays_within_the_bounds_of_its_control_points(blade):
-    shape = Shape.designed(blade, 5, 6, CHORDS, TWISTS)
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        control = rng.uniform(*CHORDS, 5)
-        made = shape.at(control, rng.uniform(*TWISTS, 6))
-        assert control.min() <= made.chord.min() <= made.chord.max() <= control.max()
-
-
-def test_design_at_the_stations_is_the_blade_bit_by_bit(blade):
-    shape = Shape.designed(blade, None, None, CHORDS, TWISTS)
-    assert shape.blade is blade
-    chord, twist, thickness = shape.control(blade)
-    assert thickness.size == 0
-    np.testing.assert_array_equal(chord, blade.chord)
-    np.testing.assert_array_equal(shape.at(chord, twist).twist, blade.twist)
 
 
 def test_many_stations_are_a_spline_unless_given_otherwise(blade):
@@ -82,14 +58,6 @@ def test_a_fixed_blade_is_scaled_with_its_radius_and_keeps_its_power(blade, pola
         bem.rotor_coefficients(blade, polar, ratio).power,
         rtol=1e-11,
     )
-
-
-def test_the_set_angle_turns_the_whole_blade(blade):
-    shape = Shape.fixed(blade, 0.1, (-0.2, 0.3))
-    assert shape.designs_set_angle
-    assert shape.control(blade)[1] == pytest.approx([0.1], rel=1e-13)
-    turned = shape.at(np.empty(0), np.array([0.25]))
-    np.testing.assert_allclose(turned.twist - blade.twist, 0.15, rtol=1e-12)
 
 
 def thick(blade):
@@ -125,23 +93,15 @@ def test_thickness_begins_within_its_bounds(blade):
 def test_component_is_the_shape_with_exact_partials(blade, make):
     shape = make(blade)
     chord, twist, thickness = shape.control(shape.blade)
-    problem = om.Problem(reports=False)
-    problem.model.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
-    problem.setup(force_alloc_complex=True)
     values = {"chord_control": 1.1 * chord, "twist_control": twist + 0.02}
     values |= {"thickness_control": thickness + 0.01}
-    for name, value in values.items():
-        if value.size:
-            problem.set_val(name, value)
+    given = {name: value for name, value in values.items() if value.size}
     radius = blade.rotor_radius
     if not shape.designs_chord:
-        radius = 1.2 * radius
-        problem.set_val("rotor_radius", radius)
-    problem.run_model()
+        given["rotor_radius"] = radius = 1.2 * radius
+    problem = checked(ShapeComp(shape=shape), 1e-12, 1e-12, **given)
     made = shape.at(*values.values(), radius)
     np.testing.assert_allclose(problem.get_val("chord"), made.chord, rtol=1e-14)
     np.testing.assert_allclose(problem.get_val("twist"), made.twist, rtol=1e-14)
     if shape.designs_thickness:
         np.testing.assert_allclose(problem.get_val("thickness"), made.thickness, rtol=1e-14)
-    found = problem.check_partials(method="cs", out_stream=None)
-    assert_check_partials(found, atol=1e-12, rtol=1e-12)

@@ -1,13 +1,11 @@
 """Suction of sections over the angle of attack: smooth curves of both surfaces, along a blade."""
 
 import importlib
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, read_table, shipped_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
@@ -15,7 +13,6 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.suction import section_suction, split_at_kink
 
 ALPHA = np.arange(-12.0, 16.5, 0.5)  # deg
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def upper(alpha):
@@ -116,35 +113,10 @@ def test_split_polar_has_the_kink_between_the_curves_alone(shift):
     assert np.max(np.abs(found.suction_at(np.deg2rad(fine))[0].max(axis=0) - true)) < 0.03
 
 
-@pytest.mark.parametrize("name", [name for names in POLAR_FAMILIES.values() for name in names])
-def test_split_of_the_shipped_polars_is_their_own_two_surfaces(name):
-    """Where a surface has the larger suction its curve is the same; else it is below the other."""
-    (known,) = read_polars(name)
-    suction = -known.smallest_pressure
-    parts = split_at_kink(known.alpha, suction.max(axis=0))
-    assert np.array_equal(parts.max(axis=0), suction.max(axis=0))
-    change = np.flatnonzero(suction[0] >= suction[1])[0]
-    clear = np.abs(np.arange(known.alpha.size) - change) > 1
-    assert np.array_equal((parts[0] >= parts[1])[clear], (suction[0] >= suction[1])[clear])
-    near = np.abs(np.arange(known.alpha.size) - change) < 5  # two degrees on
-    assert np.allclose(parts[:, near], suction[:, near], atol=0.25)
-
-
 def test_without_a_kink_both_surfaces_have_the_suction():
     alpha = np.deg2rad(ALPHA)
     for suction in (np.full(alpha.size, 3.0), 1.0 + alpha):
         assert np.array_equal(split_at_kink(alpha, suction), [suction, suction])
-
-
-def test_full_circle_counts_up_to_right_angles():
-    alpha = np.arange(-180.0, 185.0, 5.0)
-    curves = np.stack((1.0 + 0.5 * np.tanh(alpha / 20.0), 0.8 - 0.6 * np.tanh(alpha / 20.0)))
-    rows = polar_table(
-        alpha, 0.0 * alpha, 1.0 + 0.0 * alpha, pressure=dict(zip(SURFACES, -curves, strict=True))
-    )
-    found = Polar.from_polar_table(rows)
-    near = np.abs(alpha) <= 90.0
-    assert np.allclose(found.suction_at(np.deg2rad(alpha[near]))[0], curves[:, near], atol=1e-12)
 
 
 # Mixtures

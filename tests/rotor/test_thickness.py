@@ -9,13 +9,12 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
 from hkt_mdo.rotor.suction import section_suction
-from hkt_mdo.rotor.thickness import ByThickness, over_thickness
+from hkt_mdo.rotor.thickness import ByThickness
 
 THICKNESS = np.array([0.12, 0.15, 0.24])
 RATIO = np.linspace(3.0, 11.0, 9)
@@ -73,14 +72,6 @@ def test_a_curve_over_the_thickness_meets_its_sections_and_is_linear_where_they_
     np.testing.assert_allclose(second[0], second[1], rtol=1e-6)
 
 
-def test_two_sections_are_blended_in_proportion(sections):
-    family = ByThickness.of([0.12, 0.24], (sections[0], sections[2]), (0.12, 0.24))
-    (found,) = family.at(np.array([0.15]))
-    expected = sections[0].blend(sections[2], 0.25)
-    np.testing.assert_allclose(found.coefficients, expected.coefficients, atol=1e-13)
-    np.testing.assert_allclose(found.suction, expected.suction, atol=1e-12)
-
-
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family, sections, place):
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[place]))
@@ -95,15 +86,6 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
     )
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
-
-
-def test_a_blade_as_built_has_polars_of_its_thickness(thick, family):
-    built = Hydrodynamics(family).as_built(thick).polar
-    assert isinstance(built, tuple)
-    mine = bem.sections(thick, family, RATIO)
-    its = bem.sections(thick, built, RATIO)
-    np.testing.assert_allclose(mine.normal_load, its.normal_load, rtol=1e-9, atol=1e-13)
-    assert Hydrodynamics(built).as_built(thick).polar is built
 
 
 def test_ellipses_have_their_closed_forms_between_the_sections():
@@ -187,21 +169,6 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
             mine = load.envelope().by_thickness @ change
             size = np.abs(load.envelope().values)
             np.testing.assert_allclose(mine / size, expected / size, rtol=1e-5, atol=1e-5)
-
-
-def test_mass_and_inertia_follow_the_area(thick):
-    area = over_thickness(THICKNESS, np.array([0.08, 0.1, 0.16]))
-    found = mass_and_inertia(thick, area, METAL, 0.3)
-    as_given = mass_and_inertia(thick, area(thick.thickness), METAL, 0.3)
-    assert found == as_given
-    change = np.random.default_rng(1).normal(size=thick.r.size)
-
-    def at(step):
-        moved = replace(thick, thickness=thick.thickness + step * change)
-        return np.array(mass_and_inertia(moved, area, METAL, 0.3))
-
-    mine = np.imag(at(1e-40j)) / 1e-40
-    np.testing.assert_allclose(mine, slope(at), rtol=1e-8)
 
 
 # The steady optimum

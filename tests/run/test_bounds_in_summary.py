@@ -69,14 +69,6 @@ def test_parts_of_the_blade_at_a_bound_are_reported(finished):
     }
 
 
-def test_a_bound_of_zero_is_a_bound(solve_physics):
-    design = {"twist_bounds": [0, 25]}
-    finished = solve_physics(SHORT | {"design": design}).finished()
-    twist = np.append(np.linspace(20.0, 1.0, 8), 0.0)
-    found = told(of_shape(finished, np.full(9, 0.2), twist))
-    assert list(found) == ["twist at its lower bound"]
-
-
 @pytest.mark.parametrize(
     ("name", "value", "limits", "word"),
     [

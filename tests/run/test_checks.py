@@ -75,31 +75,31 @@ def with_node(solved, quantity, change):
     return with_flight(solved, trajectory={**verification.trajectory, quantity: values})
 
 
+def with_result(solved, **changes):
+    """Return what was solved with another outcome of the optimization."""
+    return replace(solved, result=replace(solved.result, **changes))
+
+
 def with_blade(solved, change):
     """Return a result with another blade."""
     point = solved.result.point
-    point = replace(point, blade=change(point.blade))
-    return replace(solved, result=replace(solved.result, point=point))
+    return with_result(solved, point=replace(point, blade=change(point.blade)))
 
 
 def not_converged(solved):
     outcome = replace(solved.result.outcome, success=False, message="Restoration_Failed")
-    return replace(solved, result=replace(solved.result, outcome=outcome))
+    return with_result(solved, outcome=outcome)
 
 
 def stopped(solved):
-    return with_flight(
-        solved, simulation=replace(solved.verifications[0].simulation, stopped_at=7.25)
-    )
+    (verification,) = solved.verifications
+    return with_flight(solved, simulation=replace(verification.simulation, stopped_at=7.25))
 
 
 def more_power_at_a_node(solved):
     (verification,) = solved.verifications
-    more = (
-        1e-3
-        * verification.simulation.energy
-        / verification.scenario.node_weights[at_instant(verification)]
-    )
+    weight = verification.scenario.node_weights[at_instant(verification)]
+    more = 1e-3 * verification.simulation.energy / weight
     return with_node(solved, "hydrodynamic_power", lambda power: power + more)
 
 
@@ -125,7 +125,7 @@ def generator_that_drives(solved):
     return with_node(solved, "control_torque", lambda torque: -0.07)
 
 
-def torque_above_its_limit_between_nodes(solved):
+def torque_above_limit_between(solved):
     (verification,) = solved.verifications
     torque = verification.trajectory["control_torque"].copy()
     torque[at_instant(verification)] += 60.0
@@ -134,7 +134,7 @@ def torque_above_its_limit_between_nodes(solved):
 
 
 def wrong_curve(solved):
-    return replace(solved, result=replace(solved.result, curve=1.002 * solved.result.curve))
+    return with_result(solved, curve=1.002 * solved.result.curve)
 
 
 def lower_bound_of_the_energy(solved):
@@ -170,7 +170,7 @@ def unseen_gust(solved):
 
 
 def other_mesh(solved):
-    return replace(solved, result=replace(solved.result, mesh_error=2e-5))
+    return with_result(solved, mesh_error=2e-5)
 
 
 def wound_up(solved):
@@ -203,8 +203,7 @@ def near_stall(solved):
 
 
 def other_objective(solved):
-    more = 1.0005 * solved.result.objective
-    return replace(solved, result=replace(solved.result, objective=more))
+    return with_result(solved, objective=1.0005 * solved.result.objective)
 
 
 def thinner_station(solved):
@@ -226,10 +225,8 @@ def twisted_station(solved):
 
 
 def turned_blade(solved):
-    return with_blade(
-        solved,
-        lambda blade: blade.with_shape(blade.chord, blade.twist + 1e-4 * np.deg2rad(5.5)),
-    )
+    turn = 1e-4 * np.deg2rad(5.5)
+    return with_blade(solved, lambda blade: blade.with_shape(blade.chord, blade.twist + turn))
 
 
 def larger_rotor(solved):
@@ -237,50 +234,25 @@ def larger_rotor(solved):
 
 
 def larger_gain(solved):
-    point = replace(solved.result.point, gains=np.array([22.0]))
-    return replace(solved, result=replace(solved.result, point=point))
+    return with_result(solved, point=replace(solved.result.point, gains=np.array([22.0])))
 
 
 # name, whose result, how it is doctored, value, and the words of its explanation
 REFUSALS = [
     ("optimizer", "feedback", not_converged, 1.0, ["did not converge", "Restoration_Failed"]),
-    (
-        "rotor_keeps_turning",
-        "feedback",
-        stopped,
-        1.0,
-        ["no solution after t = 7.25 s", "torque_limit"],
-    ),
+    ("rotor_keeps_turning", "feedback", stopped, 1.0, ["after t = 7.25 s", "torque_limit"]),
     ("energy_error", "feedback", more_power_at_a_node, 1e-3, ["at t = 5.50 s", "phase.segments"]),
     ("max_speed_error", "feedback", faster_at_a_node, 0.0196, ["at t = 5.50 s", "phase.segments"]),
     ("flow_error", "feedback", coarse_mesh, 4e-4, ["between t = 3 and 4 s", "phase.segments"]),
-    (
-        "flow_missed",
-        "feedback",
-        unseen_gust,
-        0.3 / 1.68,
-        ["between t = 3 and 4 s", "phase.segments"],
-    ),
+    ("flow_missed", "feedback", unseen_gust, 0.3 / 1.68, ["t = 3 and 4 s", "phase.segments"]),
     ("mesh_error", "open_loop", other_mesh, 2e-5, ["finer mesh", "phase.segments"]),
     ("stored_energy", "feedback", wound_up, 0.02, ["in equilibrium", "objective=generator"]),
     ("distance_from_stall", "feedback", near_stall, 1.0, ["slowed rotor", "start.method"]),
     ("surrogate_error", "feedback", wrong_curve, 2e-3, ["at tip speed ratio", "hydrodynamics"]),
     ("energy_over_bound", "feedback", lower_bound_of_the_energy, 0.07, ["bound", "phase.segments"]),
     ("energy_over_certificate", "open_loop", smaller_generator, 0.0324, ["certificate"]),
-    (
-        "energy_below_start",
-        "feedback",
-        better_start,
-        4e-3,
-        ["below that at the start", "start.method"],
-    ),
-    (
-        "energy_below_start",
-        "open_loop",
-        better_start,
-        3.9e-3,
-        ["below that at the start", "start.method"],
-    ),
+    ("energy_below_start", "feedback", better_start, 4e-3, ["at the start", "start.method"]),
+    ("energy_below_start", "open_loop", better_start, 3.9e-3, ["at the start", "start.method"]),
     ("chord_bounds", "feedback", thinner_station, 1e-4, ["r = 1.0", "driver.tolerance"]),
     ("twist_bounds", "feedback", twisted_station, 1e-4, ["r = 0.290 m", "driver.tolerance"]),
     ("radius_bounds", "feedback", larger_rotor, 1e-4, ["at the radius", "driver.tolerance"]),
@@ -292,9 +264,9 @@ REFUSALS = [
     (
         "control_torque_between_nodes",
         "open_loop",
-        torque_above_its_limit_between_nodes,
+        torque_above_limit_between,
         0.0857,
-        ["at t = 5.", "phase.segments"],
+        ["at t = 5."],
     ),
     ("objective_error", "open_loop", other_objective, 5e-4, ["objective", "phase.segments"]),
 ]

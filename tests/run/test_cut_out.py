@@ -2,19 +2,15 @@
 
 import numpy as np
 import pytest
-from matplotlib.axes import Axes
 
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.figures import save_figures
-from hkt_mdo.results.plots import plot_rotor_speed
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
 from hkt_mdo.studies.uncertainty import Design
 
@@ -73,49 +69,6 @@ def test_summary_tells_the_intervals(solution):
     names = {check.name for check in solution.summary.checks}
     for name in ("energy_error", "power_between_nodes", "power_at_nodes"):
         assert {f"{name} (interval_1)", f"{name} (interval_2)"} <= names
-
-
-def test_tables_have_the_time_of_the_case_without_the_standstill(solution):
-    for table in (solution.trajectory, solution.simulation):
-        time, flow = table["time_s"], table["inflow_speed_m_s"]
-        assert np.all(np.diff(time) >= 0.0)
-        np.testing.assert_allclose(time[[0, -1]], [0.0, 20.0])
-        inside = (time >= SPANS[:, :1] - 1e-8) & (time <= SPANS[:, 1:] + 1e-8)
-        assert np.all(inside.any(axis=0))
-        np.testing.assert_allclose(flow, solution.case.inflow.speed_at(time), rtol=1e-8)
-        assert all(np.all(np.isfinite(column)) for column in table.values())
-    again = Solution.load(solution.folder)
-    assert again.scenarios == ("phase",)
-    assert np.array_equal(again.trajectory["time_s"], solution.trajectory["time_s"])
-
-
-def lines(ax: Axes) -> list[np.ndarray]:
-    """Return the times or speeds of each drawn line of a simulation."""
-    return [np.asarray(line.get_xdata()) for line in ax.lines if len(line.get_xdata()) > 200]
-
-
-def test_a_line_over_time_breaks_at_the_standstill(solution, tmp_path):
-    (x,) = [each for each in lines(plot_rotor_speed(solution)) if np.any(np.isnan(each))]
-    (gap,) = np.flatnonzero(np.isnan(x))
-    np.testing.assert_allclose(x[[gap - 1, gap + 1]], SPANS[[0, 1], [1, 0]], rtol=1e-8)
-    written = {path.stem for path in save_figures(solution, tmp_path)}
-    assert {"operation", "power_curve", "limits", "coefficients"} <= written
-
-
-def test_the_case_can_be_checked_and_tells_the_size_of_the_whole_problem():
-    report = check_case(load_case(CASE))
-    world = report.findings.physics
-    nodes = sum(each.node_times.size for each in world.scenarios)
-    told = texts(report.tables["Optimization"])
-    assert f"{nodes} nodes" in told["segments"]
-    assert f"{nodes} " not in told["unknowns"]
-    held = sum(scenario.distinct_nodes.size for scenario in world.scenarios)
-    assert f"{held} generator_power" in told["constraints"]
-    assert (
-        "kept" in texts(report.tables["Limits, and values of the starting blade"])["limits.power"]
-    )
-    assert report.findings.at_start["phase"]["inflow_speed"].max() == pytest.approx(CUT, rel=1e-9)
-    assert report.findings.captured == pytest.approx(1.0, abs=1e-4)
 
 
 def test_a_simulation_through_a_standstill_is_refused(solution):

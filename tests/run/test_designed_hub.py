@@ -33,23 +33,6 @@ SHORT = {
 }
 
 
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"design": {"hub_inertia_price": 20}}, "design.hub_inertia_price"),
-        ({"design": {"hub_inertia_bounds": [400, 0]}}, "design.hub_inertia_bounds"),
-        (
-            {"design": {"hub_inertia_bounds": [0, 400]}, "rotor": {"hub_inertia": 500}},
-            "rotor.hub_inertia",
-        ),
-    ],
-)
-def test_bad_bounds_and_prices_of_the_hub_are_refused(changes, key):
-    with pytest.raises(InputError) as error:
-        load_case(RISING | changes)
-    assert error.value.key == key
-
-
 def test_the_price_is_taken_in_the_unit_of_the_key_and_lowers_the_objective():
     design = {"hub_inertia_bounds": ["2e4 kg*cm**2", 400], "hub_inertia_price": "0.02 kJ/(kg m^2)"}
     world = physics(load_case(RISING | {"design": HELD | design}))

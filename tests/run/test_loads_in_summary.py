@@ -13,8 +13,6 @@ from hkt_mdo.results.words import texts
 from hkt_mdo.rotor import bem
 from hkt_mdo.run import loads
 from hkt_mdo.run.run import run_case
-from hkt_mdo.run.summary import summarize, write_tables
-from tests.conftest import NINE
 
 PLAIN = {"inflow": "sine", "control": {"law": "quadratic"}, "site": {"hub_depth": 3.0}}
 SHORT = PLAIN | {
@@ -64,22 +62,6 @@ def test_flapwise_moment_is_the_integral_of_load_times_arm():
     np.testing.assert_allclose(hub, root, rtol=1e-12)
 
 
-def test_the_largest_is_reported_with_its_time():
-    world = physics(load_case(PLAIN))
-    known = trajectory(world)
-    slower = {name: 0.5 * known[name] for name in world.rotor.loads.names}
-    found = loads.largest([known, known | slower])
-    assert {"thrust", "root_moment", "stress", "cavitation"} < set(found)
-    for name in world.rotor.loads.names:
-        worst = np.argmax(known[name])
-        assert found[name].value == known[name][worst]
-        assert found[name].time_s == known["time"][worst]
-    fastest = known["rotor_speed"].max()
-    assert found["rotor_speed"].value == fastest
-    assert found["tip_speed"].value == pytest.approx(1.4 * fastest, rel=1e-12)
-    assert found["power"].value == pytest.approx(600.0 * fastest, rel=1e-12)
-
-
 def test_the_span_is_that_of_the_worst_instants():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
@@ -102,17 +84,6 @@ def test_the_span_is_that_of_the_worst_instants():
     dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
     np.testing.assert_allclose(found["cavitation"][1], by_hand, rtol=1e-12)
-
-
-def test_deflection_is_the_largest_of_the_instants():
-    world = physics(load_case(PLAIN))
-    known = trajectory(world)
-    each = [
-        pressure(world, known, at) * world.rotor.loads.tip_deflection(world.blade, ratio)[0]
-        for at, ratio in enumerate(known["tip_speed_ratio"])
-    ]
-    found = loads.tip_deflection(world.rotor, world.blade, [known])
-    assert found == pytest.approx(max(each), rel=1e-4)  # linear between 201 tip speed ratios
 
 
 def test_local_reynolds_numbers_are_those_of_each_instant():
@@ -205,46 +176,3 @@ def test_an_older_result_is_read(result, tmp_path):
     assert list(old.simulation) == list(TABLES["simulation"])[:9]
     np.testing.assert_array_equal(old.trajectory["time_s"], result.trajectory["time_s"])
     assert list(old.limit_shares()) == ["control_torque"]
-
-
-def test_loads_are_computed_once(solve_physics, tmp_path):
-    solved = solve_physics(SHORT)
-    verifications, calls = solved.verifications, []
-    for verification in verifications:
-        own = verification.loads
-
-        def counted(known, own=own):
-            calls.append(known["time"].size)
-            return own(known)
-
-        object.__setattr__(verification, "loads", counted)
-    finished = solved.finished()
-    summarize(finished)
-    write_tables(tmp_path, finished)
-    times = [
-        time for each in verifications for time in (each.trajectory["time"], each.simulation.time)
-    ]
-    assert sorted(calls) == sorted(time.size for time in times)
-
-
-@pytest.mark.slow
-def test_loads_of_a_resolved_blade_are_reported(solve_physics):
-    """Nine stations miss a part of the stress that forty have."""
-    limited = SHORT | {"design": {"blade": "fixed"}, "limits": {"stress": "20 GPa"}}
-    coarse = solve_physics(limited | {"rotor": {"stations": NINE}})
-    told = [each.told for each in coarse.verifications]
-    blade = coarse.result.point.blade
-    pairs = zip(coarse.physics.scenarios, told, strict=True)
-    (resolved,) = loads.resolved(coarse.physics, blade, pairs)
-    change = resolved["stress"][0] / np.max(told[0]["stress"]) - 1.0
-    assert 0.05 < change < 0.6
-    (note,) = [each for each in summarize(coarse.finished()).notes if "stations" in each]
-    assert f"stress {100.0 * change:+.1f} %" in note
-    # the blade itself on forty stations, by its own bending, and nearly nothing is missed there
-    fine = physics(load_case(limited | {"rotor": {"station_count": 40}}))
-    shape = (np.interp(fine.blade.r, blade.r, x) for x in (blade.chord, blade.twist))
-    many = fine.blade.with_shape(*shape, fine.blade.thickness)
-    worst = [int(np.argmax(told[0]["stress"]))]
-    instant = {key: told[0][key][worst] for key in ("tip_speed_ratio", "inflow_speed")}
-    stress = loads_along(fine.rotor, many, instant, ("stress",))["stress"][0]
-    assert stress / told[0]["stress"][worst[0]] - 1.0 == pytest.approx(change, abs=0.02)

@@ -125,13 +125,3 @@ def test_what_limits_leave_in_their_segments_tells_the_error_of_the_mesh(
     error = 1.0 - coarse.result.objective / fine.result.objective
     assert error > 1e-4
     assert 0.5 * error < coarse.checks()["mesh_error"].value < 4.0 * error
-
-
-def test_the_generators_energy_is_maximized_over_a_closed_cycle(solve_physics):
-    found = solved(solve_physics, "open_loop", SINE, HEAVY, limit=300, objective="generator")
-    (verification,) = found.verifications
-    speed = verification.trajectory["rotor_speed"]
-    assert speed[-1] == pytest.approx(speed[0], rel=1e-6)
-    simulated = verification.simulation
-    assert simulated.generator_energy == pytest.approx(simulated.energy, rel=1e-5)
-    assert found.result.objective == pytest.approx(simulated.generator_energy, rel=1e-5)

@@ -1,12 +1,10 @@
 """What follows an optimization, and what the log writes of it."""
 
-import inspect
 import json
 
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import FOLLOW_UPS
 from hkt_mdo.run.run import run_case
 
@@ -58,12 +56,3 @@ def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
     assert written == [(False, count + 1) for count in range(len(told))]
     assert solution.summary.passes == told
     assert len(told) > 1
-
-
-def test_the_log_only_writes(tmp_path):
-    public = {name: each for name, each in vars(Log).items() if not name.startswith("_")}
-    for name, method in public.items():
-        assert inspect.isfunction(method), name
-        assert inspect.signature(method).return_annotation == "None", name
-    log = Log(tmp_path, False, None)
-    assert not [name for name in vars(log) if not name.startswith("_")]

@@ -62,13 +62,6 @@ def test_a_resolved_blade_changes_little_where_it_has_the_default_stations():
         assert np.max(found[name]) == pytest.approx(np.max(values), rel=5e-3)
 
 
-def test_given_chords_are_resolved_too():
-    made, blade = of_case(stations=NINE, chord=[0.1] * 9, twist=[5.0] * 9)
-    own = loads_of(made, blade)
-    (found,) = resolved(made, blade, KNOWN | own)
-    assert np.max(found["thrust"]) == pytest.approx(np.max(own["thrust"]), rel=0.05)
-
-
 def test_a_designed_thickness_is_resolved_too():
     case = load_case("cases/examples/designed_thickness.yaml", ["rotor.stations=" + str(NINE)])
     made = physics(case)

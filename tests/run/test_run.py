@@ -7,7 +7,6 @@ from pathlib import Path
 from threading import Barrier
 
 import numpy as np
-import openmdao.api as om
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -94,14 +93,6 @@ def test_torque_never_exceeds_its_limit(run, law):
         assert np.max(columns["control_torque_Nm"]) <= 700.0 * (1.0 + 1e-6)
 
 
-def test_baseline_is_a_few_percent_below_the_optimum(run):
-    baseline, best = run("sine_baseline_oloc"), run("sine_oloc", "driver.optimizer=IPOPT")
-    assert baseline.success
-    assert baseline.summary["chord_m"] == baseline.summary["start_chord_m"]
-    loss = 1.0 - baseline.summary["simulated_energy_J"] / best.summary["simulated_energy_J"]
-    assert 0.03 < loss < 0.08
-
-
 @pytest.mark.parametrize(
     ("override", "blade"),
     [
@@ -118,13 +109,6 @@ def test_other_formulations_find_the_same_optimum(solve, override, blade):
     assert other.summary["simulated_energy_J"] == pytest.approx(
         reference.summary["simulated_energy_J"], rel=2e-5
     )
-
-
-@pytest.mark.slow
-def test_bounds_away_from_the_gain_of_the_start_are_kept(solve):
-    found = solve("sine_limited_quadratic", *SHORT, "design.gain_bounds=[0,1]")
-    assert found.success, found.summary["message"]
-    assert found.summary["gain"] == pytest.approx(1.0, rel=1e-6)
 
 
 # What a run leaves --------------------------------------------------------------------------------
@@ -144,15 +128,6 @@ def test_result_folder_is_complete(short):
         "simulation.csv", "coefficients.csv", "convergence.csv", "blade.csv", "n2.html", "figures",
     } <= names  # fmt: skip
     assert "lock" not in names
-
-
-def test_recorder_databases_hold_the_solution(short):
-    final = om.CaseReader(str(short.folder / "solution.db")).get_case("final")
-    assert final.get_val("energy", units="J")[0] == pytest.approx(
-        short.summary["energy_J"], rel=1e-12
-    )
-    history = om.CaseReader(str(short.folder / "history.db"))
-    assert len(history.list_cases("driver", out_stream=None)) > 1
 
 
 def test_the_case_of_a_result_reruns_identically(short, tmp_path):
@@ -182,37 +157,6 @@ def test_the_case_of_a_result_takes_overrides(short, tmp_path):
         assert found.summary[key] == expected.summary[key], key
 
 
-@pytest.mark.parametrize(
-    ("overrides", "check"),
-    [
-        (["control.law=linear"], lambda case: case.control.law == "linear"),
-        (["control={law: open_loop}"], lambda case: case.control.torque_limit is None),
-        (["inflow.mean=160 cm/s"], lambda case: case.inflow.mean == pytest.approx(1.6)),
-        (["inflow={profile: step}"], lambda case: case.inflow.profile == "step"),
-        (["phase.segments=null", "phase.duration=null"], lambda case: case.phase.segments is None),
-        (["rotor.radius=2"], lambda case: case.rotor.radius == 2.0),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_any_key_of_a_completed_case_can_be_overridden(short, overrides, check):
-    changed = short.case.with_overrides(*overrides)
-    assert check(changed)
-    assert read_case(changed.to_yaml()) == changed
-
-
-def test_an_override_that_does_not_fit_a_completed_case_is_reported(short):
-    """The key `smoothing` of the feedback law is no key of open loop."""
-    with pytest.raises(InputError, match=r"control\.smoothing"):
-        short.case.with_overrides("control.law=open_loop")
-
-
-def test_nothing_is_written_outside_the_result_folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    case = load_case(CASES / "sine_baseline_oloc.yaml", ["phase.segments=10", "phase.duration=10"])
-    run_case(case, tmp_path / "out", figures=False)
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
 # Runs that are no success, or none at all ---------------------------------------------------------
 
 
@@ -222,37 +166,6 @@ def test_an_unfinished_optimization_is_no_success(tmp_path):
     assert not solution.success
     assert "optimizer did not converge" in solution.summary["message"]
     assert solution.summary["simulated_energy_J"] is not None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ["linear", "quadratic"])
-def test_a_tide_in_radau_under_feedback_is_right_or_refused_with_the_way_out(law, tmp_path):
-    """Segments of minutes, time constants of seconds: a last speed may be nobody's."""
-    overrides = [f"control={{law: {law}, torque_limit: 415 kN*m}}", "phase.transcription=radau"]
-    file = CASES / "examples" / "rm1_set_angle.yaml"
-    solution, other = (
-        run_case(load_case(file, given), tmp_path / name, figures=False, records=False)
-        for name, given in (("radau", overrides), ("lobatto", overrides[:1]))
-    )
-    assert other.success
-    if solution.success:
-        assert solution.energy == pytest.approx(other.energy, rel=1e-5)
-    else:
-        assert "phase.transcription=gauss-lobatto" in solution.message
-
-
-@pytest.mark.slow
-def test_notes_tell_what_the_found_blade_meets(solve):
-    """A polar that ends below the angles at the optimum is told at the optimum, too."""
-    found = solve(
-        "sine_baseline_oloc",
-        *SHORT,
-        "rotor.set_angle=-15",
-        "rotor.stations=[0.2,0.5,0.9]",
-    )
-    assert any(
-        "of the found blade" in note and "Viterna" in note for note in found.summary["notes"]
-    )
 
 
 @pytest.mark.slow
@@ -384,25 +297,3 @@ def test_a_folder_is_locked_before_a_case_is_prepared(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="is no case"):
         run_case(case, out)
     assert list(tmp_path.iterdir()) == []
-
-
-BLADES = Path(__file__).parents[1] / "data" / "blades"
-
-
-@pytest.mark.slow
-def test_a_blade_of_several_sections_succeeds_at_default_settings(tmp_path):
-    rotor = {"blade": str(BLADES / "iea3_4.yaml"), "station_count": 14, "radius": 8.0}
-    case = load_case({"rotor": rotor, "inflow": "sine", "control": "quadratic"})
-    solution = run_case(case, tmp_path / "out", figures=False, records=False)
-    assert solution.success, solution.message
-    assert solution.summary.simulated_energy_J > 0.999 * solution.summary.starting_energy_J
-
-
-@pytest.mark.parametrize("law", ["oloc", "linear"])
-def test_what_a_failed_run_leaves_is_not_worse_than_its_start(tmp_path, law):
-    case = load_case(CASES / f"sine_limited_{law}.yaml", ["driver.max_iterations=3"])
-    solution = run_case(case, tmp_path / "out", figures=False, records=False)
-    assert not solution.success
-    assert "try driver.max_iterations: 1000" in solution.message
-    reached = solution.summary.simulated_energy_J
-    assert reached > (1.0 - BELOW_START) * solution.summary.starting_energy_J

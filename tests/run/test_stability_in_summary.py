@@ -8,46 +8,11 @@ import pytest
 from hkt_mdo import build_problem, load_case, run_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.run.checks import _of_tables
 from tests.conftest import NINE
 
 CASE = {"inflow": "sine", "control": "quadratic"}
 MEMORY = ("inflow_dynamics=oye",)
-
-
-def test_the_line_of_an_unstable_loop_cannot_be_overlooked():
-    entry = MemoryEntry(
-        stable=False, growth=8.4, time_s=4.9, inflow_speed=1.69, share_of_instants=0.19,
-        inertia_kg_m2=1.14, least_inertia_kg_m2=10.8, tau1_s=1.6,
-    )  # fmt: skip
-    assert entry.text.startswith("UNSTABLE from t = 4.90 s at v = 1.69 m/s")
-    assert entry.text.endswith("stable from a shaft inertia of 10.8 kg m^2 (the rotor has 1.14)")
-    heavy = entry.model_copy(update={"least_inertia_kg_m2": None})
-    assert heavy.text.endswith("unstable with any inertia of the shaft")
-    assert MemoryEntry(stable=True, growth=-0.6, frozen_growth=-60.0).text.startswith("stable: ")
-
-
-@pytest.mark.parametrize(
-    ("given", "key"),
-    [
-        ("foo", "inflow_dynamics.model"),
-        ({"tau1": 1.0}, "inflow_dynamics.tau1"),
-        ({"model": "oye", "tau1": 0.0}, "inflow_dynamics.tau1"),
-    ],
-)
-def test_bad_inflow_dynamics_are_refused(given, key):
-    with pytest.raises(InputError) as error:
-        load_case(CASE | {"inflow_dynamics": given})
-    assert error.value.key == key
-
-
-@pytest.mark.parametrize(
-    "other", [{"hydrodynamics": {"torque": "direct"}}, {"hydrodynamics": {"bem": "ccblade"}}]
-)
-def test_what_the_optimization_with_memory_cannot_do_is_refused(other):
-    with pytest.raises(InputError, match="inflow_dynamics: oye"):
-        load_case(CASE | other | {"inflow_dynamics": "oye"})
 
 
 def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refused():

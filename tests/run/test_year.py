@@ -1,6 +1,5 @@
 """Steady scenarios and years: held to sums by SciPy, to runs over time, and to differences."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,19 +7,16 @@ import pytest
 from openmdao.utils.assert_utils import assert_check_partials, assert_check_totals
 from scipy.optimize import brentq
 
-import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.pages.panels import views
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.results.charts import Labelled
 from hkt_mdo.results.figures import figures
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem
@@ -33,8 +29,6 @@ from hkt_mdo.start.find import find_start
 from hkt_mdo.studies.other_flows import Run
 from hkt_mdo.studies.uncertainty import Design
 
-DATA = Path(__file__).parents[1] / "data" / "mhkit"
-POLAR = Path(hkt_mdo.__file__).parent / "files" / "data" / "naca63815_polar_Re2e5.csv"
 HISTOGRAM = {
     "profile": "histogram",
     "speeds": [0.4, 0.8, 1.1, 1.4, -1.7, 2.2],
@@ -144,26 +138,6 @@ def test_turbulence_and_a_cut_out_leave_the_uncertainty_as_it_is():
     assert found == {"speed": pytest.approx(change / (weights @ power(speed)), rel=5e-3)}
 
 
-@pytest.mark.slow
-def test_the_uncertainty_of_a_record_is_the_scatter_of_its_years(tmp_path):
-    """Of the Tanana: the energy of each year by the power curve, their scatter over sqrt(n)."""
-    resource = {
-        "profile": "long_record",
-        "file": str(DATA / "usgs_discharge_TRTS_20090801_20190801_daily.csv"),
-        "rating": str(DATA / "tanana_DV_curve.csv"),
-        "cut_in": 0.8,
-    }
-    found = run(tmp_path / "a", resource=resource, control=QUADRATIC, **FIXED)
-    speed, record = found.year["inflow_speed_m_s"], found.case.inflow.samples
-    of_bin = dict(zip((10.0 * speed).astype(int), found.year["electrical_power_W"], strict=True))
-    power = np.array([of_bin.get(int(10.0 * v + 1e-9), 0.0) for v in record.speed])
-    told = found.summary.scenarios["phase"].year
-    assert np.mean(power) * 8.766 == pytest.approx(told.energy_kWh, rel=1e-9)
-    years = np.array([np.mean(part) for part in np.array_split(power, 10)])
-    share = np.std(years, ddof=1) / np.sqrt(10.0) / np.mean(years)
-    assert told.uncertainty_by == {"record": pytest.approx(share, rel=1e-2)}
-
-
 def force_on_section(flow, chordwise, normal):
     """Force on a section over dynamic pressure and chord, as vectors, at any angle of attack.
 
@@ -213,23 +187,6 @@ def test_a_section_in_flow_from_behind_has_the_forces_of_the_blade_in_its_own_fr
 
 
 @pytest.mark.slow
-def test_a_rotor_that_works_backwards_with_its_own_polar_works_as_one_that_turns(tmp_path):
-    about = {"control": QUADRATIC | {"cut_out": 2.3}, **FIXED, **TIGHT}  # of both the largest speed
-    plain = run(tmp_path / "a", resource=HISTOGRAM, **about)
-    back = {"reversal": "backwards", "reversed_polar": str(POLAR)}
-    both = run(tmp_path / "b", resource=HISTOGRAM | back, **about)
-    assert both.success, both.message
-    assert both.summary.simulated_energy_J == pytest.approx(
-        plain.summary.simulated_energy_J, rel=1e-9
-    )
-    told = both.summary.scenarios["phase"].year
-    expected = plain.summary.scenarios["phase"].year
-    for name in ("operation_h", "rated_h", "capacity_factor", "limits_h"):
-        assert getattr(told, name) == pytest.approx(getattr(expected, name), rel=1e-6)
-    assert both.year["inflow_speed_m_s"][0] == pytest.approx(-1.7)
-
-
-@pytest.mark.slow
 def test_a_year_backwards_is_the_sum_over_its_bins(tmp_path):
     """Each direction by SciPy's root finding, with the polar of its own; limits hold in both."""
     file = reversed_polar(tmp_path / "reversed.csv")
@@ -276,27 +233,6 @@ def test_a_year_is_reported(year):
     assert "kWh" in rows["annual energy, net"]
     assert "in a flow of 2.35 m/s" in rows["largest rotor speed"]
     assert "energy_error" in {check.name for check in year.summary.checks}
-
-
-@pytest.mark.slow
-def test_a_year_has_figures_and_a_check(year):
-    drawn = set(figures(year))
-    assert {"year", "power_curve"} <= drawn
-    assert "operation" not in drawn
-    kind = next(row for row in check_case(year.case).tables["Flow"] if row.label == "kind")
-    assert kind.text.startswith("histogram")
-
-
-def test_a_report_of_a_year_has_bins_and_nothing_over_time(year):
-    (view,) = views([Labelled(year, "")]).values()
-    assert {"flow", "year", "limits"} - view.keys() <= {"limits"}  # it has no limits
-    assert "time" not in view
-    bars = {trace["yaxis"]: trace["y"] for trace in view["year"]["data"]}
-    np.testing.assert_allclose(bars["y3"], year.year["energy_kWh"], rtol=1e-4)
-    mean = next(x for x in view["flow"]["data"] if x["name"] == "mean at this flow speed")
-    assert mean["y"] == pytest.approx(
-        np.sort(1e-3 * year.simulation["generator_power_W"]), rel=1e-4
-    )
 
 
 def test_stability_and_equilibrium_are_judged(year):
@@ -371,28 +307,6 @@ def test_steady_and_moving_scenarios_share_a_design(tmp_path):
     assert told["fast"].steady and not told["moving"].steady  # noqa: PT018
 
 
-@pytest.mark.slow
-def test_turbulence_within_a_bin_is_the_mean_of_a_run_over_time(tmp_path):
-    """Of a fixed blade and its gain; the rotor follows the flow, but not without inertia."""
-    flow = {"profile": "turbulence", "mean": 1.5, "intensity": 0.1, "seed": 3}
-    flow |= {"duration": 300.0, "cutoff": 0.3}
-    control = {"law": "quadratic", "gain": 10.0}
-    about = FIXED | {"control": control}
-    about["design"] = {"blade": "fixed", "gain_bounds": [9.999, 10.001]}
-    moving = run(tmp_path / "a", inflow=flow, phase={"segments": 300}, **about)
-    speed = moving.simulation["inflow_speed_m_s"]
-    time = moving.simulation["time_s"]
-    mean = np.trapezoid(speed, time) / time[-1]
-    deviation = np.sqrt(np.trapezoid((speed - mean) ** 2, time) / time[-1])
-    resource = {"profile": "histogram", "speeds": [float(mean)], "hours": [1]}
-    resource["turbulence_intensity"] = float(deviation / mean)
-    steady = run(tmp_path / "b", resource=resource, **about)
-    powers = steady.summary.simulated_energy_J / YEAR, moving.summary.simulated_energy_J / 300.0
-    assert powers[0] == pytest.approx(powers[1], rel=2e-3)
-    calm = mean**3 * powers[1] / np.mean(speed**3)
-    assert abs(powers[0] - powers[1]) < 0.1 * abs(calm - powers[1])
-
-
 def test_a_year_has_no_course_to_be_simulated_in(year):
     design = Design.of(year)
     with pytest.raises(InputError, match="no flow over time"):
@@ -432,13 +346,3 @@ def test_a_month_of_a_tide_over_time_is_refused_and_the_steady_scenario_offered(
     tide = found.resource.speed_at(np.linspace(0.0, 14 * 86400.0, 20001))
     mean = found.node_weights @ found.speeds**3 / found.duration
     assert mean == pytest.approx(np.mean(tide**3), rel=2e-4)
-
-
-@pytest.mark.slow
-def test_a_month_of_spring_and_neap_is_designed_without_its_time(tmp_path):
-    scenario = {"inflow": MONTH, "steady": True}
-    phase = {"duration": 14 * 86400.0}
-    control = {"law": "quadratic", "torque_limit": 700.0}
-    found = run(tmp_path / "a", scenarios=[scenario], control=control, phase=phase)
-    assert found.success, found.message
-    assert found.energy / 6.4022e9 > 1.0  # of the start of the run over time, which was refused

@@ -3,7 +3,6 @@
 import importlib
 import os
 import signal
-import subprocess
 import sys
 
 import numpy as np
@@ -234,17 +233,6 @@ def test_coloured_brachistochrone(package, optimizer):
     assert driver._coloring_info.coloring is not None
 
 
-def test_slsqp_is_as_accurate_in_scipy_as_in_pyoptsparse():
-    if not drivers._is_usable("pyoptsparse", "SLSQP"):
-        pytest.skip("pyoptsparse is not installed")
-    designs = []
-    for package in ("scipy", "pyoptsparse"):
-        problem = hock_schittkowski_71(make_driver(package, "SLSQP", tolerance=1e-10))
-        problem.run_driver()
-        designs.append(problem.get_val("x"))
-    np.testing.assert_allclose(designs[0], designs[1], rtol=1e-6)
-
-
 @every_optimizer
 @pytest.mark.parametrize("bounded", ["design variable", "constraint"])
 def test_negative_scale_of_a_bound_is_refused(package, optimizer, bounded):
@@ -286,12 +274,6 @@ def test_progress_is_reported_in_physical_objective_and_scaled_violation(package
     assert objectives[-1] == pytest.approx(2.25, abs=1e-5)
     assert violations[-1] == pytest.approx(0.0, abs=1e-6)
     assert all(type(number) is float for number in objectives + violations)
-
-
-@every_optimizer
-def test_nothing_is_written(package, optimizer, empty_directory):
-    bowl(make_driver(package, optimizer)).run_driver()
-    assert list(empty_directory.iterdir()) == []
 
 
 # Failures.
@@ -350,14 +332,6 @@ def test_error_in_the_model_is_raised(package, optimizer):
         bowl(driver, hook).run_driver()
 
 
-def test_error_in_progress_is_raised():
-    def progress(*news):
-        raise ZeroDivisionError("deliberate")
-
-    with pytest.raises(ZeroDivisionError, match="deliberate"):
-        bowl(make_driver("casadi", progress=progress)).run_driver()
-
-
 @every_ipopt
 @pytest.mark.parametrize("not_a_number", [False, True])
 def test_ipopt_backs_away_from_a_failed_evaluation(package, optimizer, not_a_number):
@@ -379,19 +353,6 @@ def test_ipopt_backs_away_from_a_failed_evaluation(package, optimizer, not_a_num
 
 
 # Choice.
-
-
-def test_optimizers_are_imported_only_when_used():
-    code = "import sys, hkt_mdo.solve.drivers; print({'casadi', 'pyoptsparse'} & set(sys.modules))"
-    path = os.pathsep.join(sys.path)
-    run = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert run.stdout.strip() == "set()"
 
 
 def test_auto_falls_back_without_pyoptsparse(monkeypatch):

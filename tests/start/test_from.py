@@ -9,7 +9,6 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.run.check import check_case
 from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
 from hkt_mdo.start.result import design_of_result
 from tests.conftest import NINE
@@ -50,15 +49,6 @@ def world(folder, law="quadratic", method="quasi_steady", **more):
 
 def begin(case):
     return find_start(case, steady_optimum(case, case.blade))
-
-
-def test_it_is_one_more_candidate(result):
-    start = begin(world(result()))
-    names = [record.strategy for record in start.starts]
-    assert names == ["best blade", RESULT]
-    assert start.tried == 2
-    assert sum(record.kept for record in start.starts) == 1
-    assert start.messages == ()
 
 
 def test_the_best_of_all_is_kept(result):
@@ -121,27 +111,6 @@ def test_its_radius_is_taken_where_that_is_designed(result):
 def test_a_refused_result_is_allowed_and_reported(result):
     _, messages = design_of_result(world(result(success=False)))
     assert "refused by its checks: the mesh is too coarse" in messages[0]
-
-
-@pytest.mark.parametrize("method", ["blade", "quasi_steady"])
-def test_a_check_reports_the_design_that_a_run_begins_with(result, method):
-    folder = result(gain=12.0, success=False)
-    data = {"inflow": "sine", "control": "quadratic"}
-    plain = check_case(load_case(data))
-    begun = check_case(load_case(data | {"start": {"from": str(folder), "method": method}}))
-    np.testing.assert_allclose(begun.findings.plant.blade.chord, 0.9 * plain.findings.given.chord)
-    assert list(begun.findings.start.gains) == [12.0]
-    assert begun.findings.start.gains != plain.findings.start.gains
-    turbine = "\n".join(map(str, begun.tables["Turbine"]))
-    assert f"design of {folder}" in turbine
-    assert any("refused by its checks" in str(row) for row in begun.notes)
-    assert not any("spline" in str(row) for row in begun.warnings)
-
-
-def test_a_check_refuses_a_folder_that_is_no_result(tmp_path):
-    data = {"inflow": "sine", "control": "quadratic", "start": {"from": str(tmp_path)}}
-    with pytest.raises(InputError, match=r"start\.from"):
-        check_case(load_case(data))
 
 
 def test_the_key_is_kept_by_yaml_and_pickle(result, tmp_path):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.evaluation import broken_limits, excesses, objective_at, on_start
 from hkt_mdo.problem.physics import physics
@@ -91,11 +90,6 @@ def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
     assert objective_at(case, found) < objective_at(world(), free)
 
 
-def test_a_limit_that_does_not_bind_costs_nothing():
-    loose = start(thrust="20 kN")  # with fewer nodes of the torque curve
-    assert loose.operation.energy == pytest.approx(start().operation.energy, rel=1e-3)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
 def test_feedback_keeps_a_limit_at_a_loss(law):
@@ -130,6 +124,9 @@ def test_a_given_blade_that_keeps_its_limit_best_at_first_does_not_lead_astray()
     assert found == pytest.approx(start(thrust="6 kN").branches[0].objective, rel=1e-5)
 
 
+# Derivatives
+
+
 @pytest.mark.slow
 def test_a_curve_does_not_begin_at_a_rotor_that_stops():
     """Of four knots, one of the starts ends with a rotor that stops in this gust."""
@@ -140,9 +137,6 @@ def test_a_curve_does_not_begin_at_a_rotor_that_stops():
     )
     best, found = (find_start(each, steady_optimum(each, each.blade)) for each in (free, curve))
     assert found.operation.energy == pytest.approx(best.operation.energy, rel=1e-3)
-
-
-# Derivatives
 
 
 @pytest.mark.slow
@@ -164,20 +158,3 @@ def test_partials_of_the_loads_in_the_problem():
 
 
 # Bad input
-
-
-@pytest.mark.parametrize(
-    ("sections", "told"),
-    [
-        ({"limits": {"cavitation": {}}}, "limits.cavitation: has no depth"),
-        ({"limits": {"cavitation": {"depth": 1.0}}}, "limits.cavitation.depth = 1"),
-        ({"site": {"hub_depth": 1.0}}, "site.hub_depth = 1"),
-        (
-            {"limits": {"stress": "1 MPa"}, "hydrodynamics": {"torque": "direct"}},
-            "limits.stress: uses a load",
-        ),
-    ],
-)
-def test_limits_that_cannot_be_evaluated_are_refused(sections, told):
-    with pytest.raises(InputError, match=told):
-        physics(load_case(SINE | {"control": "open_loop"} | sections))

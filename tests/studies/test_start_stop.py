@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.errors import InputError
@@ -88,14 +87,3 @@ def test_open_loop_has_no_start(solve):
     open_loop = Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT"))
     with pytest.raises(InputError, match="open loop cannot start up"):
         start_and_stop(open_loop, open_loop.physics.inflow)
-
-
-def test_the_command_reports_each_part(solution, capsys):
-    folder = str(solution.folder)
-    assert main(["simulate", folder, "--start-up", "--shut-down", "50"]) == 0
-    told = capsys.readouterr().out
-    assert "run-up: without torque to" in told
-    assert "operation: until t = 50.00 s" in told
-    assert "shut-down: 700 N m stop the rotor" in told
-    assert main(["simulate", folder, "--shut-down", "50"]) == 2
-    assert "give --start-up with --shut-down" in capsys.readouterr().err

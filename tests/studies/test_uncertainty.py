@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
@@ -94,16 +93,6 @@ def test_noise_of_the_flows_sensor_passes_its_lag():
     assert np.mean(states[1]) == pytest.approx(1.5, abs=1e-3)
 
 
-@pytest.mark.slow
-def test_noise_of_the_flows_sensor_costs_energy(tracking):
-    law = tracking.law.model_copy(update={"noise": 0.2})
-    noisy = replace(tracking, physics=replace(tracking.physics, law=law))
-    flow, sensor = paper_flow(tracking, "design"), Sensor(snr=np.inf, cutoff=None)
-    quiet, run = (fly_noisy(each, flow, sensor, 4, 1).energy for each in (tracking, noisy))
-    assert np.ptp(quiet) == 0.0
-    assert np.all((run < quiet) & (run > 0.98 * quiet))
-
-
 def test_a_steady_rotor_stays_steady(quadratic):
     """The filter starts in steady state at w(0): in a constant flow it brings no transient."""
     flow = ConstantInflow(speed=float(quadratic.physics.inflow.speed_at(0.0)))
@@ -116,17 +105,6 @@ def test_deviation_is_20_dB_below_the_signal():
     speed = 8.0 + np.sqrt(2.0) * np.sin(np.linspace(0.0, 2.0 * np.pi, 10001)[:-1])
     assert Sensor(20.0, "fluctuation").deviation(speed) == pytest.approx(0.1, rel=1e-6)
     assert Sensor(20.0, "total").deviation(speed) == pytest.approx(0.1 * np.sqrt(65.0), rel=1e-6)
-
-
-def test_filtered_noise_has_the_filters_bandwidth(quadratic):
-    """The torque's scatter is the gain times the noise that the Butterworth filter lets through."""
-    sensor = Sensor(snr=20.0, rate=100.0)
-    flow = ConstantInflow(speed=1.3)
-    noise = np.random.default_rng(3).standard_normal(200_000)
-    passed = np.std(signal.lfilter(*signal.butter(2, 0.5, fs=100.0), noise))
-    bandwidth = 0.5 * np.pi / (2.0 * np.sqrt(2.0)) * 2.0  # of both sides, in Hz: pi/(2 sqrt 2) fc
-    assert passed == pytest.approx(np.sqrt(bandwidth / 100.0), rel=0.05)
-    assert fly_noisy(quadratic, flow, sensor, repeats=2, seed=3).noise_deviation < 1e-3
 
 
 def test_the_seed_decides_the_noise(quadratic):

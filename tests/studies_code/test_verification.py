@@ -1,6 +1,5 @@
 """The verification study in small: its cases are what they claim, its figures come out."""
 
-import json
 import os
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,34 +9,18 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.run.run import run_case
 from hkt_mdo.start.build import start_of_case
 from studies.study_common import case_file
 from studies.verification import faults, fuzz, reference, study, turbines
-from studies.verification.__main__ import main
 
 CASES = Path(__file__).parents[2] / "cases"
 
 
 def silent(*_):
     pass
-
-
-@pytest.mark.slow
-def test_random_starts_are_smooth_seeded_and_within_their_range():
-    case = load_case(CASES / "sine_oloc.yaml")
-    before = physics(case).blade
-    for seed in range(50):
-        blade = physics(study.random_start(case, np.random.default_rng(seed))).blade
-        again = physics(study.random_start(case, np.random.default_rng(seed))).blade
-        np.testing.assert_array_equal(blade.chord, again.chord)
-        factor, offset = blade.chord / before.chord, np.rad2deg(blade.twist - before.twist)
-        assert np.all((factor > 0.599) & (factor < 1.601))
-        assert np.all(np.abs(offset) < 6.001)
-        assert np.sum(np.diff(np.sign(np.diff(factor))) != 0) <= 1
 
 
 def test_the_sweep_is_as_wide_as_promised():
@@ -51,17 +34,6 @@ def test_the_sweep_is_as_wide_as_promised():
         periods = case.phase.duration * case.inflow.angular_frequency / (2.0 * np.pi)
         assert case.phase.segments >= 8.0 * periods - 1.0
         assert case.phase.segments <= 300
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("seed", "law", "optimizer"), [(1, "linear", "IPOPT"), (2, "quadratic", "SLSQP")]
-)
-def test_a_random_mixture_succeeds(tmp_path, seed, law, optimizer):
-    overrides = study.random_change(np.random.default_rng([0, seed]), law)
-    case = load_case(CASES / "sine_oloc.yaml", [*overrides, f"driver.optimizer={optimizer}"])
-    solution = run_case(case, tmp_path / "out", figures=False, records=False)
-    assert solution.success, solution.message
 
 
 @pytest.mark.slow
@@ -117,103 +89,6 @@ def test_disturbed_runs_lose_nothing(tmp_path, monkeypatch):
     rows = [line.split("|")[1:-1] for line in text.splitlines() if line.startswith("| ")][1:]
     assert [row[0].strip() for row in rows] == list(quick)
     assert all((int(row[1]), int(row[4])) == (1, 0) for row in rows), text
-
-
-@pytest.mark.parametrize(
-    ("code", "said", "energy", "wrong"),
-    [
-        (2, "error: no room\n", None, ""),
-        (0, "", 1000.0, ""),
-        (1, "error: RuntimeError\n", None, "exit code 1"),
-        (2, "Traceback\nKeyError\n", None, "exit code 2"),
-        (0, "", None, "without success"),
-        (2, "error: no room\n", 990.0, "called a success at 990.00 J instead of 1000.00 J"),
-    ],
-)
-def test_failures_by_injected_faults_are_reported(tmp_path, monkeypatch, code, said, energy, wrong):
-    """A run that ends as given, and is resumed to the undisturbed run's energy."""
-
-    def ends(folder, energy, code, said):
-        folder.mkdir(exist_ok=True)
-        summary = {"success": energy is not None, "simulated_energy_J": energy}
-        (folder / "summary.json").write_text(json.dumps(summary))
-        for name in ("trajectory", "simulation", "coefficients", "blade", "convergence"):
-            (folder / f"{name}.csv").write_text("")
-        return SimpleNamespace(communicate=lambda: (said, None), returncode=code)
-
-    ends(tmp_path / "reference", 1000.0, 0, "")
-    monkeypatch.setattr(faults, "_hkt", lambda *_: ends(tmp_path / "out", 1000.0, 0, ""))
-    run = faults._Try([], tmp_path / "out", tmp_path / "reference", 1.0, None)
-    found = faults._disturb(lambda _: ends(tmp_path / "out", energy, code, said), run, silent)
-    assert found[0] == code
-    assert bool(found[1]) == bool(wrong)
-    assert wrong in "; ".join(found[1])
-
-
-def test_successes_are_counted_by_group_and_optimizer(tmp_path, monkeypatch):
-    """One run of each optimizer fails, one success of SLSQP is false; all others are the best."""
-
-    def run_batch(cases, *_, **__):
-        found = {}
-        for folder, case in cases.items():
-            optimizer, name = folder.parts[-2:]
-            assert (case.driver.optimizer, case.name) == (optimizer, name)
-            energy = 990.0 if (optimizer, name) == ("SLSQP", "limit_300_oloc") else 1000.0
-            found[folder] = SimpleNamespace(
-                success=name != "mean_0.8_linear",
-                summary=SimpleNamespace(
-                    simulated_energy_J=energy,
-                    iterations=7,
-                    energy_bound_J=1250.0,
-                    certified_gap=0.01,
-                    checks=[SimpleNamespace(name="energy_below_start", value=0.001)],
-                ),
-                message="did not converge",
-            )
-        return found
-
-    monkeypatch.setattr(study, "run_batch", run_batch)
-    earlier = {"sweep radius_0.4_linear": 2000.0, "of another study": 1.0}
-    (tmp_path / "best.json").write_text(json.dumps(earlier))
-    text = study.run_part("sweep", tmp_path, 3, 0, 1, silent)
-    for row in (
-        "| limit | IPOPT | 12/12, 100.0 % | 0.00000 | 7 (7) | 0 |",
-        "| limit | SLSQP | 12/12, 100.0 % | 1.00000 | 7 (7) | 1 |",
-        "| mean | IPOPT | 11/12, 91.7 % | 0.00000 | 7 (7) | 0 |",
-        "| radius | IPOPT | 15/15, 100.0 % | 50.00000 | 7 (7) | 1 |",
-        "| random | SLSQP | 3/3, 100.0 % | 0.00000 | 7 (7) | 0 |",
-        "| **all** | IPOPT | 104/105, 99.0 % | 50.00000 | 7 (7) | 1 |",
-        "| **all** | SLSQP | 104/105, 99.0 % | 50.00000 | 7 (7) | 2 |",
-        "- `sweep/SLSQP/mean_0.8_linear`: did not converge",
-    ):
-        assert f"\n{row}\n" in text
-    best = json.loads((tmp_path / "best.json").read_text())
-    assert best.items() >= (earlier | {"sweep limit_300_oloc": 1000.0}).items()
-    assert "sweep mean_0.8_linear" not in best
-
-
-def test_the_report_takes_what_there_is(tmp_path):
-    with pytest.raises(InputError, match="unknown part"):
-        study.run_part("luck", tmp_path, 1, 0, 1, silent)
-    (tmp_path / "sweep.md").write_text("## Under change\n\nanew\n")
-    page = study.report(tmp_path, "# Old\n\n## Under change\n\nold\n\n## Real blades\n\nkept\n")
-    head, *parts = page.split("\n## ")
-    assert head.startswith("# Verification")
-    page = (CASES.parent / "docs" / "studies" / "verification.md").read_text(encoding="utf-8")
-    assert study.report(tmp_path / "empty", page) == page
-    assert parts == ["Under change\n\nanew\n", "Real blades\n\nkept\n"]
-
-
-def test_a_part_is_a_command(tmp_path, capsys):
-    page = tmp_path / "page.md"
-    main(["fuzz", "--count", "3", "--out", str(tmp_path / "out"), "--page", str(page)])
-    assert "| case | 3 |" in capsys.readouterr().out
-    assert "PART=fuzz COUNT=3 SEED=0" in page.read_text(encoding="utf-8")
-    shown = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert "<h1>Verification</h1>" in shown
-    assert "<td>3</td>" in shown
-    with pytest.raises(SystemExit, match="unknown part"):
-        main(["luck", "--out", str(tmp_path / "out")])
 
 
 def test_random_turbines_are_cases_and_the_same_for_a_seed(tmp_path):
