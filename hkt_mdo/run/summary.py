@@ -139,7 +139,7 @@ def summarize(finished: Finished) -> Summary:
         **_memory(finished),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
-        "branches": [*_branches(finished.start.starts)],
+        "branches": [*_branches(finished.start)],
         "starts": [vars(record) for record in finished.start.starts],
         "start_breaks": list(finished.start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
@@ -154,11 +154,12 @@ def summarize(finished: Finished) -> Summary:
     return Summary.parse(to_json(values))
 
 
-def _branches(starts):
-    """Yield the branches of a search for a start, the one that was taken first."""
-    for each in sorted(starts, key=lambda start: not start.kept):
+def _branches(start):
+    """Yield the branches of the search for a result's start, that of the result first."""
+    taken = {x.side: x.side == start.branch if start.branch else x.kept for x in start.starts}
+    for each in sorted(start.starts, key=lambda x: not taken[x.side]):
         if each.side:
-            about = {"taken": each.kept, "kept": each.excess <= KEPT_EXCESS}
+            about = {"taken": taken[each.side], "kept": each.excess <= KEPT_EXCESS}
             yield {"name": each.side, "objective_J": each.objective} | about
 
 

@@ -113,6 +113,15 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     deflection, doubt = bent.summary.warnings(bent.case)
     assert deflection == "the largest deflection of a tip is 10.7 % of the radius, above 10 %"
     assert doubt == "x"
+    # the other branch is better without time, but led to no verified result
+    objectives = {"overspeed": 1e5, "underspeed": 1.014e5}
+    branches = [{"name": x, "objective_J": y, "kept": True} for x, y in objectives.items()]
+    branches[0]["taken"] = True
+    found = edit(result_folder, loads=None, tip_deflection_m=None, doubts=None, branches=branches)
+    (warning,) = found.summary.warnings(found.case)
+    assert warning.startswith("without time, branch underspeed is better by 1.4 %")
+    branches[1]["objective_J"] = 1.0001e5
+    assert not edit(result_folder, branches=branches).summary.warnings(found.case)
     at_limit = {"stress": {"unit": "Pa", "value": 240.01e6}}  # as a limit may be kept
     kept = edit(result_folder, success=True, loads=at_limit, tip_deflection_m=0.13, doubts=None)
     assert kept.summary.verdict(kept.case) == "verified"

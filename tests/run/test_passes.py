@@ -1,12 +1,15 @@
 """What follows an optimization, and what the log writes of it."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from hkt_mdo.case import load_case
+from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.run.passes import FOLLOW_UPS
 from hkt_mdo.run.run import run_case
+from hkt_mdo.run.summary import _branches
 
 OPEN_LOOP = {  # the baseline blade in sinusoidal flow, without a limit
     "inflow": {"profile": "sine"},
@@ -26,6 +29,17 @@ def test_the_mesh_is_divided_where_it_is_too_coarse(solve_physics):
     assert all(each.converged for each in passes)
     names = {follow.__name__.replace("_", " ") for follow in FOLLOW_UPS}
     assert {each.remedy for each in passes} <= names | {""}
+
+
+def test_the_branch_that_is_taken_is_that_of_the_result():
+    """The run began on the first one; a resumed one no longer knows where it is."""
+    sides = {"overspeed": True, "underspeed": False}
+    starts = [
+        StartRecord("best blade", x, 1e5, 0.0, (), kept=kept, side=x) for x, kept in sides.items()
+    ]
+    for branch, taken in {"underspeed": "underspeed", "": "overspeed"}.items():
+        first, _ = _branches(SimpleNamespace(branch=branch, starts=starts))
+        assert (first["name"], first["taken"]) == (taken, True)
 
 
 def test_an_optimizer_that_gives_up_begins_again_once_from_its_last_iterate(solve_physics):
