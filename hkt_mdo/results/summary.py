@@ -636,10 +636,9 @@ class Summary(_Entry, Mapping[str, Any]):
         """Yield that a branch which was not taken is better without time."""
         taken, *others = [*sorted(self.branches or (), key=lambda x: not x.taken)] or [None]
         for each in others:
-            gained, unit = (each.objective_J or 0.0) - taken.objective_J, abs(taken.objective_J)
-            if each.kept and gained > BETTER * unit:
-                share = per_cent(gained, unit)
-                text = f"without time, branch {each.name} is better by {share}"
+            own, best = taken.objective_J, each.objective_J
+            if each.kept and own and best and best - own > BETTER * abs(own):
+                text = f"without time, branch {each.name} is better by {per_cent(best - own, own)}"
                 yield f"{text}, but the run found no verified result there"
 
     def breaks(self, case: Case) -> list[str]:
