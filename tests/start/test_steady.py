@@ -86,14 +86,17 @@ def test_under_quadratic_feedback_power_is_kept_by_a_poor_blade_or_a_constant_to
 @pytest.mark.slow
 def test_laws_nest_without_time():
     """A rated law is nearly an open loop, and no law is above it."""
-    (_, quadratic), (_, rated), (world, free) = map(river, ("quadratic", "rated", "open_loop"))
-    assert all(start.excess < 1e-3 for start in (quadratic, rated, free))
-    quadratic, rated, free = (start.objective for start in (quadratic, rated, free))
-    assert quadratic < rated < free * (1.0 + 1e-4)
+    (_, quadratic), (world, rated) = river("quadratic"), river("rated")
+    assert max(quadratic.excess, rated.excess) < 1e-3
+    guides = [each for each in rated.starts if each.law == "open_loop"]
+    assert max(each.excess for each in guides) < 1e-3
+    free = max(each.objective for each in guides if each.branch == rated.branch)
+    assert quadratic.objective < rated.objective < free * (1.0 + 1e-4)
+    assert rated.objective > 0.99 * free
     flow, weights = sampled_flow(world)
     best = steady_optimum(world, world.blade).power_coefficient
     passing = power_scale(world.density, world.blade.rotor_radius, flow)
-    assert free < weights @ np.minimum(best * passing, 25e3)
+    assert max(x.objective for x in guides) < weights @ np.minimum(best * passing, 25e3)
 
 
 def test_gains_that_a_law_does_not_need_are_given_as_they_are():
