@@ -81,21 +81,21 @@ def test_with_limits(benchmark, full, in_turns, tmp_path):
     changes = ["rotor.station_count=40"]
     if not full:
         changes += ["phase={duration: 5, segments: 5}", "limits={power: 6 kW}"]
+        changes.append("start.method=blade")
 
     def run(name):
         case = load_case(files[name], changes)
         return run_case(case, tmp_path / name, force=True, figures=False, records=False).success
 
     def process(name):
-        if not full:
-            return run(name)
         command = "run", files[name], "--out", f"{name}_process", "--force", "--quiet"
         command = *command, "--set", changes[0]
         words = "-W", "ignore", "-m", "hkt_mdo", *command
         return subprocess.run([sys.executable, *words], check=True, cwd=tmp_path).returncode == 0
 
     runs = {name: lambda name=name: run(name) for name in files}
-    runs |= {f"{name}, process": lambda name=name: process(name) for name in files}
+    if full:
+        runs |= {f"{name}, process": lambda name=name: process(name) for name in files}
     times = in_turns(runs, rounds=3 if full else 1)
     assert all(in_turns.results.values())
     benchmark.extra_info["times"] = times
