@@ -38,8 +38,8 @@ DESIGNED = {
 }
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
-# bounds, and most iterations are needed to return. After an optimization on a coarser mesh there is
-# little to gain (river25, open loop: 123 iterations on three finer meshes for 176).
+# bounds, and most iterations are needed to return. On a finer mesh an open loop has little to gain
+# (river25: 123 iterations on three finer meshes for 176).
 BARRIER, REFINED_BARRIER = 6e-3, 1e-4
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
@@ -163,8 +163,8 @@ def make_driver(physics: Physics, progress=None, most=None, near=True, refined=F
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
-    steps = LATER_STEPS if refined and not law.is_feedback else FEW_STEPS
-    barrier = REFINED_BARRIER if refined else BARRIER
+    refined = refined and not law.is_feedback
+    steps, barrier = (LATER_STEPS, REFINED_BARRIER) if refined else (FEW_STEPS, BARRIER)
     return drivers.make_driver(
         settings.package,
         settings.optimizer,
