@@ -113,6 +113,7 @@ def test_a_load_is_made_as_small_as_the_energy_allows(run):
     assert impulse(least) / impulse(free) < 0.92 * 140e3 / free.summary["energy_J"]
 
 
+@pytest.mark.slow
 def test_a_value_of_the_design_is_made_as_small_as_the_energy_allows(run):
     """The mass of the blades, minimized."""
     free = run()

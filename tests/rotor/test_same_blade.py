@@ -308,6 +308,7 @@ def wisdem_power(r, chord, twist, sections):
     return loads["CP"]
 
 
+@pytest.mark.slow
 def test_wisdem_reading_the_file_in_its_own_way_agrees(read):
     """Its schema, grid, interpolation, blending and CCBlade; of ours only the polars' curve.
 

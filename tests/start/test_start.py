@@ -66,6 +66,7 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
     assert bound.operation.energy < free.operation.energy
 
 
+@pytest.mark.slow
 def test_it_reports_the_outcome_of_each_candidate():
     case = load_case({"inflow": "sine", "control": "quadratic", "limits": {"rotor_speed": 11}})
     case = physics(case)
