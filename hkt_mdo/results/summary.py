@@ -634,9 +634,9 @@ class Summary(_Entry, Mapping[str, Any]):
 
     def _better(self) -> Iterator[str]:
         """Yield that a branch which was not taken is better without time."""
-        taken, *others = [*sorted(self.branches or (), key=lambda x: not x.taken)] or [None]
-        for each in others:
-            own, best = taken.objective_J, each.objective_J
+        branches = sorted(self.branches or (), key=lambda each: not each.taken)
+        for each in branches[1:]:
+            own, best = branches[0].objective_J, each.objective_J
             if each.kept and own and best and best - own > BETTER * abs(own):
                 text = f"without time, branch {each.name} is better by {per_cent(best - own, own)}"
                 yield f"{text}, but the run found no verified result there"

@@ -156,11 +156,13 @@ def summarize(finished: Finished) -> Summary:
 
 def _branches(start):
     """Yield the branches of the search for a result's start, that of the result first."""
-    taken = {x.side: x.side == start.branch if start.branch else x.kept for x in start.starts}
-    for each in sorted(start.starts, key=lambda x: not taken[x.side]):
-        if each.side:
-            about = {"taken": taken[each.side], "kept": each.excess <= KEPT_EXCESS}
-            yield {"name": each.side, "objective_J": each.objective} | about
+
+    def taken(each):
+        return each.side == start.branch if start.branch else each.kept
+
+    for each in sorted(filter(lambda x: x.side, start.starts), key=lambda x: not taken(x)):
+        about = {"taken": taken(each), "kept": each.excess <= KEPT_EXCESS}
+        yield {"name": each.side, "objective_J": each.objective} | about
 
 
 def _energies(finished):

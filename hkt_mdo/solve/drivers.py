@@ -31,13 +31,15 @@ CAUTIOUS: Settings = {
     "watchdog_shortened_iter_trigger": 0,
     "mu_strategy": "monotone",
 }
-CAUTIOUS_BARRIER = 1e-5
 """IPOPT's options (scaled problem) that keep it near its start.
 
 Where the constraints hold to rounding, IPOPT's filter accepts a second-order correction or a
 watchdog step that lowers their rounding error but increases the objective; on a rough objective it
 does not come back. A small barrier that only decreases does not leave a good start either.
 """
+
+CAUTIOUS_BARRIER = 1e-5
+"""Largest barrier parameter with which a cautious optimization begins."""
 
 NEAR_START: Settings = dict.fromkeys(
     ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-3
