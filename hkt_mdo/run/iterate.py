@@ -65,6 +65,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "gains": point.gains,
         "energy_J": point.operation.energy,
         "reference_energy_J": reference,
+        "branch": point.branch,
         "starts": [vars(record) for record in point.starts],
         "scenarios": {
             scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
@@ -107,7 +108,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
     if (out / "summary.json").exists():
         table = Solution.load(out, extensions=physics.case.extensions).convergence
     history = tuple(zip(*table.values(), strict=True))
-    start = StartingPoint(blade, gains, operation, starts=starts)
+    branch = str(data.get("branch", ""))
+    start = StartingPoint(blade, gains, operation, branch=branch, starts=starts)
     return physics, Earlier(start, reference, history)
 
 

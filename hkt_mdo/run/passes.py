@@ -368,7 +368,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
         if task.passes == 0:
             near = max(excesses(state.first, task.start).values(), default=0.0) < FAR
         if task.passes == 0 or task.physics is not state.physics:
-            state.go_on_from(task.physics, task.setup.start, task.reference)
+            state.go_on_from(task.physics, task.setup.start, task.start, task.reference)
         began = time.perf_counter()
         most = SECOND_ITERATIONS if task.verified else FIRST_ITERATIONS
         most = None if task.name == "begin again" else most

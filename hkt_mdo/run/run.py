@@ -209,7 +209,6 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         start = find_start(state.first, state.optimum)
         reference = quasi_steady_reference(state.first, start)
         start = with_memory(state.first, start)
-    state.starts = start.starts
     end = best = optimize(state, start, reference)
     remedy = first_remedy(end.physics, end.result)
     refused, held, gains = explain_all(end.checks, remedy), "", {}
@@ -235,7 +234,7 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), **_SILENT)
     if held or converged:
-        state.go_on_from(physics, result.point, best.reference)
+        state.go_on_from(physics, result.point, best.start, best.reference)
     return finished.model_copy(update={"message": message})
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import StartingPoint, StartRecord
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.log import Log
@@ -61,8 +61,8 @@ class RunState:
         The best feasible iterate and the physics with its mesh.
     reference : float
         Objective of the start, J; 0 where it is no measure of the optimum.
-    starts : tuple of StartRecord
-        The outcomes of the search for the start.
+    start : StartingPoint or None
+        Where the series of optimizations at work began.
     passes : list of PassEntry
         The optimizations so far.
     terminated : bool
@@ -84,7 +84,7 @@ class RunState:
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
         self.reference = 0.0
-        self.starts: tuple[StartRecord, ...] = ()
+        self.start: StartingPoint | None = None
         self.passes: list[PassEntry] = []
         self.terminated = False
         self._progress, self._on_pass, self._evaluations = progress, on_pass, evaluations
@@ -118,21 +118,24 @@ class RunState:
         if worth > self._highest:
             self.best, self._highest = (self.physics, point), worth
 
-    def go_on_from(self, physics: Physics, point: StartingPoint, reference: float) -> None:
+    def go_on_from(
+        self, physics: Physics, point: StartingPoint, start: StartingPoint, reference: float
+    ) -> None:
         """Take a point as the last iterate, and write it.
 
         Parameters
         ----------
         physics, point
             The point from which a resumed run continues, and its physics.
-        reference
-            Objective of the start, J.
+        start, reference
+            The start that has led to it, and its objective, J.
         """
-        self.physics, self.last, self.reference = physics, point, reference
+        self.physics, self.last, self.start, self.reference = physics, point, start, reference
         self._save(point)
 
     def _save(self, point) -> None:
-        point = replace(point, starts=self.starts)
+        if self.start is not None:
+            point = replace(point, branch=self.start.branch, starts=self.start.starts)
         self.log.write_iterate(self.physics, point, self.reference)
         self._saved = time.monotonic()
 

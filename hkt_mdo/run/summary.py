@@ -156,12 +156,9 @@ def summarize(finished: Finished) -> Summary:
 
 def _branches(start):
     """Yield the branches of the search for a result's start, that of the result first."""
-
-    def taken(each):
-        return each.side == start.branch if start.branch else each.kept
-
-    for each in sorted(filter(lambda x: x.side, start.starts), key=lambda x: not taken(x)):
-        about = {"taken": taken(each), "kept": each.excess <= KEPT_EXCESS}
+    sides = [each for each in start.starts if each.side]
+    for each in sorted(sides, key=lambda x: x.side != start.branch):
+        about = {"taken": each.side == start.branch, "kept": each.excess <= KEPT_EXCESS}
         yield {"name": each.side, "objective_J": each.objective} | about
 
 

@@ -1,6 +1,7 @@
 """What a run leaves to go on from: by scenario, with a version."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def iterate(case):
         each.divided(np.arange(1, each.segments + 1) % 2 + 1) for each in physics.scenarios
     )
     fine = type(physics)(**vars(physics) | {"scenarios": finer})
-    point = find_start(fine, steady_optimum(fine, fine.blade))
+    point = replace(find_start(fine, steady_optimum(fine, fine.blade)), branch="underspeed")
     return physics, fine, point, json.loads(to_json(as_data(fine, point, 5.0)))
 
 
@@ -60,6 +61,7 @@ def same(found, fine, point):
     assert (earlier.reference, earlier.history) == (5.0, ())
     assert point.starts
     assert earlier.start.starts == point.starts
+    assert earlier.start.branch == point.branch
 
 
 @pytest.mark.parametrize("case", [ONE, SEVERAL])
