@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.files.polar_table import SURFACES
-from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, read_table
+from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, locate
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
 
@@ -24,13 +24,12 @@ DECIMALS = 4
 
 def pressures():
     """Return cpmin[2, n_rows] of every shipped polar by its name."""
-    found = {
-        "cylinder": np.full((2, read_table("cylinder", ("cl",), "polar")["cl"].size), CYLINDER)
-    }
+    rows = np.genfromtxt(locate("cylinder", "polar"), delimiter=",", names=True)
+    found = {"cylinder": np.full((2, rows.size), CYLINDER)}
     for section, polars in POLAR_FAMILIES.items():
         outline = Outline.from_file(section)
         for polar in polars:
-            table = read_table(polar, ("alpha_deg", "cl"), "polar")
+            table = np.genfromtxt(locate(polar, "polar"), delimiter=",", names=True)
             alpha = np.deg2rad(table["alpha_deg"])
             found[polar] = -potential_suction(outline, alpha, table["cl"])
     return found

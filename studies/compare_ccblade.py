@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Fluid
 from hkt_mdo.case import Rotor as Section
-from hkt_mdo.files.shipped import read_table, shipped_names
+from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor import ccblade as reference
@@ -92,8 +92,7 @@ def plate_polar(lift_slope=2.0 * np.pi, drag=0.01, plate=2.0):
 def nrel_5mw_polars():
     """Return the sections of the NREL 5 MW turbine by name."""
     names = ("DU40", "DU35", "DU30", "DU25", "DU21", "NACA64")
-    columns = [f"{name}_{kind}" for name in names for kind in ("cl", "cd")]
-    table = read_table(DATA / "nrel5mw_polars.csv", ("alpha_deg", *columns), "polar")
+    table = np.genfromtxt(DATA / "nrel5mw_polars.csv", delimiter=",", names=True, skip_header=2)
     alpha = np.deg2rad(table["alpha_deg"])
     polars = {name: circle_polar(alpha, table[f"{name}_cl"], table[f"{name}_cd"]) for name in names}
     for name, drag in (("Cylinder1", 0.5), ("Cylinder2", 0.35)):

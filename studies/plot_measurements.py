@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.files.shipped import read_table
+from hkt_mdo.files.shipped import locate
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
@@ -24,9 +24,11 @@ SETS = {
 
 def main():
     """Draw measured points and the curves of two sets of stations; tell the errors."""
-    measured = read_table("bahaj2007", ("TSR", "Cp"), "measurement")
-    thrust = read_table("bahaj2007", ("TSR", "Ct"), "thrust")
-    tabulated = np.minimum(read_table("bahaj2007", ("r_over_R",), "blade")["r_over_R"], 0.999)
+    measured = np.genfromtxt(locate("bahaj2007", "measurement"), delimiter=",", names=True)
+    thrust = np.genfromtxt(locate("bahaj2007", "thrust"), delimiter=",", names=True)
+    tabulated = np.minimum(
+        np.genfromtxt(locate("bahaj2007", "blade"), delimiter=",", names=True)["r_over_R"], 0.999
+    )
     polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
     figure = Figure(figsize=(6.2, 6.4), layout="constrained")
     FigureCanvasAgg(figure)

@@ -1,13 +1,10 @@
 """Data files and cases that come with the package: names, paths, and what they hold."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hkt_mdo.errors import InputError, did_you_mean
-from hkt_mdo.files.table import Csv, read_text
+from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import compose, plain
 
 _FOLDER = Path(__file__).parent / "data"
@@ -128,39 +125,6 @@ def _remedy(name: str, kind: str) -> str:
     """Return the nearest shipped name and all of them."""
     shipped = f"shipped: {', '.join(_FILES[kind])}; or give the path of a file"
     return did_you_mean(name, _FILES[kind]) + shipped
-
-
-def read_table(
-    path_or_name: str | Path, columns: Sequence[str], what: str, optional: Sequence[str] = ()
-) -> dict[str, np.ndarray]:
-    """Read columns of numbers from a CSV file.
-
-    Parameters
-    ----------
-    path_or_name : str or pathlib.Path
-        Shipped name or path.
-    columns : sequence of str
-        Names of the columns that must be there.
-    what : str
-        blade, polar, outline or measurement.
-    optional : sequence of str
-        Names of the columns that are read if they are there; all others are ignored.
-
-    Returns
-    -------
-    dict of str to numpy.ndarray, shape (n_rows,)
-        The columns by name, in the units of the file.
-
-    Raises
-    ------
-    InputError
-        If a column is missing or appears twice, there are no rows, or a cell is no number; the
-        message names file, line, column and value.
-    """
-    path = locate(path_or_name, what)
-    table = Csv(read_text(path, f"CSV file with the {what}"), path, ",".join(columns))
-    read = table.columns(columns, what, optional)
-    return {name: column.values for name, column in read.items()}
 
 
 # Cases -------------------------------------------------------------------------------------------

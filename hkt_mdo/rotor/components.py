@@ -188,6 +188,7 @@ class TablesComp(BladeComp):
 
     def setup(self):
         super().setup()
+        self._known = b"", {}
         rows = np.arange(self.options["nodes"].size)
         if self.options["vary"]:
             nodes = self.options["nodes"]
@@ -211,30 +212,36 @@ class TablesComp(BladeComp):
             tables[f"{name}_table"] = shape, about
         return tables
 
-    def _solve(self, inputs, derivatives=False):
-        """Return the tables by name."""
-        rotor, blade, loads = self.options["rotor"], self.blade_of(inputs), self.options["loads"]
+    def _tables(self, inputs):
+        """Return the tables by name, with their derivatives, which an optimizer asks for next."""
+        at = inputs.asarray().tobytes()
+        if at != self._known[0]:
+            blade = self.blade_of(inputs)
+            ratio = inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
+            self._known = at, self._solve(blade, ratio)
+        return self._known[1]
+
+    def _solve(self, blade, ratio):
+        """Return the tables of a blade over tip speed ratios."""
+        rotor, loads, tables = self.options["rotor"], self.options["loads"], {}
         if self.options["band"] is not None:
-            return self.options["band"].solve(rotor, blade, loads, derivatives)
-        ratio = inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
-        flow = rotor.sections(blade, ratio, derivatives) if loads else None
-        tables = {}
+            return self.options["band"].solve(rotor, blade, loads, derivatives=True)
+        flow = rotor.sections(blade, ratio, derivatives=True) if loads else None
         if self.options["torque"]:
-            found = rotor.coefficients(blade, ratio, derivatives, flow)
+            found = rotor.coefficients(blade, ratio, True, flow)
             tables["torque_coefficient_table"] = found.torque_table
-        if loads:
-            found = rotor.loads.coefficients(blade, ratio, derivatives, loads, flow)
-            for name, load in found.items():
-                tables[f"{name}_table"] = load.envelope(rotor.loads.exponent)
+        for name in loads:
+            (load,) = rotor.loads.coefficients(blade, ratio, True, (name,), flow).values()
+            tables[f"{name}_table"] = load.envelope(rotor.loads.exponent)
         return tables
 
     def compute(self, inputs, outputs):
-        for name, table in self._solve(inputs).items():
+        for name, table in self._tables(inputs).items():
             outputs[name] = table.values
 
     def compute_partials(self, inputs, partials):
         by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
-        for table, found in self._solve(inputs, derivatives=True).items():
+        for table, found in self._tables(inputs).items():
             for name in (*self.inputs_of_blade, *by_ratio):
                 partials[table, name] = getattr(found, f"by_{name}")
 

@@ -445,8 +445,8 @@ def _stress(model, blade, flow, ratio):
     flapwise = flapwise + rate * sine * bend
     weak, strong = _about_chord(flapwise, edgewise, twist)
     wanted = change if flow.derivatives.size else None
-    bending = structure.bending(weak, strong, chord, model.exponent, wanted)
     tension = rate * cosine * pull / (area * chord**2)
+    bending = structure.bending(weak, strong, chord, model.exponent, wanted, tension)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
         return Load(r, exact, values)

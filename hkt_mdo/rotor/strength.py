@@ -26,7 +26,7 @@ class Bending(NamedTuple):
 
     largest is over the outline; smooth, never below it, a norm over it with the derivatives by_weak
     and by_strong by both moments (1/m³), and by_change by the sections where a change of them is
-    given.
+    given. At places with too little stress for the norm along the blade, smooth is the largest.
     """
 
     largest: np.ndarray
@@ -134,7 +134,7 @@ class Structure:
         }
         return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
-    def bending(self, weak, strong, chord, exponent=EXPONENT, change=None):
+    def bending(self, weak, strong, chord, exponent=EXPONENT, change=None, tension=0.0):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
         weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
@@ -155,6 +155,8 @@ class Structure:
             Exponent of the norm that stands for the largest.
         change : Structure, optional
             Rate of the structure by what `by_change` is by.
+        tension : float or ndarray of shape (n_points, n_places)
+            Stress (Pa) that is added at each place.
 
         Returns
         -------
@@ -164,7 +166,8 @@ class Structure:
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
         moved = None if change is None else change.points
-        smooth, largest, by_u, by_v, by_points = _around(u, v, self.points, moved, exponent)
+        around = u, v, self.points, moved, np.real(tension), exponent
+        smooth, largest, by_u, by_v, by_points = _around(*around)
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
         if change is not None:
@@ -355,75 +358,72 @@ def norm(values, exponent=EXPONENT):
     share : ndarray of shape (..., n)
         Derivatives of the norm, between both.
     """
-    rows = np.ascontiguousarray(values).reshape(-1, np.shape(values)[-1])
-    smooth, share, largest = _norms(rows, exponent)
-    shape = np.shape(values)[:-1]
-    return smooth.reshape(shape), share.reshape(np.shape(values)), largest.reshape(shape)
+    sign = np.where(np.real(values) < 0.0, -1.0, 1.0)
+    largest = np.max(np.abs(np.real(values)), axis=-1)
+    ratio = sign * values / np.where(largest > 0.0, largest, 1.0)[..., None]
+    near = np.real(ratio) > np.exp(-40.0 / exponent)  # the others are below the last digit
+    power = np.zeros_like(ratio)
+    power[near] = ratio[near] ** (exponent - 1)
+    total = np.where(largest > 0.0, np.sum(power * ratio, axis=-1), 1.0)
+    share = sign * power * total[..., None] ** (1.0 / exponent - 1.0)
+    return largest * total ** (1.0 / exponent), share, largest
 
 
-@compiled(error_model="numpy")
-def _norms(rows, exponent):
-    """Return the `norm` of every row."""
-    smooth, share = np.empty_like(rows[:, 0]), np.empty_like(rows)
-    largest = np.empty(len(rows))
-    for i, row in enumerate(rows):
-        smooth[i], largest[i] = _norm(row, share[i], exponent)
-    return smooth, share, largest
-
-
-@compiled(error_model="numpy")
-def _norm(values, share, exponent):
-    """Return a `norm` and the largest; fill the norm's derivatives, share."""
-    largest = 0.0
-    for value in values:
-        largest = max(largest, abs(value.real))
-    share[:] = 0.0
-    if largest == 0.0:
-        return 0.0 * values[0], largest
-    total, near = 0.0 * values[0], largest * np.exp(-40.0 / exponent)
-    for i, value in enumerate(values):
-        if abs(value.real) > near:  # the others are below the last digit
-            ratio = value / (largest if value.real > 0.0 else -largest)
-            power = ratio ** (exponent - 1)
-            total += power * ratio
-            share[i] = power if value.real > 0.0 else -power
-    share *= total ** (1.0 / exponent - 1.0)
-    return largest * total ** (1.0 / exponent), largest
-
-
-def _around(u, v, points, moved, exponent):
+def _around(u, v, points, moved, added, exponent):
     """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
 
-    u and v are [n_points, n_places]; points[n or 1, n_outline, 2] and their rates moved, or None,
-    as in `Structure`. Returned are the `norm`, the largest, and the norm's derivatives by u, by v
-    and by what moves the points, each [n_points, n_places].
+    u, v and added, the stress besides, are [n_points, n_places]; points[n or 1, n_outline, 2] and
+    their rates moved, or None, as in `Structure`. Returned are the `norm`, the largest, and the
+    norm's derivatives by u, by v and by what moves the points, each [n_points, n_places].
     """
     shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
-    rows = (np.broadcast_to(gradient, shape).reshape(-1, shape[-1]) for gradient in (u, v))
+    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v, added))
     outlines = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
     slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), exponent)
     return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
 
 
 @compiled(error_model="numpy")
-def _norms_around(u, v, points, moved, exponent):
-    slopes, largest = np.empty((4, *u.shape), dtype=u.dtype), np.empty(u.shape)
-    values = np.empty(points.shape[2], dtype=u.dtype)
-    share = np.empty_like(values)
+def _norms_around(u, v, added, points, moved, exponent):
+    slopes, largest = np.zeros((4, *u.shape), dtype=u.dtype), np.zeros(u.shape)
+    negligible, most = np.exp(-40.0 / exponent), points.shape[2] ** (1.0 / exponent)
     for i in range(u.shape[0]):
         for j in range(u.shape[1]):
-            k, u_here, v_here = min(j, len(points) - 1), u[i, j], v[i, j]
-            for point in range(values.size):
-                values[point] = points[k, 0, point] * u_here + points[k, 1, point] * v_here
-            slopes[0, i, j], largest[i, j] = _norm(values, share, exponent)
-            by_u = by_v = by_points = 0.0 * u_here
-            for point in range(values.size):
-                weight = share[point]
-                by_u += weight * points[k, 0, point]
-                by_v += weight * points[k, 1, point]
-                by_points += weight * (moved[k, 0, point] * u_here + moved[k, 1, point] * v_here)
-            slopes[1, i, j], slopes[2, i, j], slopes[3, i, j] = by_u, by_v, by_points
+            k = min(j, len(points) - 1)
+            largest[i, j] = _largest(u[i, j], v[i, j], points[k])
+        needed = negligible * np.max(largest[i] + added[i])
+        for j in range(u.shape[1]):
+            k, top, u_here, v_here = min(j, len(points) - 1), largest[i, j], u[i, j], v[i, j]
+            if top == 0.0:
+                continue
+            counts = most * top + added[i, j] > needed  # in the norm along the blade
+            near = top * (negligible if counts else 1.0 - 1e-12)
+            total = by_u = by_v = by_points = 0.0 * u_here
+            for at in range(points.shape[2]):
+                value = points[k, 0, at] * u_here + points[k, 1, at] * v_here
+                if abs(value.real) > near:  # the others are below the last digit
+                    ratio = value / (top if value.real > 0.0 else -top)
+                    power = ratio ** (exponent - 1)
+                    total += power * ratio
+                    power = power if value.real > 0.0 else -power
+                    by_u += power * points[k, 0, at]
+                    by_v += power * points[k, 1, at]
+                    by_points += power * (moved[k, 0, at] * u_here + moved[k, 1, at] * v_here)
+                    if not counts:
+                        break
+            scale = total ** (1.0 / exponent - 1.0)
+            slopes[0, i, j], slopes[1, i, j] = top * total * scale, by_u * scale
+            slopes[2, i, j], slopes[3, i, j] = by_v * scale, by_points * scale
     return slopes, largest
+
+
+@compiled(error_model="numpy", fastmath={"nnan", "nsz", "reassoc"})
+def _largest(u, v, points):
+    """Return the largest magnitude of x u + y v over points[2, n], by vector instructions."""
+    largest = 0.0
+    for at in range(points.shape[1]):
+        largest = max(largest, abs((points[0, at] * u + points[1, at] * v).real))
+    return largest
 
 
 def material_section(outline, wall=None):
