@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -238,19 +239,21 @@ class CasadiIpoptDriver(ReportingDriver):
                 self._error = error
         return otherwise
 
-    def _interrupts_stored(self) -> AbstractContextManager[None]:
-        """Store what the handler of Ctrl-C raises, which CasADi would swallow between callbacks."""
-        previous = signal.getsignal(signal.SIGINT)
-        if not callable(previous):
-            return nullcontext()
+    @contextmanager
+    def _interrupts_stored(self) -> Iterator[None]:
+        """Store what the handlers of Ctrl-C and SIGTERM raise: CasADi would swallow it."""
+        with ExitStack() as handlers:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                if callable(handler := signal.getsignal(number)):
+                    handlers.enter_context(handling(number, partial(self._store, handler)))
+            yield
 
-        def handler(signum: int, frame: FrameType | None) -> None:
-            try:
-                previous(signum, frame)
-            except BaseException as error:
-                self._error = error
-
-        return handling(signal.SIGINT, handler)
+    def _store(self, handler: Callable, signum: int, frame: FrameType | None) -> None:
+        """Call the handler of a signal, and store what it raises."""
+        try:
+            handler(signum, frame)
+        except BaseException as error:
+            self._error = error
 
     def _raise_stored(self) -> None:
         """Raise the error that was stored while CasADi ran, if any."""

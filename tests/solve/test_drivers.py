@@ -9,10 +9,11 @@ import numpy as np
 import openmdao.api as om
 import pytest
 
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, handling
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.drivers import make_driver
 from hkt_mdo.solve.multipliers import State, gain, multipliers
+from hkt_mdo.solve.stationary import Stationary
 
 # OpenMDAO makes a directory '<problem>_out' where it runs: keep it out of the checkout.
 pytestmark = pytest.mark.usefixtures("empty_directory")
@@ -319,6 +320,18 @@ def test_interrupt_stops_the_run(package, optimizer, interrupt):
     assert problem.model.bowl.count == 3
     assert signal.getsignal(signal.SIGINT) is handler
     assert not driver.outcome().success
+
+
+def test_sigterm_between_evaluations_stops_ipopt_where_ctrl_c_is_ignored(monkeypatch):
+    """A job in the background ignores Ctrl-C, and is ended by SIGTERM."""
+
+    def terminated(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Stationary, "note", lambda *_: signal.raise_signal(signal.SIGTERM))
+    ignored, ended = handling(signal.SIGINT, signal.SIG_IGN), handling(signal.SIGTERM, terminated)
+    with ignored, ended, pytest.raises(KeyboardInterrupt):
+        bowl(make_driver("casadi")).run_driver()
 
 
 @every_optimizer
