@@ -99,13 +99,14 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
         For an open loop, whose start-up cannot be simulated, for a stop beyond the run,
         and for one without a torque limit.
     """
-    plant, duration = design.plant, design.physics.case.phase.duration
+    plant, phase = design.plant, design.phase(inflow)
+    duration = phase.duration
     _check(design, duration, stop)
     design.refuse_standstill(inflow)
     radius = plant.blade.rotor_radius
 
     def integrated(controller, start, end):
-        step = duration / design.physics.case.phase.segments
+        step = duration / phase.segments
         return simulate(plant, inflow, controller, start, end - start.time, SAMPLES, step)
 
     def missing(time):

@@ -265,12 +265,7 @@ class Design:
         Phase
             With numbers for duration and segments.
         """
-        case = self.physics.case
-        if not case.inflow.steady or inflow.steady:
-            return case.phase
-        given = {"duration": None, "segments": None}
-        update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
-        return complete(case.model_copy(update=update)).phase
+        return _phase(self.physics.case, inflow)
 
     def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
@@ -355,7 +350,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     if not design.law.is_feedback:
         folder = design.solution.folder
         raise InputError("open loop reads no sensor", "leave out the noise", file=folder)
-    duration = design.physics.case.phase.duration
+    duration = design.phase(inflow).duration
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     torque, plant = _Torque(design.plant), design.plant
@@ -486,6 +481,15 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
     return after, captured
 
 
+def _phase(case: Case, inflow: Inflow) -> Phase:
+    """Return the time span of a run in a flow; see `Design.phase`."""
+    if case.inflow.steady and not inflow.steady:
+        given = {"duration": None, "segments": None}
+        update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
+        case = case.model_copy(update=update)
+    return complete(case).phase
+
+
 def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     """Return a flow by its name, or of an inflow section in YAML.
 
@@ -518,14 +522,14 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
             remedy = "give a turbulent --flow, or leave --flow-seeds out"
             raise InputError(f"the flow {inflow.profile} has no seed", remedy, key="--flow-seeds")
         inflow, text = seeded(inflow, seed), f"{text}, seed {seed}"
-    duration = complete(case).phase.duration
+    duration = _phase(case, inflow).duration
     try:
         inflow.check(duration)
     except InputError as error:
         if error.file:
             raise
         problem = error.problem if error.value is None else f"{error.value:.6g} s {error.problem}"
-        remedy = f"give a flow that keeps its direction for the {duration:.6g} s of the result"
+        remedy = f"give a flow that keeps its direction for {duration:.6g} s"
         raise InputError(problem, remedy, key="--flow", value=text) from None
     return inflow
 

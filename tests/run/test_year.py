@@ -26,7 +26,7 @@ from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
 from hkt_mdo.run.year import uncertainty
 from hkt_mdo.start.find import find_start
-from hkt_mdo.studies.other_flows import Run
+from hkt_mdo.studies.other_flows import Run, runs_of
 from hkt_mdo.studies.uncertainty import Design
 
 HISTOGRAM = {
@@ -94,6 +94,19 @@ def test_a_fixed_blades_year_is_the_sum_over_its_bins(year):
     assert year.summary.simulated_energy_J == pytest.approx(total, rel=1e-8)
     assert year.energy == pytest.approx(total, rel=2e-5)  # by the torque curve
     assert np.sum(year.year["energy_kWh"]) * 3.6e6 == pytest.approx(0.9 * total, rel=1e-8)
+
+
+def test_a_years_design_is_simulated_in_a_record_as_long_as_that_is(year, tmp_path):
+    """In the flow of a bin it comes to the power of the bin."""
+    flow, power = (year.year[name][-1] for name in ("inflow_speed_m_s", "captured_power_W"))
+    rows = [f"{time},{flow:.12g}" for time in range(25)]
+    path = tmp_path / "record.csv"
+    path.write_text("\n".join(("time_s,speed_m_s", *rows)))
+    (found,) = runs_of(year, {"profile": "record", "file": str(path)})
+    simulated = found.simulation
+    assert simulated.time[-1] == 24.0
+    last = simulated.hydrodynamic_torque[-1] * simulated.rotor_speed[-1]
+    assert last == pytest.approx(power, rel=1e-6)
 
 
 def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year):
