@@ -20,6 +20,7 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
+import study_plots as plots
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -30,7 +31,7 @@ from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
 from hkt_mdo.files.polar import read_polars
-from hkt_mdo.results import plots, style
+from hkt_mdo.results import style
 from hkt_mdo.run.batch import run_batch
 
 ROOT = Path(__file__).parent.parent

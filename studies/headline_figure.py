@@ -9,8 +9,8 @@ from pathlib import Path
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from study_plots import plot_chord, plot_control_torque, plot_rotor_speed, plot_twist
 
-from hkt_mdo.results.plots import plot_chord, plot_control_torque, plot_rotor_speed, plot_twist
 from hkt_mdo.results.solution import Solution
 
 results, image = Path(sys.argv[1]), Path(sys.argv[2])

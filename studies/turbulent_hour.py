@@ -18,9 +18,10 @@ from pathlib import Path
 
 import numpy as np
 import page_data
+import study_plots as plots
 
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results import plots, style
+from hkt_mdo.results import style
 from hkt_mdo.results.solution import ScenarioTables, Solution
 
 ROOT = Path(__file__).parent.parent

@@ -75,8 +75,8 @@ class Design(Section):
     """Price of the designed `hub_inertia`, subtracted from the objective, an energy; the energies
     of a result are without it."""
     gain_bounds: _Gains | None = None
-    """Bounds on the gain, [lower, upper], plain numbers in the unit of `control.gain`; null: scaled
-    from the gain at the start."""
+    """Bounds on the gain of a law with one, [lower, upper], plain numbers in the unit of
+    `control.gain`; null: none."""
 
     @model_validator(mode="after")
     def _check_designed(self) -> Design:

@@ -14,6 +14,9 @@ from pydantic import PrivateAttr
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.sections import Quantity, Section
 
+LEAST_TERM = 0.02
+"""Least share of each term of a law at the start, of what fits best without the others."""
+
 
 def smooth_saturation(torque, limit, smoothing):
     """Return the smoothly saturated torque (paper eq. 4), N*m.
@@ -152,9 +155,14 @@ class FeedbackLaw(Law):
         """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).
 
         By least squares, for a law that is linear in its gains; one that is not overrides this.
+        Each gain keeps the sign that it has alone, and `LEAST_TERM` of that, since an optimization
+        changes no sign.
         """
+        from scipy.optimize import lsq_linear
+
         columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
-        return np.linalg.lstsq(columns.T, torque, rcond=None)[0]
+        alone = columns @ torque / np.sum(columns**2, axis=1)
+        return lsq_linear(columns.T * alone, torque, (LEAST_TERM, np.inf)).x * alone
 
     def moves(self, gains, factor):
         factor = min(factor, self.farthest)

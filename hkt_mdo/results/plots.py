@@ -1,43 +1,13 @@
-"""Plots of results on axes, for figures of your own.
+"""The limits of results as bars on axes; other panels are drawn by `style.draw`."""
 
-Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
-by default), and returns the axes. A plot sets no rcParams. `style.draw` draws the other panels of
-`hkt_mdo.results.charts` in the same way.
-"""
-
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from matplotlib.axes import Axes
 
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.charts import Solutions
-from hkt_mdo.results.panel import QUANTITY_COLORS, Panel
+from hkt_mdo.results.panel import QUANTITY_COLORS
 from hkt_mdo.results.words import limit_words
-
-
-def _of_design(
-    make: Callable[..., Panel], what: str, solutions: Solutions, ax: Axes | None = None
-) -> Axes:
-    """Draw a panel of results as a whole."""
-    return style.draw(make(charts.labelled(solutions), what), ax)
-
-
-def _of_scenarios(
-    make: Callable[..., Panel], what: str, solutions: Solutions, ax: Axes | None = None
-) -> Axes:
-    """Draw a panel of the scenarios of results."""
-    return style.draw(make(charts.by_scenario(charts.labelled(solutions)), what), ax)
-
-
-plot_chord = partial(_of_design, charts.over_radius, "chord_m")
-plot_twist = partial(_of_design, charts.over_radius, "twist_deg")
-plot_power_coefficient = partial(_of_design, charts.coefficient, "power")
-plot_inflow_speed = partial(_of_scenarios, charts.at_nodes, "inflow_speed")
-plot_rotor_speed = partial(_of_scenarios, charts.at_nodes, "rotor_speed")
-plot_control_torque = partial(_of_scenarios, charts.at_nodes, "control_torque")
-plot_power = partial(_of_scenarios, charts.at_nodes, "generator_power")
 
 
 def plot_limits(solutions: Solutions, ax: Axes | None = None) -> Axes:

@@ -785,7 +785,7 @@ def unasked(name: str, value: float | None, case: Case) -> str:
     Returns
     -------
     str
-        Such as ``cavitates: the case has no limit for it``.
+        Such as ``cavitates: the case has no limits.cavitation``.
     """
     slow = case.limits.cavitation or case.limits.rotor_speed
     most, word = {
@@ -793,7 +793,8 @@ def unasked(name: str, value: float | None, case: Case) -> str:
         "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
         "tip_speed": (None if slow else FAST, "fast: near the surface a usual section cavitates"),
     }.get(name, (None, ""))
-    return f"{word}: the case has no limit for it" if most and (value or 0.0) > most else ""
+    key = "limits.cavitation or limits.tip_speed" if name == "tip_speed" else f"limits.{name}"
+    return f"{word}: the case has no {key}" if most and (value or 0.0) > most else ""
 
 
 def _losses(generated: float | None, electrical: float | None) -> str:
@@ -802,5 +803,5 @@ def _losses(generated: float | None, electrical: float | None) -> str:
         return ""
     lost = generated - electrical
     if abs(lost) <= 1e-9 * abs(generated):
-        return "losses none"
+        return "none lost: the case gives no losses"
     return f"losses {measured(lost, 'J')} ({per_cent(lost, generated, 3) or '-'})"

@@ -61,7 +61,7 @@ class RunState:
         The best feasible iterate and the physics with its mesh.
     reference : float
         Objective of the start, J; 0 where it is no measure of the optimum.
-    start : StartingPoint or None
+    start : StartingPoint
         Where the series of optimizations at work began.
     passes : list of PassEntry
         The optimizations so far.
@@ -84,7 +84,6 @@ class RunState:
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
         self.reference = 0.0
-        self.start: StartingPoint | None = None
         self.passes: list[PassEntry] = []
         self.terminated = False
         self._progress, self._on_pass, self._evaluations = progress, on_pass, evaluations
@@ -134,8 +133,7 @@ class RunState:
         self._save(point)
 
     def _save(self, point) -> None:
-        if self.start is not None:
-            point = replace(point, branch=self.start.branch, starts=self.start.starts)
+        point = replace(point, branch=self.start.branch, starts=self.start.starts)
         self.log.write_iterate(self.physics, point, self.reference)
         self._saved = time.monotonic()
 

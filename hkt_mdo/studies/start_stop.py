@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, Start, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.words import measured
-from hkt_mdo.studies.uncertainty import Design
+from hkt_mdo.studies.uncertainty import Design, phase_in
 
 SAMPLES = 4001
 FIRST = 2.0 * SLOWEST_RATIO  # tip speed ratio of the rotor at the begin of the run-up
@@ -99,7 +99,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
         For an open loop, whose start-up cannot be simulated, for a stop beyond the run,
         and for one without a torque limit.
     """
-    plant, phase = design.plant, design.phase(inflow)
+    plant, phase = design.plant, phase_in(design.physics.case, inflow)
     duration = phase.duration
     _check(design, duration, stop)
     design.refuse_standstill(inflow)

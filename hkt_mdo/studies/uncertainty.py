@@ -243,7 +243,10 @@ class Design:
         if self.physics.case.inflow.steady and not self.law.is_feedback:
             problem = "has a torque for each speed of a year's flow, and none over time"
             raise InputError(problem, "give a design under a feedback law", key="control.law")
-        cut_out, duration = self.physics.case.control.cut_out, self.phase(inflow).duration
+        cut_out, duration = (
+            self.physics.case.control.cut_out,
+            phase_in(self.physics.case, inflow).duration,
+        )
         both = inflow, *(() if self.physics.case.inflow.steady else (self.physics.inflow,))
         for flow in both if cut_out is not None else ():
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
@@ -251,21 +254,6 @@ class Design:
                 problem += "a design is simulated through one interval of operation only"
                 remedy = "give a slower flow, or take a design that was made without cut_out"
                 raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
-
-    def phase(self, inflow: Inflow) -> Phase:
-        """Return the time span of a run in a flow: that of the design; for a year, the flow's.
-
-        Parameters
-        ----------
-        inflow : Inflow
-            The flow.
-
-        Returns
-        -------
-        Phase
-            With numbers for duration and segments.
-        """
-        return _phase(self.physics.case, inflow)
 
     def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
@@ -287,7 +275,7 @@ class Design:
             The run over the time span of the design's case; for the design of a year, over the
             flow's.
         """
-        phase = self.phase(inflow)
+        phase = phase_in(self.physics.case, inflow)
         self.refuse_standstill(inflow)
         speed = initial_speed or self.initial_speed(inflow)
         samples = Scenario(inflow, phase).resolved().dense
@@ -350,7 +338,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     if not design.law.is_feedback:
         folder = design.solution.folder
         raise InputError("open loop reads no sensor", "leave out the noise", file=folder)
-    duration = design.phase(inflow).duration
+    duration = phase_in(design.physics.case, inflow).duration
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     torque, plant = _Torque(design.plant), design.plant
@@ -481,8 +469,21 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
     return after, captured
 
 
-def _phase(case: Case, inflow: Inflow) -> Phase:
-    """Return the time span of a run in a flow; see `Design.phase`."""
+def phase_in(case: Case, inflow: Inflow) -> Phase:
+    """Return the time span of a simulation in a flow: that of the design; for a year, the flow's.
+
+    Parameters
+    ----------
+    case : Case
+        The case of the design.
+    inflow : Inflow
+        The flow.
+
+    Returns
+    -------
+    Phase
+        With numbers for duration and segments.
+    """
     if case.inflow.steady and not inflow.steady:
         given = {"duration": None, "segments": None}
         update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
@@ -522,7 +523,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
             remedy = "give a turbulent --flow, or leave --flow-seeds out"
             raise InputError(f"the flow {inflow.profile} has no seed", remedy, key="--flow-seeds")
         inflow, text = seeded(inflow, seed), f"{text}, seed {seed}"
-    duration = _phase(case, inflow).duration
+    duration = phase_in(case, inflow).duration
     try:
         inflow.check(duration)
     except InputError as error:

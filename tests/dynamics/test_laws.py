@@ -61,6 +61,27 @@ def test_fit_minimizes_the_squared_distance():
     assert gain == pytest.approx(torque @ SPEED**2 / (SPEED**2 @ SPEED**2), rel=1e-12)
 
 
+class TwoTerms(FeedbackLaw):
+    """u = K1 w^2 + K2 w^3."""
+
+    law: Literal["two_terms"] = "two_terms"
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2", "N*m*s**3/rad**3")
+
+    def demand(self, speed, gains):
+        return gains[0] * speed**2 + gains[1] * speed**3
+
+
+def test_every_gain_begins_with_the_sign_that_it_has_alone():
+    """Least squares would make one negative, and an optimization changes no sign."""
+    law, exact = TwoTerms(), np.array([3.0, 0.5])
+    assert law.fit(SPEED, law.torque(SPEED, exact)) == pytest.approx(exact, rel=1e-6)
+    flat = np.full(SPEED.shape, 400.0)
+    terms = np.stack((SPEED**2, SPEED**3))
+    assert np.linalg.lstsq(terms.T, flat, rcond=None)[0].min() < 0.0
+    alone = terms @ flat / np.sum(terms**2, axis=1)
+    assert np.all(law.fit(SPEED, flat) >= 0.01 * alone)
+
+
 @pytest.mark.parametrize("limit", [None, 700.0])
 @pytest.mark.parametrize(("kind", "gains"), CASES, ids=[kind.__name__ for kind, _ in CASES])
 def test_partials(kind, gains, limit):

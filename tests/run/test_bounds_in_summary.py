@@ -73,9 +73,9 @@ def test_parts_of_the_blade_at_a_bound_are_reported(finished):
     ("name", "value", "limits", "word"),
     [
         ("cavitation", 1.05, {}, ""),
-        ("cavitation", 4.2, {}, "cavitates: the case has no limit for it"),
+        ("cavitation", 4.2, {}, "cavitates: the case has no limits.cavitation"),
         ("stress", 239e6, {}, ""),
-        ("stress", 241e6, {}, "more than the material allows: the case has no limit for it"),
+        ("stress", 241e6, {}, "more than the material allows: the case has no limits.stress"),
         ("tip_speed", 14.0, {}, ""),
         ("tip_speed", 30.0, {}, "fast: near the surface a usual section cavitates"),
         ("tip_speed", 30.0, {"rotor_speed": 25}, ""),
