@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from study_common import LAWS, SCENARIOS, percent
+from study_common import LAWS, SCENARIOS, percent, text_page
 
 from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import data_path
-from hkt_mdo.pages import rendered, text_page
+from hkt_mdo.pages import rendered
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.figures import figure_of
 from hkt_mdo.results.folder import write_json, write_text

@@ -352,7 +352,7 @@ def shadow_prices(found):
         (
             "The worth follows from the multipliers of the optimum, to first order;",
             "optimizing again",
-            "with the larger limit confirms it within ten per cent (`tests/start/test_worth.py`).",
+            "with the larger limit confirms it within four per cent (`tests/start/test_worth.py`).",
         ),
     )
 

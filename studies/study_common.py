@@ -1,11 +1,14 @@
 """What the paper's reproduction and other studies share."""
 
+import base64
+import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_cases, shipped_rotor
+from hkt_mdo.pages import rendered
 from hkt_mdo.problem.turbine import build_turbine
 
 LAWS = ("oloc", "linear", "quadratic")
@@ -105,3 +108,31 @@ def percent(value: float | None, reference: float | None) -> float | None:
         The difference over the reference, %; None where either is missing.
     """
     return None if value is None or not reference else 100.0 * (value / reference - 1.0)
+
+
+def text_page(title: str, text: str, folder: Path) -> str:
+    """Return a text in Markdown as an HTML page that needs no other file and no network.
+
+    Parameters
+    ----------
+    title : str
+        Title of the page.
+    text : str
+        The text; HTML in it is shown as it is written.
+    folder : Path
+        Where the text's images are, as PNG.
+
+    Returns
+    -------
+    str
+        The page.
+    """
+    from markdown_it import MarkdownIt
+
+    def inside(image: re.Match) -> str:
+        content = base64.b64encode((folder / image[1]).read_bytes()).decode("ascii")
+        return f'src="data:image/png;base64,{content}"'
+
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    template = Path(__file__).with_name("text.html")
+    return rendered(template, title=title, body=re.sub('src="(.*?)"', inside, body))

@@ -87,6 +87,22 @@ def test_a_method_without_derivatives_is_refused(tmp_path, capsys, kind, argumen
     assert "np.sqrt(x * x) for np.abs(x)" in error
 
 
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [
+        ("limit", "rotor_speed = np.mean(rotor_speed)"),
+        ("objective", "generator_power = np.cumsum(generator_power)"),
+    ],
+)
+def test_a_formula_that_mixes_instants_is_refused(tmp_path, capsys, kind, code):
+    """A mean over time would be taken for a value at every instant, its derivatives for those."""
+    extend, case, method = written(tmp_path, kind, fault=f"factor = 1.0; {code}")
+    assert main([*extend, "check", case]) == 2
+    error = capsys.readouterr().err
+    assert f"{tmp_path / 'own.py'}: Own.{method}: mixes instants" in error
+    assert "without sums or means" in error
+
+
 def test_kinks_and_absolute_values_that_keep_derivatives_are_accepted():
     class Kinked(FeedbackLaw):
         law: Literal["kinked"] = "kinked"

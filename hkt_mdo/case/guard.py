@@ -31,6 +31,7 @@ COMPLEX = (
     "drop the imaginary part; write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of "
     "openmdao.utils.cs_safe"
 )
+EACH = "compute the value at each instant from what is known at that instant, without sums or means"
 SLOPES: dict[str, tuple[str, ...]] = {
     **{"demand": (), "rates": (), "speed_at": (), "rate": (), "rows": ("shares",)},
     **{"value": ("shares",), "speed_at_rest": ("inflow_speed",)},
@@ -112,7 +113,8 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
             if problem := _wrong_slope(method, self, args, quantities):
-                raise InputError(problem, COMPLEX, file=file, key=place)
+                remedy = EACH if problem.startswith("mixes") else COMPLEX
+                raise InputError(problem, remedy, file=file, key=place)
         return result
 
     return told
@@ -121,7 +123,8 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
 def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> str:
     """Return by which argument a derivative by complex step is wrong; empty if by none.
 
-    It lies between the differences to both sides, which are apart at a kink.
+    It lies between the differences to both sides, which are apart at a kink. By a quantity over
+    time a formula has it at every instant by itself.
     """
     names, given = [*signature(method).parameters][1:], dict(enumerate(args)) | quantities
 
@@ -139,8 +142,12 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
         try:
             here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
             slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
+            one = (np.arange(size.size) == 0).reshape(size.shape)
+            first = np.imag(at(key, value + 1j * STEP * step * one))
         except Exception as error:
             return f"raises {one_line(error)} for a complex {name}"
+        if is_over_time(name) and size.size > 1 and np.any(first[first.size > 1 :]):
+            return f"mixes instants: its value at one depends on {name} at another"
         sides = np.stack((here - lower, upper - here))
         noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
         off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise

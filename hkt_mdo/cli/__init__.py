@@ -59,18 +59,6 @@ _VERSION = typer.Option(
 )
 
 
-_BEGIN = """\
-hkt designs the blade and the controller of a hydrokinetic turbine together. In this order:
-
-  hkt new mine --kind turbine             write a case to begin from, with comments: mine.yaml
-  hkt check mine.yaml                     see what it means, before a long run
-  hkt run mine.yaml                       optimize it; the result is in results/mine
-  hkt show results/mine                   read the result; hkt report results/mine makes a page
-  hkt compare results/mine results/other  compare it with another result
-
-Every command: hkt --help; options of one: hkt run --help; a shipped case: hkt run first_turbine"""
-
-
 @app.callback()
 def _hkt(
     context: typer.Context,
@@ -79,7 +67,7 @@ def _hkt(
 ) -> None:
     EXTENSIONS.set(tuple(extend or ()))
     if context.invoked_subcommand is None:
-        typer.echo(_BEGIN)
+        typer.echo(Path(__file__).with_name("begin.txt").read_text(encoding="utf-8"), nl=False)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

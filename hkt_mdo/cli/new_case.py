@@ -6,6 +6,7 @@ from hkt_mdo.case import commented_case, read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import data_path, shipped_rotor
 from hkt_mdo.files.table import read_text, write_new
+from hkt_mdo.files.template import templates
 
 _USUAL = (
     "blade radius hub_radius_fraction blade_count set_angle station_count polar outline reynolds "
@@ -60,16 +61,8 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
         values["rotor"] = {"blade": "river"}
         values["inflow"] = {"profile": "record", "file": record.name}
         texts[record] = _record_text()
-    text = f"""\
-# {path.stem}: {KINDS[kind]}.
-#
-# Change the values that differ for your turbine. A line such as "# radius: null" shows a key that
-# is not given.
-# More keys:  hkt schema --markdown
-# Check it:   hkt check {path.name}
-# Run it:     hkt run {path.name}
-
-{commented_case(values, _USUAL)}"""
+    about = {"file": path, "about": KINDS[kind], "keys": commented_case(values, _USUAL)}
+    text = templates(Path(__file__).parent).get_template("new_case.yaml").render(about)
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)
     texts = {path: text} | texts
     return write_new({file: text.encode() for file, text in texts.items()}, force)

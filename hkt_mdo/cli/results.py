@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -18,6 +19,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports import FORMATS
 
 if TYPE_CHECKING:
+    from hkt_mdo.case import Case
     from hkt_mdo.studies.other_flows import Run, Told
     from hkt_mdo.studies.uncertainty import Sensor
 
@@ -46,6 +48,7 @@ _TAU1 = (
     "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
     "0.7 R, 1.1 R / ((1 - 1.3 a) V)."
 )
+_CONDITION = "Fouling in place of the case's condition, such as {lift: 0.9, drag: 1.5}."
 _STRICT = "Exit with 3 if a limit is broken or the rotor stops."
 _START = "Start from standstill, without torque, and let the law take over in operation."
 _STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
@@ -227,6 +230,7 @@ def simulate(
     seed: Seed = 1,
     flow_seeds: Annotated[str | None, Option(metavar="SEEDS", help=_SEEDS)] = None,
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
+    condition: Annotated[str | None, Option(metavar="CONDITION", help=_CONDITION)] = None,
     start: Annotated[bool, Option("--start-up", help=_START)] = False,
     stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
     inflow_dynamics: Annotated[str | None, Option(metavar="NAME", help=_DYNAMICS)] = None,
@@ -241,11 +245,12 @@ def simulate(
     Blade and controller of a finished result are held and simulated with direct BEM. Open loop
     replays its recorded torque, with a feedback that holds the speed where the rotor is unstable
     under that torque; with --noise-snr feedback reads a noisy, filtered speed sensor, in many
-    repeated runs. If the rotor stops, that is reported and its energy is not counted. The command
-    prints the largest value, without noise, of each limit over time and of the loads that have no
-    limit; with several scenarios and seeds, the largest of all. --json and --csv print those of
-    each simulation, as --out writes them. With --inflow-dynamics oye the wake needs time to change:
-    the command prints what that changes, and whether the rotor runs away.
+    repeated runs. The rotor begins at the design's first tip speed ratio. If it stops or stalls,
+    that is reported; if it stops, its energy is not counted. The command prints the largest value,
+    without noise, of each limit over time and of the loads that have no limit; with several
+    scenarios and seeds, the largest of all. --json and --csv print those of each simulation, as
+    --out writes them. With --inflow-dynamics oye the wake needs time to change: the command prints
+    what that changes, and whether the rotor runs away.
     """
     from hkt_mdo.results.words import flow_words, joined
     from hkt_mdo.studies.other_flows import largest, records, runs_of, write
@@ -254,15 +259,16 @@ def simulate(
 
     for_program = parts.one_form(as_json, as_csv)
     _check_sensor(snr, reference, rate, cutoff)
-    memory = _memory(inflow_dynamics or "quasi_steady", tau1, snr, start)
     _check_start(start, stop, snr)
     solution = read_result(result)
-    if (own := solution.case.inflow_dynamics).remembers and inflow_dynamics is None:
-        memory, tau1 = not start and snr is None, own.tau1
+    if condition is not None:
+        solution = replace(solution, case=solution.case.with_overrides(f"condition={condition}"))
+    memory = _memory(solution.case, inflow_dynamics, tau1, snr, start)
     chosen = solution if scenario is None else solution.scenario(scenario)
-    runs = runs_of(chosen, flow, flow_seeds, memory, tau1)
+    runs = runs_of(chosen, flow, flow_seeds, *memory)
     several, told = len(runs) > 1, []
     words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
+    words += f"; condition {condition}" if condition else ""
     echo(f"{solution.name} in flow {words}", err=for_program)
     for run in runs:
         if start:
@@ -303,26 +309,24 @@ def _check_start(start: bool, stop: float | None, snr: float | None) -> None:
         raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
 
 
-def _memory(name: str, tau1: float | None, snr: float | None, start: bool) -> bool:
-    """Return whether the wake has memory; refuse options that contradict this."""
-    names, key = ("quasi_steady", "oye"), "--inflow-dynamics"
-    if name not in names:
-        raise InputError("is unknown", f"choose {' or '.join(names)}", key=key, value=name)
-    memory = name == names[1]
-    for other, asked, why in (
+def _memory(
+    case: Case, name: str | None, tau1: float | None, snr: float | None, start: bool
+) -> tuple[bool, float | None]:
+    """Return whether the wake has memory, and its time constant, s; refuse what contradicts it."""
+    own, key = case.inflow_dynamics, "--inflow-dynamics"
+    if name is not None or tau1 is not None:
+        asked = json.dumps({"model": name or own.model, "tau1": tau1})
+        own = case.with_overrides(f"inflow_dynamics={asked}").inflow_dynamics
+    for other, contradicts, why in (
         ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
         ("--start-up", start, "which begins where the model is not valid (docs/dynamic_inflow.md)"),
     ):
-        if memory and asked:
+        if own.remembers and contradicts:
+            if name is None:  # that of the case is left out
+                return False, None
             problem = f"does not go with {other}, {why}"
             raise InputError(problem, "leave one of them out", key=key, value=name)
-    if tau1 is not None and not memory:
-        problem = "has no effect on a wake without memory"
-        raise InputError(problem, f"give {key} oye too", key="--tau1")
-    if tau1 is not None and not 1e-3 <= tau1 <= 1e4:
-        remedy = "give a number between 0.001 and 10000"
-        raise InputError("is out of range", remedy, key="--tau1", value=tau1)
-    return memory
+    return own.remembers, own.tau1
 
 
 def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:

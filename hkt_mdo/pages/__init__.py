@@ -1,7 +1,5 @@
-"""Pages for people: a report of one result or several, and texts with tables in the same style."""
+"""Pages for people: a report of one result or several."""
 
-import base64
-import re
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -52,30 +50,3 @@ def plotly_script() -> str:
     """
     remedy = f"install it with: {install('report')}"
     return str(needed("plotly.offline", remedy, "a report ").get_plotlyjs())
-
-
-def text_page(title: str, text: str, folder: Path) -> str:
-    """Return a text in Markdown as an HTML page that needs no other file and no network.
-
-    Parameters
-    ----------
-    title : str
-        Title of the page.
-    text : str
-        The text; HTML in it is shown as it is written.
-    folder : Path
-        Where the text's images are, as PNG.
-
-    Returns
-    -------
-    str
-        The page.
-    """
-    from markdown_it import MarkdownIt
-
-    def inside(image: re.Match) -> str:
-        content = base64.b64encode((folder / image[1]).read_bytes()).decode("ascii")
-        return f'src="data:image/png;base64,{content}"'
-
-    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    return rendered("text.html", title=title, body=re.sub('src="(.*?)"', inside, body))

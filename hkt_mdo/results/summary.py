@@ -56,6 +56,9 @@ BETTER = 1e-3
 """Share by which a branch that was not taken has to be better without time for a warning, as in
 `river25` with open loop (1.7 %)."""
 
+ALWAYS = 0.999
+"""Share of the time at its limit from which a torque is always there (`all_quadratic`)."""
+
 FAST = 14.1
 """Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
 
@@ -242,7 +245,7 @@ class BranchEntry(_Entry):
 
     def row(self) -> Row:
         """Return the entry as a row."""
-        given_up = "" if self.kept else "ended before it kept the limits"
+        given_up = "" if self.kept else "exceeds a limit there"
         note = joined("in quasi-steady operation", given_up, "taken" if self.taken else "")
         return Row(f"branch {self.name}", self.objective_J, "J", note)
 
@@ -369,8 +372,9 @@ class YearEntry(_Entry):
             f"by the flow's speed {parts['speed']}" if "speed" in parts else "",
             f"by the length of the record {parts['record']}" if "record" in parts else "",
         )
-        note = "electrical, of 8766 h" + ("; standard uncertainty: " if both else "")
-        yield Row("annual energy", f"{gross} kWh{both}", note=note + joined(*causes))
+        known = f"standard uncertainty: {joined(*causes)}" if both else "uncertainty not known"
+        note = f"electrical, of 8766 h; {known}"
+        yield Row("annual energy", f"{gross} kWh{both}", note=note)
         if lost:
             yield Row("annual energy, net", f"{measured(net, '', 6)} kWh{both}", note=lost)
         most = f"of the largest power, {measured(self.rated_power_W, 'W')}"
@@ -621,8 +625,8 @@ class Summary(_Entry, Mapping[str, Any]):
     def warnings(self, case: Case) -> list[str]:
         """Return what may be wrong beside the checks.
 
-        A blade that would break, an unstable loop, large unlimited loads, a better branch without
-        a verified result, mistakes in the case.
+        A blade that would break, an unstable loop, large unlimited loads, a torque that is always
+        at its limit, a better branch without a verified result, mistakes in the case.
         """
         loads = {k: x for k, x in (self.loads or {}).items() if k not in (self.limits or {})}
         loads.pop("stress", None)  # is told by what breaks the blade
@@ -630,7 +634,10 @@ class Summary(_Entry, Mapping[str, Any]):
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable
         loop = [] if stable else [f"with dynamic inflow, {self.memory.text}"]
-        return [*self.breaks(case), *loop, *large, *self._better(), *(self.doubts or ())]
+        torque = (self.limits or {}).get("control_torque", LimitEntry())
+        full = "the torque is always at its limit: the gain is arbitrary, slower flow may stall it"
+        full = [full] * (self.gain is not None and (torque.share_of_time or 0.0) > ALWAYS)
+        return [*self.breaks(case), *loop, *large, *full, *self._better(), *(self.doubts or ())]
 
     def _better(self) -> Iterator[str]:
         """Yield that a branch which was not taken is better without time."""
@@ -803,5 +810,5 @@ def _losses(generated: float | None, electrical: float | None) -> str:
         return ""
     lost = generated - electrical
     if abs(lost) <= 1e-9 * abs(generated):
-        return "none lost: the case gives no losses"
+        return "the generator loses nothing"
     return f"losses {measured(lost, 'J')} ({per_cent(lost, generated, 3) or '-'})"

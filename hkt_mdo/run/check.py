@@ -178,8 +178,8 @@ def _kind(rotor) -> str:
     """Return whether blades are solid or hollow; neither where the area of a section is given."""
     if any(section.area is not None for section in rotor.sections):
         return ""
-    hollow = rotor.wall or any(section.wall for section in rotor.sections)
-    return "hollow " if hollow else "solid "
+    walls = [part.wall or 0.0 for part in (rotor, *rotor.sections)]
+    return "hollow " if any(0.0 < wall < 0.5 for wall in walls) else "solid "
 
 
 def _stations(found: Findings) -> Rows:

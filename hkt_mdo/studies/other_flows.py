@@ -29,6 +29,7 @@ from hkt_mdo.studies.uncertainty import Design, flow_given
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
 MOST_SEEDS = 10_000
+STALLED = 0.5  # tip speed ratio over the least of the design, below which a rotor stalls
 RUN_AWAY = 1.2  # speed over that without memory, above which the wake lets the rotor run away
 
 
@@ -148,6 +149,12 @@ class Run:
         if (stopped := self.simulation.stopped_at) is not None:
             remark = "generates no more: the simulation ends there"
             found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
+        ratio, designed = known["tip_speed_ratio"], self.design.solution.summary.tip_speed_ratio
+        slow = ratio < STALLED * ((designed and designed.min) or 0.0)
+        if stopped is None and np.any(slow):
+            time = float(known["time"][np.argmax(slow)])
+            remark = "below half of the least tip speed ratio of the design's own flow"
+            found["rotor stalls"] = Told(value=time, unit="s", kept=False, remark=remark)
         if (away := self.runs_away) is not None:
             remark = "more than 20 % faster than without memory"
             found["rotor runs away"] = Told(value=away, unit="s", kept=False, remark=remark)

@@ -10,8 +10,8 @@ from itertools import count
 from pathlib import Path
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.pages import text_page
 from hkt_mdo.results.folder import write_text
+from studies.study_common import text_page
 from studies.verification.study import PARTS, report, run_part
 
 ROOT = Path(__file__).parents[2]

@@ -240,18 +240,18 @@ def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
 @pytest.mark.parametrize(
     ("options", "key"),
     [
-        (["--inflow-dynamics", "pitt_peters"], "--inflow-dynamics"),
+        (["--inflow-dynamics", "pitt_peters"], "inflow_dynamics.model"),
         (["--inflow-dynamics", "oye", "--start-up"], "--inflow-dynamics"),
         (["--inflow-dynamics", "oye", "--noise-snr", "20"], "--inflow-dynamics"),
-        (["--inflow-dynamics", "oye", "--tau1", "0"], "--tau1"),
-        (["--inflow-dynamics", "oye", "--tau1", "nan"], "--tau1"),
-        (["--tau1", "2"], "--tau1"),
+        (["--inflow-dynamics", "oye", "--tau1", "0"], "inflow_dynamics.tau1"),
+        (["--inflow-dynamics", "oye", "--tau1", "nan"], "inflow_dynamics.tau1"),
+        (["--tau1", "2"], "inflow_dynamics.tau1"),
     ],
 )
 def test_what_does_not_go_with_memory_is_reported(quadratic, options, key, capsys):
     assert main(["simulate", str(quadratic.solution.folder), *options]) == 2
     error = capsys.readouterr().err
-    assert error.startswith(f"error: {key}")
+    assert f" {key}" in error
     assert error.count("\n") == 1
 
 
