@@ -59,7 +59,7 @@ class LeastEnergy(Limit):
         return self.bound
 
 
-class MeanThrust(Objective):
+class ThrustImpulse(Objective):
     """The integral of the thrust, made as small as possible: a load over time."""
 
     kind: ClassVar[str] = "thrust"
