@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
 FOLDERS = ("", "studies", "dev")  # of docs, in which pages of results are
 RENDERED = {  # pages that are written from the results in their data, and by which script
+    "ablation": "ablation",
     "annual_energy": "annual_energy",
     "bem": "compare_ccblade",
     "cost": "cost_of_energy",
