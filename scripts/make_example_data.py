@@ -176,9 +176,8 @@ def reproduces_shipped_polar():
     outline = np.genfromtxt(locate("naca63815", "outline"), delimiter=",", names=True)
     shipped = np.genfromtxt(locate("naca63815_Re2e5", "polar"), delimiter=",", names=True)
     again, _ = polar(np.column_stack([outline[name] for name in ("x_over_c", "y_over_c")]), 2e5)
-    error = np.abs(
-        again - np.column_stack([shipped[x] for x in ("alpha_deg", "cl", "cd", "cm")])
-    ).max()
+    columns = [shipped[name] for name in ("alpha_deg", "cl", "cd", "cm")]
+    error = np.abs(again - np.column_stack(columns)).max()
     print(f"{data_path('naca63815_Re2e5', 'polar').name}: largest difference {error:.1e}")
     return error < 1e-6
 

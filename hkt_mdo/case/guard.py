@@ -112,19 +112,19 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
                 raise InputError(problem, "correct the method", file=file, key=place)
         if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
-            if problem := _wrong_slope(method, self, args, quantities):
-                remedy = EACH if problem.startswith("mixes") else COMPLEX
+            problem, remedy = _wrong_slope(method, self, args, quantities)
+            if problem:
                 raise InputError(problem, remedy, file=file, key=place)
         return result
 
     return told
 
 
-def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> str:
-    """Return by which argument a derivative by complex step is wrong; empty if by none.
+def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> tuple[str, str]:
+    """Return by which argument a derivative is wrong, and the remedy; empty if by none.
 
-    It lies between the differences to both sides, which are apart at a kink. By a quantity over
-    time a formula has it at every instant by itself.
+    That by complex step lies between the differences to both sides, which are apart at a kink. By a
+    quantity over time a formula has it at every instant by itself.
     """
     names, given = [*signature(method).parameters][1:], dict(enumerate(args)) | quantities
 
@@ -142,12 +142,13 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
         try:
             here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
             slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
-            one = (np.arange(size.size) == 0).reshape(size.shape)
-            first = np.imag(at(key, value + 1j * STEP * step * one))
+            if is_over_time(name) and size.size > 1:
+                one = (np.arange(size.size) == 0).reshape(size.shape)
+                first = np.imag(at(key, value + 1j * STEP * step * one))
+                if np.any(first[first.size > 1 :]):
+                    return f"mixes instants: its value at one depends on {name} at another", EACH
         except Exception as error:
-            return f"raises {one_line(error)} for a complex {name}"
-        if is_over_time(name) and size.size > 1 and np.any(first[first.size > 1 :]):
-            return f"mixes instants: its value at one depends on {name} at another"
+            return f"raises {one_line(error)} for a complex {name}", COMPLEX
         sides = np.stack((here - lower, upper - here))
         noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
         off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise
@@ -156,8 +157,8 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
             unit = np.resize(step, off.size)[worst]
             both = slope[worst] / unit, np.mean(sides[:, worst]) / unit
             told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
-            return f"has a derivative by {name} of {told}"
-    return ""
+            return f"has a derivative by {name} of {told}", COMPLEX
+    return "", ""
 
 
 def one_line(error: BaseException) -> str:

@@ -49,7 +49,7 @@ _TAU1 = (
     "0.7 R, 1.1 R / ((1 - 1.3 a) V)."
 )
 _CONDITION = "Fouling in place of the case's condition, such as {lift: 0.9, drag: 1.5}."
-_STRICT = "Exit with 3 if a limit is broken or the rotor stops."
+_STRICT = "Exit with 3 if a limit is broken or the rotor stops or stalls."
 _START = "Start from standstill, without torque, and let the law take over in operation."
 _STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
 _CUTOFF = (

@@ -161,7 +161,8 @@ class FeedbackLaw(Law):
         from scipy.optimize import lsq_linear
 
         columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
-        alone = columns @ torque / np.sum(columns**2, axis=1)
+        # a term may be zero at all of these speeds
+        alone = columns @ torque / np.maximum(np.sum(columns**2, axis=1), np.finfo(float).tiny)
         return lsq_linear(columns.T * alone, torque, (LEAST_TERM, np.inf)).x * alone
 
     def moves(self, gains, factor):

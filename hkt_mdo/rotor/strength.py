@@ -397,7 +397,7 @@ def _norms_around(u, v, added, points, moved, exponent):
             if top == 0.0:
                 continue
             counts = most * top + added[i, j] > needed  # in the norm along the blade
-            near = top * (negligible if counts else 1.0 - 1e-12)
+            near = top * (negligible if counts else 1.0 - 1e-12)  # else its farthest point alone
             total = by_u = by_v = by_points = 0.0 * u_here
             for at in range(points.shape[2]):
                 value = points[k, 0, at] * u_here + points[k, 1, at] * v_here

@@ -240,14 +240,12 @@ class Design:
             raise InputError(
                 problem, "give another flow, such as --flow '{profile: sine}'", key="inflow"
             )
-        if self.physics.case.inflow.steady and not self.law.is_feedback:
+        case = self.physics.case
+        if case.inflow.steady and not self.law.is_feedback:
             problem = "has a torque for each speed of a year's flow, and none over time"
             raise InputError(problem, "give a design under a feedback law", key="control.law")
-        cut_out, duration = (
-            self.physics.case.control.cut_out,
-            phase_in(self.physics.case, inflow).duration,
-        )
-        both = inflow, *(() if self.physics.case.inflow.steady else (self.physics.inflow,))
+        cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
+        both = inflow, *(() if case.inflow.steady else (self.physics.inflow,))
         for flow in both if cut_out is not None else ():
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
                 problem = "stops the machine in this flow or in that of its design, and "

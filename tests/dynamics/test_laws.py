@@ -82,6 +82,16 @@ def test_every_gain_begins_with_the_sign_that_it_has_alone():
     assert np.all(law.fit(SPEED, flat) >= 0.01 * alone)
 
 
+def test_a_term_that_is_zero_at_all_speeds_has_no_gain():
+    class Ramp(TwoTerms):
+        law: Literal["ramp"] = "ramp"
+
+        def demand(self, speed, gains):
+            return gains[0] * speed**2 + gains[1] * np.where(speed > 20.0, speed - 20.0, 0.0)
+
+    assert Ramp().fit(SPEED, 3.0 * SPEED**2) == pytest.approx([3.0, 0.0], rel=1e-9)
+
+
 @pytest.mark.parametrize("limit", [None, 700.0])
 @pytest.mark.parametrize(("kind", "gains"), CASES, ids=[kind.__name__ for kind, _ in CASES])
 def test_partials(kind, gains, limit):

@@ -251,7 +251,7 @@ def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
 def test_what_does_not_go_with_memory_is_reported(quadratic, options, key, capsys):
     assert main(["simulate", str(quadratic.solution.folder), *options]) == 2
     error = capsys.readouterr().err
-    assert f" {key}" in error
+    assert re.match(rf"error: (case \S+, override .*: )?{re.escape(key)}\b", error), error
     assert error.count("\n") == 1
 
 
