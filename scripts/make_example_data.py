@@ -19,7 +19,11 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.files.shipped import data_path, locate
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
+
+from study_common import shipped_table
+
+from hkt_mdo.files.shipped import data_path
 
 DATA = Path(__file__).parent.parent / "hkt_mdo" / "files" / "data"
 EXAMPLES = Path(__file__).parent.parent / "cases" / "examples" / "files"
@@ -173,8 +177,8 @@ def write(path, header, table, decimals):
 
 def reproduces_shipped_polar():
     """Return whether NeuralFoil gives a shipped polar again, within its rounding."""
-    outline = np.genfromtxt(locate("naca63815", "outline"), delimiter=",", names=True)
-    shipped = np.genfromtxt(locate("naca63815_Re2e5", "polar"), delimiter=",", names=True)
+    outline = shipped_table("naca63815", "outline")
+    shipped = shipped_table("naca63815_Re2e5", "polar")
     again, _ = polar(np.column_stack([outline[name] for name in ("x_over_c", "y_over_c")]), 2e5)
     columns = [shipped[name] for name in ("alpha_deg", "cl", "cd", "cm")]
     error = np.abs(again - np.column_stack(columns)).max()

@@ -9,12 +9,17 @@ that of potential flow without circulation, 1 - 4 sin² = -3.
 """
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
+
+from study_common import shipped_table
+
 from hkt_mdo.files.polar_table import SURFACES
-from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, locate
+from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
 
@@ -24,12 +29,12 @@ DECIMALS = 4
 
 def pressures():
     """Return cpmin[2, n_rows] of every shipped polar by its name."""
-    rows = np.genfromtxt(locate("cylinder", "polar"), delimiter=",", names=True)
+    rows = shipped_table("cylinder", "polar")
     found = {"cylinder": np.full((2, rows.size), CYLINDER)}
     for section, polars in POLAR_FAMILIES.items():
         outline = Outline.from_file(section)
         for polar in polars:
-            table = np.genfromtxt(locate(polar, "polar"), delimiter=",", names=True)
+            table = shipped_table(polar, "polar")
             alpha = np.deg2rad(table["alpha_deg"])
             found[polar] = -potential_suction(outline, alpha, table["cl"])
     return found

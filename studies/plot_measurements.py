@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from study_common import shipped_table
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.files.shipped import locate
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
@@ -24,11 +24,9 @@ SETS = {
 
 def main():
     """Draw measured points and the curves of two sets of stations; tell the errors."""
-    measured = np.genfromtxt(locate("bahaj2007", "measurement"), delimiter=",", names=True)
-    thrust = np.genfromtxt(locate("bahaj2007", "thrust"), delimiter=",", names=True)
-    tabulated = np.minimum(
-        np.genfromtxt(locate("bahaj2007", "blade"), delimiter=",", names=True)["r_over_R"], 0.999
-    )
+    measured = shipped_table("bahaj2007", "measurement")
+    thrust = shipped_table("bahaj2007", "thrust")
+    tabulated = np.minimum(shipped_table("bahaj2007", "blade")["r_over_R"], 0.999)
     polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
     figure = Figure(figsize=(6.2, 6.4), layout="constrained")
     FigureCanvasAgg(figure)

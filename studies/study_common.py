@@ -5,9 +5,11 @@ import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import shipped_cases, shipped_rotor
+from hkt_mdo.files.shipped import locate, shipped_cases, shipped_rotor
 from hkt_mdo.pages import rendered
 from hkt_mdo.problem.turbine import build_turbine
 
@@ -46,6 +48,24 @@ def case_file(folder: Path | None, name: str, overrides: Sequence[str] = ()) -> 
         remedy, key = "give the folder of the shipped cases", f"--cases {path.parent}"
         raise InputError(f"has no {path.name}", remedy, key=key)
     return load_case(path, overrides)
+
+
+def shipped_table(name: str, kind: str) -> np.ndarray:
+    """Return the columns of a shipped table as they are in its file.
+
+    Parameters
+    ----------
+    name : str
+        Shipped name or path.
+    kind : str
+        As of `hkt_mdo.files.shipped.locate`.
+
+    Returns
+    -------
+    numpy.ndarray of shape (n_rows,)
+        Its fields are the columns.
+    """
+    return np.genfromtxt(locate(name, kind), delimiter=",", names=True)
 
 
 def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], design="") -> Case:

@@ -4,22 +4,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from study_common import shipped_table
 
 from hkt_mdo.case import Fluid, Rotor
-from hkt_mdo.files.shipped import locate
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 
 
 @pytest.fixture(scope="module")
 def measured():
-    return np.genfromtxt(locate("bahaj2007", "measurement"), delimiter=",", names=True)
+    return shipped_table("bahaj2007", "measurement")
 
 
 @pytest.fixture(scope="module")
 def tabulated_blade():
     """All seventeen tabulated stations, the last moved just inside the tip."""
-    table = np.genfromtxt(locate("bahaj2007", "blade"), delimiter=",", names=True)
+    table = shipped_table("bahaj2007", "blade")
     stations = np.minimum(table["r_over_R"], 0.999)
     return build_turbine(Rotor(stations=tuple(stations)), Fluid(), 1.0).blade
 
@@ -38,7 +38,7 @@ def test_power_coefficient_of_the_baseline(measured, tabulated_blade, polar):
 
 def test_thrust_of_the_baseline(tabulated_blade, polar):
     """It is below the measured one by up to 6 %: a limit on the thrust is not conservative."""
-    measured = np.genfromtxt(locate("bahaj2007", "thrust"), delimiter=",", names=True)
+    measured = shipped_table("bahaj2007", "thrust")
     computed = bem.rotor_coefficients(tabulated_blade, polar, measured["TSR"]).thrust
     share = computed / measured["Ct"] - 1.0
     assert measured["TSR"].size == 19

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from study_common import shipped_table
 
 from hkt_mdo.cli import main
 from hkt_mdo.cli.polar_report import draw_report, parse_alpha, parse_reynolds
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES
-from hkt_mdo.files.shipped import POLAR_FAMILIES, locate
+from hkt_mdo.files.shipped import POLAR_FAMILIES
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.neuralfoil import ComputedPolar, compute_polars
 from hkt_mdo.rotor.outline import Outline
@@ -43,7 +44,7 @@ def test_shipped_polars_come_out_again(neuralfoil, tmp_path):
     ours = tmp_path / "results/polars/naca63815_polars.csv"
     new = np.genfromtxt(ours, delimiter=",", names=True, skip_header=1)
     for name, reynolds in family.items():
-        shipped = np.genfromtxt(locate(name, "polar"), delimiter=",", names=True)
+        shipped = shipped_table(name, "polar")
         rows = new["reynolds"] == reynolds
         assert new["alpha_deg"][rows].tolist() == shipped["alpha_deg"].tolist()
         for column in ("cl", "cd", "cm"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from study_common import shipped_table
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.outline import read_outline
@@ -18,7 +19,7 @@ COLUMNS = {
 @pytest.mark.parametrize("kind", COLUMNS)
 def test_shipped_tables_are_read(kind):
     for name in shipped_names(kind):
-        table = np.genfromtxt(locate(name, kind), delimiter=",", names=True)
+        table = shipped_table(name, kind)
         assert table.dtype.names[: len(COLUMNS[kind])] == COLUMNS[kind]
         assert all(np.all(np.isfinite(table[column])) for column in COLUMNS[kind])
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from study_common import shipped_table
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import locate, shipped_names
+from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.outline import Outline
@@ -55,7 +56,7 @@ def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
 
 @pytest.mark.parametrize("name", POLARS)
 def test_table_points_are_interpolated_exactly(name):
-    table = np.genfromtxt(locate(name, "polar"), delimiter=",", names=True)
+    table = shipped_table(name, "polar")
     (polar,) = PolarFamily.from_file(name).polars
     assert np.all(
         table["alpha_deg"] * KNOTS_PER_DEGREE % 1.0 == 0.0

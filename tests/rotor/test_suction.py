@@ -4,10 +4,11 @@ import importlib
 
 import numpy as np
 import pytest
+from study_common import shipped_table
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar_table import SURFACES, polar_table
-from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, locate, shipped_names
+from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, shipped_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.suction import section_suction, split_at_kink
@@ -60,7 +61,7 @@ def test_slopes_are_those_of_the_values_at_angles_of_any_shape(polar):
 
 @pytest.mark.parametrize("name", shipped_names("polar"))
 def test_rows_are_interpolated_exactly(name):
-    rows = np.genfromtxt(locate(name, "polar"), delimiter=",", names=True)
+    rows = shipped_table(name, "polar")
     near = np.abs(rows["alpha_deg"]) <= 90.0
     (found,) = PolarFamily.from_file(name).polars
     suction, _ = found.suction_at(np.deg2rad(rows["alpha_deg"][near]))
@@ -171,7 +172,7 @@ def test_shipped_columns_are_what_the_script_computes():
     computed = script.pressures()
     assert sorted(computed) == sorted(shipped_names("polar"))
     for name, pressure in computed.items():
-        rows = np.genfromtxt(locate(name, "polar"), delimiter=",", names=True)
+        rows = shipped_table(name, "polar")
         assert np.allclose(np.stack([rows[each] for each in SURFACES]), pressure, atol=2e-4)
         text = data_path(name, "polar").read_text(encoding="utf-8")
         again = script.with_pressures(text, -np.ones_like(pressure))
