@@ -86,7 +86,7 @@ def run(
 
             if not quiet:
                 about = loaded.name, loaded.objective.unit or "", live
-                how["progress"], how["on_pass"] = _reporters(*about)
+                how |= zip(("progress", "on_pass", "on_start"), _reporters(*about), strict=True)
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -106,23 +106,31 @@ def run(
         raise parts.ended(parts.NO_SUCCESS, text)
 
 
-def _reporters(
-    name: str, unit: str, live: Progress
-) -> tuple[Callable[..., None], Callable[..., None]]:
-    """Return what a run reports its evaluations and its passes to.
+def _reporters(name: str, unit: str, live: Progress) -> tuple[Callable[..., None], ...]:
+    """Return what a run reports its evaluations, its passes and its starts to.
 
-    An evaluation is the live line on a terminal, else a line every few seconds; a pass is a line.
+    An evaluation or a start is the live line on a terminal, else a line every few seconds; a pass
+    is a line.
     """
     from hkt_mdo.results.words import measured
 
     began = last = time.monotonic()
-    number = 1
+    number, starts = 1, 0
 
     def evaluation(count: int, value: float, infeasibility: float) -> None:
+        line = f"pass {number}, evaluation {count}, {measured(value, unit)}"
+        shown(f"{line}, infeasibility {infeasibility:.1e}")
+
+    def started(record: Any) -> None:
+        nonlocal starts
+        starts += 1
+        where = record.strategy + f" on {record.branch}" * bool(record.branch)
+        line = f"start {starts}, {where}, {record.law.replace('_', ' ')}"
+        shown(f"{line}: {measured(record.objective, unit)}")
+
+    def shown(line: str) -> None:
         nonlocal last
         now = time.monotonic()
-        line = f"pass {number}, evaluation {count}, {measured(value, unit)}"
-        line += f", infeasibility {infeasibility:.1e}"
         if live.console.is_terminal:
             live.update(live.task_ids[0], description=line)
         elif now - last >= _SECONDS_BETWEEN_LINES:
@@ -139,7 +147,7 @@ def _reporters(
         live.update(live.task_ids[0], description=then)
         _tell(live, f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
-    return evaluation, passed
+    return evaluation, passed, started
 
 
 def _tell(live: Progress, line: str) -> None:

@@ -101,3 +101,11 @@ class ElectricalEnergy(_Energy):
     kind: Literal["electrical"] = "electrical"
     """What is maximized."""
     inputs: ClassVar[tuple[str, ...]] = ("electrical_power",)
+
+
+INTEGRALS: dict[str, Objective] = {
+    "energy": CapturedEnergy(),
+    "generator_energy": GeneratorEnergy(),
+    "electrical_energy": ElectricalEnergy(),
+}
+"""Integrals over all scenarios, by name: the quantities over the whole result."""

@@ -33,6 +33,9 @@ SPIKES = "give spikes: replace to leave such samples out, or spikes: keep if tha
 SPIKE = 6.0
 """Least distance of a spike from the median of the samples around it, in units of their spread."""
 
+REPAIRS = {"spikes": "replace", "gaps": "interpolate", "uneven": "resample"}
+"""The value of each option that allows a repair."""
+
 LONGEST = 1e10
 """Longest record, s, some 300 years: a later time is a mistake."""
 
@@ -77,7 +80,7 @@ def read_record(path: str | Path, **options: Any) -> Record:
     than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
     chosen = RecordOptions(**options)
-    return _Record(read_columns(Path(path), chosen), chosen).made()
+    return _made(read_columns(Path(path), chosen), chosen)
 
 
 def read_columns(path: Path, options: RecordOptions) -> Columns:
@@ -137,7 +140,31 @@ def record_from(data: Any, **options: Any) -> Record:
     `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
     """
     chosen = RecordOptions(**options)
-    return _Record(_with_parts(partial(columns_from, data), chosen), chosen).made()
+    return _made(_with_parts(partial(columns_from, data), chosen), chosen)
+
+
+def _made(raw: Columns, options: RecordOptions) -> Record:
+    """Return the record of columns; one that needs several repairs is refused with all of them."""
+
+    def tried(**allowed: str) -> Record | InputError:
+        try:
+            return _Record(raw, replace(options, **allowed)).made()
+        except InputError as error:
+            return error
+
+    record = tried()
+    if isinstance(record, Record):
+        return record
+    every = {key: word for key, word in REPAIRS.items() if getattr(options, key) == "refuse"}
+    if isinstance(tried(**every), Record):
+        needed = [
+            f"{key}: {every[key]}"
+            for key in every
+            if isinstance(tried(**{**every, key: "refuse"}), InputError)
+        ]
+        if len(needed) > 1:
+            record.remedy += f"; the whole record needs {', '.join(needed)}"
+    raise record
 
 
 def check_order(raw: Columns) -> None:

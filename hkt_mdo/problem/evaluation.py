@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.limits import DesignBounds
-from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
+from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
-from hkt_mdo.quantities import names
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.model import RotorModel
@@ -63,18 +62,14 @@ def _quantities(physics, point) -> list[dict]:
         known |= {"torque_rate": scenario.rate_of(held), "steady": scenario.steady}
         known |= scalars(physics, rotor, blade)
         found.append(known | physics.states_at_rest(held, flow))
-    kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
-    totals = (_total(physics, kind, found) for kind in kinds)
-    energies = dict(zip(names(over="result"), totals, strict=True))
-    return [known | energies for known in found]
-
-
-def _total(physics, energy, several) -> float:
-    """Return an energy of all scenarios together, J, from their quantities."""
-    return sum(
-        scenario.weight * float(scenario.sample_weights @ energy.rate_of(known))
-        for scenario, known in zip(physics.scenarios, several, strict=True)
-    )
+    integrals = {
+        name: sum(
+            scenario.weight * float(scenario.sample_weights @ integrand.rate_of(known))
+            for scenario, known in zip(physics.scenarios, found, strict=True)
+        )
+        for name, integrand in INTEGRALS.items()
+    }
+    return [known | integrals for known in found]
 
 
 def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:

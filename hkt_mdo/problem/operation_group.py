@@ -7,7 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 import openmdao.api as om
 
-from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, GeneratorEnergy
+from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.rotor_ode import RememberingComp, hydrodynamics_group
 from hkt_mdo.problem.components import (
     AggregateComp,
@@ -49,7 +49,7 @@ class OperationGroup(om.Group):
     what limits and objective take of the design. Where scenarios differ in water or turbine, there
     are density_1, inertia_1 and tables of these names for them (`Physics.variant`). Outputs:
     ``traj.<scenario>.timeseries``, the loads and rates that are needed, ``limit_<name>.value``,
-    energy, generator_energy, electrical_energy (J) and objective.
+    the `INTEGRALS` and objective.
     """
 
     def initialize(self):
@@ -62,7 +62,8 @@ class OperationGroup(om.Group):
         self._add_phases()
         self._add_loads()
         self._add_rates()
-        self._add_energies()
+        weights = {x.name: x.weight * x.node_weights for x in self._physics.scenarios}
+        self._add_integrals("integrals", INTEGRALS, weights)
         for held in held_limits(*self._given, self.options["scales"]):
             if held.component:
                 size = held.nodes.size
@@ -222,14 +223,6 @@ class OperationGroup(om.Group):
             for quantity in sorted(filter(is_over_time, needed)):
                 target = f"{name}.{scenario.name}:{quantity}"
                 self.connect(source_of(scenario, quantity), target)
-
-    def _add_energies(self):
-        """Add the energies of all scenarios together."""
-        kinds = CapturedEnergy(), GeneratorEnergy(), ElectricalEnergy()
-        names = "energy", "generator_energy", "electrical_energy"
-        scenarios = self._physics.scenarios
-        weights = {each.name: each.weight * each.node_weights for each in scenarios}
-        self._add_integrals("energies", dict(zip(names, kinds, strict=True)), weights)
 
     def _add_objective(self):
         """Add the objective: an aggregate of scenarios' mean rates, or a value of the design."""

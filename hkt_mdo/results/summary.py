@@ -245,8 +245,9 @@ class BranchEntry(_Entry):
 
     def row(self) -> Row:
         """Return the entry as a row."""
-        given_up = "" if self.kept else "exceeds a limit there"
-        note = joined("in quasi-steady operation", given_up, "taken" if self.taken else "")
+        exceeds = "" if self.kept else "where a limit is exceeded"
+        ends_here = "the branch of the result" if self.taken else ""
+        note = joined("at its quasi-steady optimum", exceeds, ends_here)
         return Row(f"branch {self.name}", self.objective_J, "J", note)
 
 

@@ -143,8 +143,13 @@ def amounts(values: Any, units: Any, digits: int = 5) -> str:
     A unit may be None or missing, for a plain number.
     """
     shared = groupby(zip_longest(values, units), key=itemgetter(1))
-    rows = ((", ".join(number(value, digits) for value, _ in row), unit) for unit, row in shared)
-    return "; ".join(f"{row} {plain_unit(unit or '')}".rstrip() for row, unit in rows)
+    texts = []
+    for unit, row in shared:
+        *others, last = (value for value, _ in row)
+        one = f"{number(last, digits)} {plain_unit(unit or '')}".rstrip()
+        one = one if others else measured(last, unit or "", digits)
+        texts.append(", ".join([*(number(value, digits) for value in others), one]))
+    return "; ".join(texts)
 
 
 def powers(values: Any) -> str:

@@ -385,7 +385,7 @@ def _not_turning(found: Findings) -> Row:
 def _optimization(found: Findings, package: str) -> Rows:
     """Yield the size of the problem; warn of segments that are too long."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
-    size, length = problem_size(found.physics, found.best), phase.duration / phase.segments
+    size, length = problem_size(found), phase.duration / phase.segments
     segments = sum(scenario.segments for scenario in found.physics.scenarios)
     periods, given = "", phase.segments * len(found.flows)
     if segments > given:
@@ -467,7 +467,10 @@ def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Ro
         words, kept = _ends(limit), ""
         if found.running or limit.place != "time":
             kept = _kept(limit, limit.value_of(values))
-            if np.max(limit.excess(values)) > START_EXCESS:
+            broken, flow = limit.excess(values) > START_EXCESS, values["inflow_speed"]
+            if np.any(broken):
+                if broken.size == flow.size:
+                    kept += f", in flows from {flow[broken].min():.4g} m/s"
                 text = f"broken at the start, {words}; {kept}: the run has to meet it"
                 yield _warning(key, text)
         yield Row(key, words, "", kept)

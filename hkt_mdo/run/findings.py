@@ -20,7 +20,6 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.checks import energy_bound
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.start.find import find_start
@@ -28,7 +27,6 @@ from hkt_mdo.start.find import find_start
 # range over the best tip speed ratio in which a rotor may operate during the design
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
-TRIAL_SEGMENTS = 10, 20  # of the two problems that are built to count
 
 
 class Stations(NamedTuple):
@@ -229,7 +227,8 @@ class Findings:
         """Set speed and time constant of the starting blade in the mean flow."""
         physics, gains = self.physics, self.start.gains
         law = physics.law.beginning_with(gains) if physics.law.is_feedback else physics.law
-        constant = _one_flow(replace(physics, law=law), ConstantInflow(speed=self.mean))
+        flow = Scenario(ConstantInflow(speed=self.mean), physics.scenarios[0].mesh)
+        constant = replace(physics, law=law, scenarios=(flow,))
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None
         if steady.running:
@@ -289,13 +288,6 @@ class Findings:
         return self.plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
 
 
-def _one_flow(physics: Physics, inflow=None, **mesh) -> Physics:
-    """Return the physics with its first scenario alone, in another flow or on another mesh."""
-    first = physics.scenarios[0]
-    mesh = first.mesh.model_copy(update=mesh)
-    return replace(physics, scenarios=(Scenario(inflow or first.inflow, mesh),))
-
-
 class ProblemSize(NamedTuple):
     """Size of an optimization: unknowns and constraints by their names in the OpenMDAO problem.
 
@@ -307,35 +299,13 @@ class ProblemSize(NamedTuple):
     nodes: int
 
 
-def problem_size(physics: Physics, best: SteadyOptimum) -> ProblemSize:
-    """Return the size of an optimization.
-
-    Two problems of few segments are built, and extrapolated, since Dymos' set-up takes long for
-    many segments: unknowns and constraints are linear in their number.
-    """
-    segments = sum(each.segments for each in physics.scenarios)
-    nodes = physics.scenarios[0].nodes_per_segment * segments
-    if len(physics.scenarios) > 1 or physics.scenarios[0].steady or segments <= TRIAL_SEGMENTS[1]:
-        return ProblemSize(*_sizes(physics, best), nodes)
-    few, many = TRIAL_SEGMENTS
-    step = physics.case.phase.duration / segments
-    parts = [_one_flow(physics, segments=x, duration=step * x) for x in TRIAL_SEGMENTS]
-    small, large = (_sizes(part, best) for part in parts)
-    share = (segments - many) / (many - few)
-    counts = (
-        {name: round(n + share * (n - before[name])) for name, n in after.items()}
-        for before, after in zip(small, large, strict=True)
-    )
-    return ProblemSize(*counts, nodes)
-
-
-def _sizes(part: Physics, best: SteadyOptimum) -> tuple[dict[str, int], dict[str, int]]:
-    """Return unknowns and constraints by name of a problem at its start.
+def problem_size(found: Findings) -> ProblemSize:
+    """Return the size of the optimization of a case.
 
     The model and its derivatives are evaluated once, so that those of the user's own are checked.
     """
-    nodes = best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
-    problem = assemble(part, Setup(find_start(part, best, improve=False), nodes))
+    physics, ratios = found.physics, found.best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
+    problem = assemble(physics, Setup(found.start, ratios))
     problem.final_setup()
     driver = problem.driver
     unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
@@ -343,7 +313,8 @@ def _sizes(part: Physics, best: SteadyOptimum) -> tuple[dict[str, int], dict[str
     responses = [*driver.get_objective_values(), *constraints]
     problem.model.linear_solver.totals(driver, responses).compute()
     problem.cleanup()
-    return (
+    return ProblemSize(
         {name: values.size for name, values in unknowns.items()},
         {name: values.size for name, values in constraints.items()},
+        sum(each.nodes_per_segment * each.segments for each in physics.scenarios),
     )

@@ -16,8 +16,6 @@ from hkt_mdo.solve.drivers import Outcome
 MOST_ROWS = 500
 """Segments times limits and the equation of motion, above which little is recorded."""
 
-ENERGIES = "energy", "generator_energy", "electrical_energy", "objective", "inertia", "mass"
-
 
 def solve(
     state: RunState, physics: Physics, setup: Setup, near: bool, refined: bool, most: int | None
@@ -102,6 +100,6 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
             nodes["wake_ratio"] = series(problem, scenario, wake)
     return Optimized(
         *(problem, outcome, setup, point_of(physics, problem), trajectories),
-        *(float(problem.get_val(name)[0]) for name in ENERGIES),
+        *(float(problem.get_val(name)[0]) for name in ("energy", "objective", "inertia", "mass")),
         problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
     )

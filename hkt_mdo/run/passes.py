@@ -24,7 +24,7 @@ from hkt_mdo.run.checked import Checked, quasi_steady_reference
 from hkt_mdo.run.checks import MESH_ERROR, curve_errors, is_false, most_between
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.refine import Division, divided, division, exceeded, held, lowered
+from hkt_mdo.run.refine import Division, constrained, divided, division, exceeded, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, may_tabulate, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -61,7 +61,7 @@ class Task:
         What is done after the pass before, and the reason; empty for the first one.
     passes : int
         How many there were from this start.
-    verified : bool or None
+    first_passed : bool or None
         Whether the start's first branch has led to a result that passes; None: this is the first.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
@@ -77,7 +77,7 @@ class Task:
     name: str = ""
     why: str = ""
     passes: int = 0
-    verified: bool | None = None
+    first_passed: bool | None = None
     coarser: tuple[float, ...] = ()
     optimum: tuple[Physics, Optimized] | None = None
 
@@ -120,6 +120,11 @@ class Pass:
     def physics(self) -> Physics:
         """The physics on the mesh of this optimization."""
         return self.task.physics
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no other pass from the same start is allowed."""
+        return self.task.passes + 1 >= MAX_PASSES
 
     @property
     def converged(self) -> bool:
@@ -176,7 +181,7 @@ class Pass:
         return not any(
             np.max(each.between_nodes(limit)[0]) > most_between(limit)
             for each in self.verifications
-            for limit in held(self.physics, each.scenario)
+            for limit in constrained(self.physics, each.scenario)
         )
 
     @cached_property
@@ -241,10 +246,11 @@ def begin_again(this: Pass) -> Task | None:
     """Begin again from the last iterate of an optimization that did not converge.
 
     The approximation of the Hessian begins anew, at a torque curve of the iterate's blade, and all
-    iterations that the case allows may be made. What fails then as well has failed.
+    iterations that the case allows may be made. What fails then as well has failed, and so has a
+    second branch where the first one has led to a result.
     """
-    last = this.state.last
-    if this.converged or last is None or this.task.name == "begin again":
+    last, again = this.state.last, this.task.name == "begin again"
+    if this.is_last or this.converged or last is None or again or this.task.first_passed:
         return None
     why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
     return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
@@ -254,8 +260,11 @@ def heavier_hub(this: Pass) -> Task | None:
     """Bound a designed hub from below by the inertia from which the loop with memory is stable.
 
     The optimization does not see an instability whose growth is faster than its segments. A bound
-    that is too high is lowered again.
+    that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
+    follows an instability.
     """
+    if this.is_last:
+        return None
     point, bound = this.result.point, this.task.setup.least_hub
     hub = stable_hub(this.physics, point.blade, this.memory)
     if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
@@ -272,7 +281,7 @@ def refine(this: Pass) -> Task | None:
     That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
     are lowered at the nodes of segments that are not divided.
     """
-    if this.failed:
+    if this.is_last or this.failed or this.runs_away:
         return None
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
@@ -300,6 +309,8 @@ def refine(this: Pass) -> Task | None:
 
 def other_branch(this: Pass) -> Task | None:
     """Begin on the start's other branch where that is better, or checks refuse the end."""
+    if this.runs_away or this.approximate or this.task.first_passed is not None:
+        return None
     physics, first = this.state.first, this.task.start
     start = start_on_other_branch(first)
     if start is None:
@@ -313,7 +324,7 @@ def other_branch(this: Pass) -> Task | None:
     else:
         return None
     reference = quasi_steady_reference(physics, start)
-    return Task.first(physics, start, reference, why=why, verified=this.end.passed)
+    return Task.first(physics, start, reference, why=why, first_passed=this.end.passed)
 
 
 FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
@@ -325,20 +336,8 @@ FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
 
 
 def next_task(this: Pass) -> Task | None:
-    """Return the next optimization by the first of `FOLLOW_UPS` that applies.
-
-    After `MAX_PASSES` from one start, only another start is left, of which there is one. A loop
-    that is unstable with dynamic inflow is refused unless its hub is designed: no mesh helps,
-    and its integration runs away.
-    """
+    """Return the next optimization by the first of `FOLLOW_UPS` that applies."""
     for follow in FOLLOW_UPS:
-        if this.runs_away and follow is not heavier_hub:
-            continue
-        if follow is other_branch:
-            if this.approximate or this.task.verified is not None:
-                continue
-        elif this.task.passes + 1 >= MAX_PASSES or (this.task.verified and follow is begin_again):
-            continue
         task = follow(this)
         if task is not None:
             return replace(task, name=follow.__name__.replace("_", " "))
@@ -370,7 +369,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
         if task.passes == 0 or task.physics is not state.physics:
             state.go_on_from(task.physics, task.setup.start, task.start, task.reference)
         began = time.perf_counter()
-        most = SECOND_ITERATIONS if task.verified else FIRST_ITERATIONS
+        most = SECOND_ITERATIONS if task.first_passed else FIRST_ITERATIONS
         most = None if task.name == "begin again" else most
         refined = task.name == "refine"
         this = Pass(state, task, solve(state, task.physics, task.setup, near, refined, most))

@@ -109,7 +109,7 @@ def lowered(
     shares, worst = dict(setup.shares), 0.0
     lowest = 1.0 - (MOST_EXCEEDED if physics.remembers else MOST_LOWERED)
     for verification in verifications:
-        for limit in held(physics, verification.scenario):
+        for limit in constrained(physics, verification.scenario):
             if not np.isfinite(limit.upper):
                 continue
             most = most_between(limit)
@@ -162,19 +162,9 @@ def division(
         Objectives on the coarser meshes, J, the last one's at the end.
     """
     coarse, error = _contradicted(physics, verifications, before), 0.0
-    for marks, verification in zip(coarse, verifications, strict=True):
-        if verification.scenario.steady:  # has no mesh
-            continue
-        for limit in held(physics, verification.scenario) if len(before) < MOST_DIVISIONS else ():
-            over = verification.of_model.between_nodes(limit)[0]
-            nodes = limit.excess(verification.of_model.at_nodes).reshape(marks.size, -1)
-            # what is exceeded at the nodes as well, no division corrects
-            found = (over > most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
-            lost = np.sum(_energies(verification, result.energy), axis=1) @ np.where(
-                found, over, 0.0
-            )
-            if lost > LOST or np.max(over) > MOST_LOWERED:
-                marks |= found
+    if len(before) < MOST_DIVISIONS:
+        for marks, verification in zip(coarse, verifications, strict=True):
+            marks |= _exceeded_between(physics, verification, result.energy)
     if not physics.law.is_feedback:
         error = _open_loop(physics, result, verifications, coarse, before)
     if not any(map(np.any, coarse)):
@@ -210,6 +200,25 @@ def _contradicted(physics, verifications, before) -> list[np.ndarray]:
     return coarse
 
 
+def _exceeded_between(physics, verification, energy) -> np.ndarray:
+    """Return the segments in which limits are exceeded between nodes that keep them.
+
+    A limit counts if a lower one at the nodes would cost energy, or would have to be much lower.
+    """
+    found = np.zeros(verification.scenario.segments, dtype=bool)
+    if verification.scenario.steady:  # has no mesh
+        return found
+    known, shares = verification.of_model, np.sum(_energies(verification, energy), axis=1)
+    for limit in constrained(physics, verification.scenario):
+        over, _ = known.between_nodes(limit)
+        nodes = limit.excess(known.at_nodes).reshape(found.size, -1)
+        # what is exceeded at the nodes as well, no division corrects
+        own = (over > most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
+        if shares[own] @ over[own] > LOST or np.max(over) > MOST_LOWERED:
+            found |= own
+    return found
+
+
 def _open_loop(physics, result, verifications, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
     best = physics.rotor.best_operation(result.point.blade).power_coefficient
@@ -237,10 +246,10 @@ def _parts(physics) -> int:
 
 def _limits_rates(physics) -> bool:
     """Tell whether a limit on a rate holds in some scenario."""
-    return any(x.is_of(RATES) for each in physics.scenarios for x in held(physics, each))
+    return any(x.is_of(RATES) for each in physics.scenarios for x in constrained(physics, each))
 
 
-def held(physics: Physics, scenario: Scenario) -> list[Limit]:
+def constrained(physics: Physics, scenario: Scenario) -> list[Limit]:
     """Return the limits over time that the optimization constrains in a scenario."""
     return [limit for limit in physics.limits_in(scenario) if limit.constrains(physics.law)]
 
@@ -249,7 +258,7 @@ def _switches(physics, verification) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
     scenario, nodes = verification.scenario, verification.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
-    for limit in held(physics, scenario):
+    for limit in constrained(physics, scenario):
         binds = limit.excess(nodes) > -NEAR_LIMIT
         first, *others = binds.reshape(scenario.segments, -1).T
         last = others[-1]
@@ -280,7 +289,7 @@ def _left(physics, verification, energy, best) -> np.ndarray:
         short = scale * best - simulated["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)
-    over = [limit.excess(nodes) for limit in held(physics, scenario)]
+    over = [limit.excess(nodes) for limit in constrained(physics, scenario)]
     if not over:
         return short
     room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)

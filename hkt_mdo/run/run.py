@@ -27,6 +27,7 @@ from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics as make_physics
+from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
@@ -64,6 +65,7 @@ def run_case(
     force: bool = False,
     progress: Progress | None = None,
     on_pass: Callable[[PassEntry], None] | None = None,
+    on_start: Callable[[StartRecord], None] | None = None,
     figures: bool | Iterable[str] = True,
     records: bool = True,
 ) -> Solution:
@@ -82,6 +84,8 @@ def run_case(
         Called as progress(count, objective in J, infeasibility) while the optimizer works.
     on_pass
         Called after every optimization, with its entry in the summary.
+    on_start
+        Called after every optimization without time, from which the start is chosen.
     figures
         Whether figures are drawn, as PNG, or in which formats, such as ("png", "pdf").
     records
@@ -106,7 +110,7 @@ def run_case(
         names = tuple(by_scenario(physics.scenarios))
         claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
-        return _run(physics, out, Earlier(), (progress, on_pass), figures, records)
+        return _run(physics, out, Earlier(), (progress, on_pass, on_start), figures, records)
 
 
 @interrupts_of_compiled_code()
@@ -115,6 +119,7 @@ def resume_case(
     *,
     progress: Progress | None = None,
     on_pass: Callable[[PassEntry], None] | None = None,
+    on_start: Callable[[StartRecord], None] | None = None,
     figures: bool | Iterable[str] = True,
     records: bool = True,
     extensions: Iterable = (),
@@ -127,7 +132,7 @@ def resume_case(
     ----------
     out
         The result folder.
-    progress, on_pass, figures, records
+    progress, on_pass, on_start, figures, records
         As `run_case` takes them.
     extensions
         As `load_case` takes them.
@@ -152,7 +157,7 @@ def resume_case(
             if solution.success:
                 return solution
         physics, earlier = read_iterate(out, physics)
-        return _run(physics, out, earlier, (progress, on_pass), figures, records)
+        return _run(physics, out, earlier, (progress, on_pass, on_start), figures, records)
 
 
 def _prepared(case: Case) -> Physics:
@@ -173,7 +178,7 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     log = Log(out, records, summary, earlier.history)
     log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, log, scratch, *calls, len(earlier.history))
+        state = RunState(physics, log, scratch, *calls, evaluations=len(earlier.history))
         try:
             with _termination_interrupts(state):
                 finished = _optimize_and_verify(state, earlier, out, records)
@@ -206,7 +211,7 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
     """Return the summary of a run; its tables are written."""
     start, reference = earlier.start, earlier.reference
     if start is None:
-        start = find_start(state.first, state.optimum)
+        start = find_start(state.first, state.optimum, on_start=state.on_start)
         reference = quasi_steady_reference(state.first, start)
         start = with_memory(state.first, start)
     end = best = optimize(state, start, reference)

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.summary import PassEntry
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.log import Log
@@ -44,6 +44,8 @@ class RunState:
         Called at every evaluation.
     on_pass
         Called after every optimization.
+    on_start
+        Called after every one of the search for a start.
     evaluations
         Number of those that an earlier run made.
 
@@ -76,10 +78,11 @@ class RunState:
         scratch: str,
         progress: Progress | None = None,
         on_pass: Callable[[PassEntry], None] | None = None,
+        on_start: Callable[[StartRecord], None] | None = None,
         evaluations: int = 0,
     ):
         self.first = self.physics = physics
-        self.log, self.scratch = log, scratch
+        self.log, self.scratch, self.on_start = log, scratch, on_start
         self.point: Callable[[], StartingPoint] | None = None
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None

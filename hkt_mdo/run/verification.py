@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.integrate import simpson, trapezoid
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
     FeedbackTorque,
@@ -35,7 +37,6 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.wake import band_of
-from hkt_mdo.quantities import names
 from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -56,8 +57,6 @@ class Optimized:
     point: StartingPoint
     trajectories: tuple[dict[str, np.ndarray], ...]
     energy: float
-    generator_energy: float
-    electrical_energy: float
     objective: float
     inertia: float
     mass: float
@@ -404,13 +403,11 @@ def simulated_objective(physics: Physics, verifications: tuple[Verification, ...
 
 def design_and_result(verifications: tuple[Verification, ...]) -> dict[str, Any]:
     """Return the quantities of the design and of the whole result, by their names."""
-    energies = {
-        name: total(
-            verifications, lambda verification, name=name: getattr(verification.simulation, name)
-        )
-        for name in names(over="result")
+    integrals = {
+        name: total(verifications, methodcaller("objective", integrand))
+        for name, integrand in INTEGRALS.items()
     }
-    return verifications[0].scalars | energies
+    return verifications[0].scalars | integrals
 
 
 def total(verifications: tuple[Verification, ...], of) -> float:

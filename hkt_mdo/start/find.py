@@ -8,7 +8,7 @@ its own, and the optimizer does not change from one to the other. So the problem
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
@@ -22,7 +22,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import StartingPoint, records
+from hkt_mdo.problem.point import StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
@@ -98,7 +98,11 @@ def improves(physics: Physics, improve: bool | None = None) -> bool:
 
 
 def find_start(
-    physics: Physics, optimum: SteadyOptimum, *, improve: bool | None = None
+    physics: Physics,
+    optimum: SteadyOptimum,
+    *,
+    improve: bool | None = None,
+    on_start: Callable[[StartRecord], None] | None = None,
 ) -> StartingPoint:
     """Return the start of an optimization by co-design without time.
 
@@ -109,6 +113,8 @@ def find_start(
         The best blade, and where it works best.
     improve : bool, optional
         False keeps blade and gains as the case gives them; None does as `start` says.
+    on_start : callable, optional
+        Called after every optimization of the search, with its outcome.
 
     Returns
     -------
@@ -127,7 +133,7 @@ def find_start(
         (blade, gains), messages = design_of_result(physics)
         candidates.append(Candidate(RESULT, blade, gains))
     with TemporaryDirectory() as scratch:
-        search = Search(physics, optimum, scratch)
+        search = Search(physics, optimum, scratch, on_start)
         if improves(physics, improve):
             # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
             if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
@@ -137,9 +143,8 @@ def find_start(
             found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
-    tried = [replace(each.record, law=law) for law, each in search.tried]
     branches = tuple(found) if search.branches != ("",) else ()
-    starts = records(tried, found[0], branches)
+    starts = records([*map(search.record, search.tried)], found[0], branches)
     return replace(found[0], messages=messages, branches=branches, starts=starts)
 
 
@@ -183,6 +188,8 @@ class Search:
         The best blade, and where it works best.
     scratch : str
         Folder for OpenMDAO's own files.
+    on_start : callable or None
+        As `find_start` takes it.
     tried : list
         Name of the law and end of each optimization so far.
     """
@@ -190,6 +197,7 @@ class Search:
     physics: Physics
     optimum: SteadyOptimum
     scratch: str
+    on_start: Callable[[StartRecord], None] | None = None
     tried: list[tuple[str, StartingPoint]] = field(default_factory=list)
 
     @cached_property
@@ -274,8 +282,20 @@ class Search:
                 if operation.running and problem.recovers(table, scaled_gains, operation):
                     break
             point = replace(point, gains=scaled_gains, operation=operation)
-        self.tried.append((self.physics.law.law, point))
-        return point
+        return self._noted(self.physics.law.law, point)
+
+    def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
+        """Return the end of an optimization under a law, noted."""
+        self.tried.append((law, end))
+        if self.on_start is not None:
+            self.on_start(self.record(self.tried[-1]))
+        return end
+
+    @staticmethod
+    def record(tried: tuple[str, StartingPoint]) -> StartRecord:
+        """Return the record of an entry of `tried`."""
+        law, end = tried
+        return replace(end.record, law=law)
 
     def _less_stall(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of an open loop, less a share if its torque does not hold the speed.
@@ -301,8 +321,7 @@ class Search:
             fastest, radius = int(np.argmax(flow)), end.blade.rotor_radius
             ratio = end.operation.rotor_speed[fastest] * radius / flow[fastest]
             end = replace(end, branch=self._schedules.side(end.blade, ratio))
-        self.tried.append((law, end))
-        return end
+        return self._noted(law, end)
 
     def _begin(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return where the optimization from a candidate begins."""

@@ -17,13 +17,13 @@ from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text
-from hkt_mdo.quantities import names
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LimitEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import placed
+from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.uncertainty import Design, flow_given
 
@@ -206,10 +206,10 @@ class Run:
         Returns
         -------
         dict of float or None
-            By the names of `hkt_mdo.quantities`.
+            By the names of `Simulation`.
         """
         run = self.simulation
-        return {x: None if run.stopped_at else getattr(run, x) for x in names(over="result")}
+        return {x: None if run.stopped_at else getattr(run, x) for x in SIMULATED}
 
     @property
     def outcome(self) -> str:

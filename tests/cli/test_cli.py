@@ -17,6 +17,7 @@ import pytest
 
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.solution import Solution
 from tests.conftest import edit_summary
 
@@ -32,9 +33,10 @@ class FakeRun(types.ModuleType):
         super().__init__("hkt_mdo.run.run")
         self.result, self.error, self.saves = result, None, False
 
-    def run_case(self, case, out, *, progress=None, on_pass=None, **options):
+    def run_case(self, case, out, *, progress=None, on_pass=None, on_start=None, **options):
         self.case, self.out, self.options = case, out, options
         if progress is not None:
+            on_start(StartRecord("best blade", "overspeed", 3e5, 0.0, (), law="open_loop"))
             progress(1, 320000.0, 1e-3)
             done = {"number": 1, "converged": True, "iterations": 9, "objective_J": 1.0}
             on_pass(types.SimpleNamespace(**done, remedy="a finer mesh", why="of errors"))
@@ -76,12 +78,14 @@ def fail(folder):
 # Exit codes and messages --------------------------------------------------------------------------
 
 
-def test_run_succeeds_and_is_plain_in_a_pipe(fake, capsys):
+def test_run_succeeds_and_is_plain_in_a_pipe(fake, capsys, monkeypatch):
+    monkeypatch.setattr("hkt_mdo.cli.run._SECONDS_BETWEEN_LINES", 0.0)
     assert main(["run", CASE, "--out", "a/b"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("sine_limited_quadratic: searching for a start\n")
     assert out.endswith("\nsine_limited_quadratic: verified. Results: a/b\n")
     assert "322.24 kJ" in out
+    assert "0 s, start 1, best blade on overspeed, open loop: 300.00 kJ\n" in out
     assert "pass 1 converged in 9 iterations, 1.0000 J; next, a finer mesh: of errors" in out
     assert "\x1b" not in out
     assert err == ""

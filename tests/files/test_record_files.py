@@ -224,6 +224,19 @@ def test_spikes_are_replaced_or_kept(tmp_path):
     assert np.max(kept.speed) > 3.0
 
 
+def test_a_record_that_needs_several_repairs_is_refused_with_all_of_them(tmp_path):
+    time, speed = TIME.copy(), SPEED.copy()
+    time[50] += 0.4 * STEP
+    speed[[400, 900]] = 4.0, np.nan
+    path = csv(tmp_path, time, speed)
+    both, also = "gaps: interpolate, uneven: resample", "; the whole record needs "
+    assert refused(read_record, path).endswith(f"{also}spikes: replace, {both}")
+    assert refused(read_record, path, spikes="keep").endswith(also + both)
+    assert also not in refused(read_record, path, spikes="keep", uneven="resample")
+    speed[0] = np.nan  # which no option repairs
+    assert also not in refused(read_record, csv(tmp_path, time, speed))
+
+
 def test_uneven_samples_are_resampled_where_allowed(tmp_path):
     time = TIME + 0.3 * STEP * np.sin(np.arange(TIME.size))
     slow = 1.5 + 0.2 * np.sin(0.25 * time)

@@ -15,19 +15,14 @@ from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.setup import Setup
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.check_figures import (
     power_spectrum,
 )
 from hkt_mdo.run.findings import problem_size
-from hkt_mdo.start.find import find_start
 from tests.files.broken.blades import WINDIO
 
 CASES, DATA = Path(__file__).parents[2] / "cases", Path(__file__).parents[1] / "data"
@@ -134,34 +129,14 @@ def test_spectrum_has_the_variance() -> None:
 # Size ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        (),
-        ("phase.segments=7",),
-        ("phase.segments=263",),
-        ("control={law: open_loop, torque_limit: 700}", "phase.segments=231"),
-        ("control={law: open_loop, unknown: torque}", "phase.transcription=radau"),
-        ("phase={segments: 220, order: 5, transcription: radau}", "hydrodynamics.torque=direct"),
-        (
-            "rotor={blade: river}",
-            "design={chord_points: 5, twist_points: 4, radius_bounds: [0.7, 1]}",
-        ),
-        ("design={blade: fixed, set_angle_bounds: [0, 10]}", "control.law=linear"),
-    ],
-)
-def test_counts_are_those_of_the_problem(overrides: tuple[str, ...]) -> None:
-    whole = physics(read_case(BASE, overrides))
-    best = best_operation(whole.blade, Hydrodynamics(whole.rotor.polar))
-    size = problem_size(whole, best)
-    start = find_start(whole, best, improve=False)
-    problem = assemble(whole, Setup(start, np.linspace(0.5, 1.6, 40) * best.tip_speed_ratio))
-    problem.final_setup()
-    driver = problem.driver
-    unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
-    assert size.unknowns == {name: value.size for name, value in unknowns.items()}
-    assert size.constraints == {name: value.size for name, value in constraints.items()}
-    assert size.nodes == whole.scenarios[0].node_times.size
+def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
+    """Order 3: a speed at every end of a segment and its rate within; one defect a segment."""
+    phase = "phase={segments: 7, duration: 7}"
+    size = problem_size(check("control.torque_limit=700", phase).findings)
+    ends, nodes = 7 + 1, 3 * 7
+    assert sorted(size.unknowns.values()) == sorted((9, 9, 1, ends))
+    assert sorted(size.constraints.values()) == sorted((7, 1, nodes))
+    assert size.nodes == nodes
 
 
 # Words --------------------------------------------------------------------------------------------
@@ -238,7 +213,9 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     blade, ratio = report.findings.start.blade, start["tip_speed_ratio"]
     loads = {n: q * x.largest for n, x in world.rotor.loads.coefficients(blade, ratio).items()}
     over, left = loads["stress"].max() / 1e6 - 100.0, 20.0 - loads["thrust"].max() / 1e3
-    assert told["limits.stress"].endswith(f"broken by {over:.3g} MPa ({over:.3g} %)")
+    slow = start["inflow_speed"][loads["stress"] > 1.001 * 100e6].min()
+    broken = f"broken by {over:.3g} MPa ({over:.3g} %), in flows from {slow:.4g} m/s"
+    assert told["limits.stress"].endswith(broken)
     assert told["limits.thrust"].endswith(f"kept by {left:.3g} kN ({5.0 * left:.3g} %)")
     moment = loads["root_moment"]
     when = f"at t = {start['time'][np.argmax(moment)]:.2f} s"

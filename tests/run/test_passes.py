@@ -56,7 +56,7 @@ def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
 
 
 def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
-    written, told = [], []
+    written, told, starts = [], [], []
 
     def on_pass(entry):
         told.append(entry)
@@ -64,8 +64,9 @@ def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
         written.append((summary["success"], len(summary["passes"])))
 
     case = load_case(LIMITED)
-    how = {"on_pass": on_pass, "figures": False, "records": False}
+    how = {"on_pass": on_pass, "on_start": starts.append, "figures": False, "records": False}
     solution = run_case(case, tmp_path / "out", **how)
     assert written == [(False, count + 1) for count in range(len(told))]
     assert solution.summary.passes == told
     assert len(told) > 1
+    assert [x.objective for x in starts] == [x.objective for x in solution.summary.starts]
