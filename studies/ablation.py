@@ -125,10 +125,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         sections,
         [(drivers, "CAUTIOUS", {}), (drivers, "CAUTIOUS_BARRIER", 1.0)],
     ),
-    "a finer first curve with several sections": (
-        sections,
-        [(passes, "curve_nodes", usual_curve)],
-    ),
+    "a finer first curve with several sections": (sections, [(passes, "curve_nodes", usual_curve)]),
     "the end of optimizations that stagnate": (
         stagnated,
         [(stationary, "RULES", stationary.Rules(patience=10**6))],

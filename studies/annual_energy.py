@@ -171,11 +171,7 @@ COMPARED = (
     ("thickness", "places of three sections, designed", "that of HARP_Opt's result"),
     ("sections", "FFA-W3 of 21 to 30 %, one Reynolds number", "HARP_Opt's own tables"),
     ("rotor speed", "constant tip speed ratio, then the power limit", "free at each flow speed"),
-    (
-        "physics",
-        "losses at tip and hub, drag in the induction",
-        "the same, summed in another way",
-    ),
+    ("physics", "losses at tip and hub, drag in the induction", "the same, summed in another way"),
 )
 
 

@@ -60,11 +60,7 @@ RUNS = {
     "river_gust_unlimited": ("river_gust", "control.torque_limit=null"),
     "river_gust_unlimited_quadratic": ("river_gust", "control={law: quadratic}"),
     "river_gust_kept": ("river_gust", "design={blade: fixed}"),
-    "river_gust_kept_quadratic": (
-        "river_gust",
-        "design={blade: fixed}",
-        "control.law=quadratic",
-    ),
+    "river_gust_kept_quadratic": ("river_gust", "design={blade: fixed}", "control.law=quadratic"),
     "river_resized": ("river_resized",),
     "river_resized_wide": ("river_resized", "design.radius_bounds=[0.6, 1.4]"),
     "river_resized_kept": ("river_resized", "design.radius_bounds=null"),

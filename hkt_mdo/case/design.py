@@ -5,14 +5,7 @@ from __future__ import annotations
 import os.path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    Strict,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo, model_validator
 
 from hkt_mdo.sections import Pair, Quantity, Section, find_file, ordered, refusal
 

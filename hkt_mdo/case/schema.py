@@ -11,14 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import yaml
-from pydantic import (
-    AfterValidator,
-    Field,
-    SerializeAsAny,
-    Strict,
-    create_model,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model, model_validator
 from pydantic.fields import FieldInfo
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start

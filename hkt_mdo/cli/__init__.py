@@ -61,9 +61,7 @@ _VERSION = typer.Option(
 
 @app.callback()
 def _hkt(
-    context: typer.Context,
-    version: Annotated[bool, _VERSION] = False,
-    extend: Extend = None,
+    context: typer.Context, version: Annotated[bool, _VERSION] = False, extend: Extend = None
 ) -> None:
     EXTENSIONS.set(tuple(extend or ()))
     if context.invoked_subcommand is None:

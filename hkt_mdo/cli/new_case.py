@@ -26,15 +26,6 @@ KINDS = {
 """Kinds of new cases, and what they are about."""
 
 
-def _record_text() -> str:
-    """Return a record as CSV: five minutes of turbulence at 1 Hz, always the same."""
-    flow = "{profile: turbulence, mean: 1.4, intensity: 0.1, duration: 300.0, cutoff: 0.4}"
-    inflow = read_case(f"inflow: {flow}\ncontrol: {{law: open_loop}}").inflow
-    remark = "# A sample, synthesized turbulence of 10 %: put your own record in its place."
-    rows = (f"{time},{inflow.speed_at(float(time)):.4f}" for time in range(301))
-    return "\n".join((remark, "time_s,speed_m_s", *rows, ""))
-
-
 def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False) -> list[Path]:
     """Write a commented case that can be run, and beside it the sample file that it names.
 
@@ -60,7 +51,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
         record = path.with_name(f"{path.stem}_record.csv")
         values["rotor"] = {"blade": "river"}
         values["inflow"] = {"profile": "record", "file": record.name}
-        texts[record] = _record_text()
+        texts[record] = read_text(Path(__file__).with_name("sample_record.csv"), "record")
     about = {"file": path, "about": KINDS[kind], "keys": commented_case(values, _USUAL)}
     text = templates(Path(__file__).parent).get_template("new_case.yaml").render(about)
     read_case(text, file=str(path), folder=path.parent, name=path.stem, check_files=False)

@@ -1,5 +1,7 @@
 """The commands that optimize: run a case or several, and a sweep."""
 
+from __future__ import annotations
+
 import os
 import sys
 import time
@@ -81,12 +83,12 @@ def run(
         check_folder(folder, force)  # which takes no time, unlike what a run imports
     before = _written(folder)
     try:
-        with _live(f"{loaded.name}: searching for a start", quiet) as live:
+        with _live(f"{loaded.name}: searching for a start", quiet, loaded.name) as live:
             from hkt_mdo.run import run as runner
 
             if not quiet:
-                about = loaded.name, loaded.objective.unit or "", live
-                how |= zip(("progress", "on_pass", "on_start"), _reporters(*about), strict=True)
+                calls = _reporters(loaded.objective.unit or "", live)
+                how |= zip(("progress", "on_pass", "on_start"), calls, strict=True)
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -106,65 +108,78 @@ def run(
         raise parts.ended(parts.NO_SUCCESS, text)
 
 
-def _reporters(name: str, unit: str, live: Progress) -> tuple[Callable[..., None], ...]:
-    """Return what a run reports its evaluations, its passes and its starts to.
-
-    An evaluation or a start is the live line on a terminal, else a line every few seconds; a pass
-    is a line.
-    """
+def _reporters(unit: str, live: _Live) -> tuple[Callable[..., None], ...]:
+    """Return what a run reports its evaluations, its passes and its starts to."""
     from hkt_mdo.results.words import measured
 
-    began = last = time.monotonic()
     number, starts = 1, 0
 
     def evaluation(count: int, value: float, infeasibility: float) -> None:
         line = f"pass {number}, evaluation {count}, {measured(value, unit)}"
-        shown(f"{line}, infeasibility {infeasibility:.1e}")
+        live.show(f"{line}, infeasibility {infeasibility:.1e}")
+
+    def passed(entry: Any) -> None:
+        nonlocal number
+        number = entry.number + 1
+        ended = "converged" if entry.converged else "did not converge"
+        line = f"pass {entry.number} {ended} in {entry.iterations} iterations, "
+        line += measured(entry.objective_J, unit)
+        live.update("optimizing again" if entry.remedy else "checking")
+        live.tell(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
     def started(record: Any) -> None:
         nonlocal starts
         starts += 1
         where = record.strategy + f" on {record.branch}" * bool(record.branch)
         line = f"start {starts}, {where}, {record.law.replace('_', ' ')}"
-        shown(f"{line}: {measured(record.objective, unit)}")
-
-    def shown(line: str) -> None:
-        nonlocal last
-        now = time.monotonic()
-        if live.console.is_terminal:
-            live.update(live.task_ids[0], description=line)
-        elif now - last >= _SECONDS_BETWEEN_LINES:
-            last = now
-            _tell(live, f"{name}: {now - began:.0f} s, {line}")
-
-    def passed(entry: Any) -> None:
-        nonlocal number
-        number = entry.number + 1
-        ended = "converged" if entry.converged else "did not converge"
-        line = f"{name}: {time.monotonic() - began:.0f} s, pass {entry.number} {ended} in "
-        line += f"{entry.iterations} iterations, {measured(entry.objective_J, unit)}"
-        then = "optimizing again" if entry.remedy else "checking"
-        live.update(live.task_ids[0], description=then)
-        _tell(live, f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
+        live.show(f"{line}: {measured(record.objective, unit)}")
 
     return evaluation, passed, started
 
 
-def _tell(live: Progress, line: str) -> None:
-    """Print a line above the live one; where it is no terminal, without a line break within."""
-    live.console.print(line, markup=False, highlight=False, soft_wrap=not live.console.is_terminal)
+class _Live:
+    """The last line of a terminal, and the lines that are told above it.
+
+    Parameters
+    ----------
+    progress : rich.progress.Progress
+        Has the line as its only task.
+    name : str
+        Where given, lines begin with it and the time.
+    """
+
+    def __init__(self, progress: Progress, name: str) -> None:
+        self.progress, self.name = progress, name
+        self.began = self.last = time.monotonic()
+
+    def update(self, line: str) -> None:
+        self.progress.update(self.progress.task_ids[0], description=line)
+
+    def show(self, line: str, ends: bool = False) -> None:
+        """Update the line; where it is no terminal, tell it every few seconds, and at the end."""
+        if self.progress.console.is_terminal:
+            self.update(line)
+        elif ends or time.monotonic() - self.last >= _SECONDS_BETWEEN_LINES:
+            self.last = time.monotonic()
+            self.tell(line)
+
+    def tell(self, line: str) -> None:
+        """Print a line above the live one; where it is no terminal, without a line break within."""
+        console = self.progress.console
+        line = f"{self.name}: {time.monotonic() - self.began:.0f} s, {line}" if self.name else line
+        console.print(line, markup=False, highlight=False, soft_wrap=not console.is_terminal)
 
 
 @contextmanager
-def _live(first: str, quiet: bool) -> Iterator[Progress]:
+def _live(first: str, quiet: bool, name: str = "") -> Iterator[_Live]:
     """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
     one_line = Column(no_wrap=True, overflow="ellipsis")  # what wraps would stay on the screen
     text = TextColumn("{task.description}", markup=False, table_column=one_line)
     columns = SpinnerColumn(), TimeElapsedColumn(), text
-    with Progress(*columns, console=Console(quiet=quiet), transient=True) as live:
-        _tell(live, first)
-        live.add_task(first)
-        yield live
+    with Progress(*columns, console=Console(quiet=quiet), transient=True) as progress:
+        _Live(progress, "").tell(first)
+        progress.add_task(first)
+        yield _Live(progress, name)
 
 
 def _written(folder: Path) -> list[int]:
@@ -250,9 +265,9 @@ def sweep(
             if asked.size > ASKED and not yes:
                 first = run_sweep(asked, folder, 1, most=2, **how)
                 seconds = [x for row in first if (x := row.get("wall_seconds"))]
-                live.stop()
+                live.progress.stop()
                 _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
-                live.start()
+                live.progress.start()
             rows = run_sweep(asked, folder, jobs, _reporter(live), **how)
     except KeyboardInterrupt:
         saved = f"finished runs are in {folder}; the same command continues"
@@ -278,23 +293,17 @@ def _ask(size: int, seconds: list[float], workers: int) -> None:
     raise InputError(problem, remedy, key="over")
 
 
-def _reporter(live: Progress) -> Any:
-    """Return what tells how far a sweep is: a live line on a terminal, else one every seconds."""
-    last = 0.0
+def _reporter(live: _Live) -> Any:
+    """Return what tells how far a sweep is."""
 
     def told(now: Any) -> None:
-        nonlocal last
         done = now.reused + now.computed
         line = f"{done:,} of {now.total:,} runs"
         line += f", {now.reused:,} from before" if now.reused else ""
         line += f", {now.failed:,} without success" if now.failed else ""
         if now.left is not None and done < now.total:
             line += f", about {timedelta(seconds=round(now.left))} left"
-        if live.console.is_terminal:
-            live.update(live.task_ids[0], description=line)
-        elif time.monotonic() - last >= _SECONDS_BETWEEN_LINES or done == now.total:
-            last = time.monotonic()
-            _tell(live, line)
+        live.show(line, ends=done == now.total)
 
     return told
 

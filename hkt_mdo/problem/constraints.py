@@ -8,12 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import (
-    TYPICAL,
-    DistanceFromStall,
-    Limit,
-    settled,
-)
+from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, Scenario

@@ -102,12 +102,7 @@ class RotorGroup(om.Group):
         self.add_subsystem("operating_points", points, promotes=["*"])
         loads, shape = world.rotor.loads.names, world.shape
         blades = BladeGroup(
-            rotor=world.rotor,
-            blade=blade,
-            nodes=ratio,
-            vary=True,
-            shape=shape,
-            loads=loads,
+            rotor=world.rotor, blade=blade, nodes=ratio, vary=True, shape=shape, loads=loads
         )
         outputs = ["chord", "twist", *(["thickness"] if shape.designs_thickness else [])]
         outputs += ["mass", "inertia", *(f"{name}_table" for name in loads)]

@@ -13,13 +13,7 @@ import numpy as np
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, extended_to_ends
-from hkt_mdo.rotor.strength import (
-    EXPONENT,
-    Structure,
-    StructureByThickness,
-    norm,
-    place_weights,
-)
+from hkt_mdo.rotor.strength import EXPONENT, Structure, StructureByThickness, norm, place_weights
 
 GRAVITY = 9.80665  # m/s²
 

@@ -179,10 +179,7 @@ class Structure:
 
     def _gradient(self, weak, strong, d):
         """Return the stress' gradients u and v along x and y; see `bending`."""
-        return (
-            (self.xx * strong + self.xy * weak) / d,
-            -(self.yy * weak + self.xy * strong) / d,
-        )
+        return ((self.xx * strong + self.xy * weak) / d, -(self.yy * weak + self.xy * strong) / d)
 
     def curvature(self, weak, strong, chord, twist):
         """Return the curvature (1/m) of a blade out of the rotor plane; see `bending`.

@@ -24,7 +24,7 @@ from hkt_mdo.run.checked import Checked, quasi_steady_reference
 from hkt_mdo.run.checks import MESH_ERROR, curve_errors, is_false, most_between
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.refine import Division, constrained, divided, division, exceeded, lowered
+from hkt_mdo.run.refine import Division, constrained, divided, division, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, may_tabulate, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -295,7 +295,8 @@ def refine(this: Pass) -> Task | None:
     if settled or not divides:
         shares, worst = lowered(physics, setup, this.verifications)
         if worst:
-            reasons.append(exceeded(worst))
+            over = 100.0 * worst
+            reasons.append(f"a limit is exceeded between the nodes by {over:.2g} %")
     if divides:
         reasons.append(this.division.why)
         finer, shares = divided(physics, this.division, shares)

@@ -129,11 +129,6 @@ def lowered(
     return shares, worst
 
 
-def exceeded(worst: float) -> str:
-    """Return that a limit is exceeded between nodes by a share, as text."""
-    return f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %"
-
-
 def division(
     physics: Physics,
     result: Optimized,

@@ -193,6 +193,13 @@ class Verification(SimulatedDesign):
         nodes = self.trajectory
         return np.abs(self.of_model.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
 
+    @property
+    def growth(self) -> np.ndarray:
+        """Growth of a small change of speed and states under feedback, 1/s."""
+        run = self.simulation
+        known = self.plant, run.rotor_speed, run.inflow_speed, *run.states
+        return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
+
     def integral(self, values: np.ndarray) -> float:
         """Return the integral of values along the integration."""
         return float(trapezoid(values, self.simulation.time))
@@ -262,13 +269,6 @@ class SteadyVerification(Verification):
 
     def between_nodes(self, limit):
         return limit.excess(self.simulated), self.scenario.node_times
-
-    @property
-    def growth(self) -> np.ndarray:
-        """How fast a small change of the rotor's speed grows, 1/s; negative where it decays."""
-        run = self.simulation
-        known = self.plant, run.rotor_speed, run.inflow_speed, *run.states
-        return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
 
 
 def _balanced(plant: Plant, scenario, law, gains, nodes):

@@ -26,11 +26,7 @@ CARRIERS = {
 }
 """The packages that carry each optimizer, the preferred one first."""
 
-CAUTIOUS: Settings = {
-    "max_soc": 0,
-    "watchdog_shortened_iter_trigger": 0,
-    "mu_strategy": "monotone",
-}
+CAUTIOUS: Settings = {"max_soc": 0, "watchdog_shortened_iter_trigger": 0, "mu_strategy": "monotone"}
 """IPOPT's options (scaled problem) that keep it near its start.
 
 Where the constraints hold to rounding, IPOPT's filter accepts a second-order correction or a

@@ -22,7 +22,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import StartingPoint, StartRecord, records
+from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
@@ -144,7 +144,7 @@ def find_start(
             found.sort(key=MERIT, reverse=True)
             messages += (LOCAL,) if improve is None else ()
     branches = tuple(found) if search.branches != ("",) else ()
-    starts = records([*map(search.record, search.tried)], found[0], branches)
+    starts = records(search.tried, found[0], branches)
     return replace(found[0], messages=messages, branches=branches, starts=starts)
 
 
@@ -190,15 +190,15 @@ class Search:
         Folder for OpenMDAO's own files.
     on_start : callable or None
         As `find_start` takes it.
-    tried : list
-        Name of the law and end of each optimization so far.
+    tried : list of StartRecord
+        The outcome of each optimization so far.
     """
 
     physics: Physics
     optimum: SteadyOptimum
     scratch: str
     on_start: Callable[[StartRecord], None] | None = None
-    tried: list[tuple[str, StartingPoint]] = field(default_factory=list)
+    tried: list[StartRecord] = field(default_factory=list)
 
     @cached_property
     def steady(self) -> Physics:
@@ -286,16 +286,10 @@ class Search:
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
         """Return the end of an optimization under a law, noted."""
-        self.tried.append((law, end))
+        self.tried.append(end.record(law))
         if self.on_start is not None:
-            self.on_start(self.record(self.tried[-1]))
+            self.on_start(self.tried[-1])
         return end
-
-    @staticmethod
-    def record(tried: tuple[str, StartingPoint]) -> StartRecord:
-        """Return the record of an entry of `tried`."""
-        law, end = tried
-        return replace(end.record, law=law)
 
     def _less_stall(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of an open loop, less a share if its torque does not hold the speed.
@@ -314,7 +308,8 @@ class Search:
         steady = steady or self.steady
         law, rivals = steady.law.law, []
         if point.branch != self.branches[0]:
-            rivals = [end.objective for name, end in self.tried if name == law and end.worth[0]]
+            known = [each for each in self.tried if each.law == law]
+            rivals = [each.objective for each in known if each.excess <= KEPT_EXCESS]
         end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
         if point.branch:  # an optimization may leave that on which it began
             flow, _ = sampled_flow(steady)

@@ -163,9 +163,7 @@ def test_growth(benchmark, full, what, sizes, limits, tmp_path):
         code = f"from test_iteration import *; print(json.dumps(measure{arguments}))"
         return json.loads(
             subprocess.check_output(
-                [sys.executable, "-W", "ignore", "-c", code],
-                text=True,
-                cwd=tmp_path,
+                [sys.executable, "-W", "ignore", "-c", code], text=True, cwd=tmp_path
             ).splitlines()[-1]
         )
 

@@ -24,14 +24,7 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.studies.uncertainty import Design
-from studies.study_common import (
-    CODESIGN,
-    LAWS,
-    case_file,
-    markdown_table,
-    percent,
-    with_blade,
-)
+from studies.study_common import CODESIGN, LAWS, case_file, markdown_table, percent, with_blade
 from studies.verification.faults import faults
 from studies.verification.features import features
 from studies.verification.fuzz import fuzz

@@ -5,12 +5,7 @@ from typing import ClassVar, Literal
 import numpy as np
 import pytest
 
-from hkt_mdo.dynamics.laws import (
-    FeedbackLaw,
-    LinearFeedback,
-    QuadraticFeedback,
-    smooth_saturation,
-)
+from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, QuadraticFeedback, smooth_saturation
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from tests.conftest import checked
 

@@ -113,10 +113,7 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
 
     def direct(num_nodes):
         return hydrodynamics_group(
-            num_nodes=num_nodes,
-            blade=blade,
-            polar=polar,
-            coefficients=bem.rotor_coefficients,
+            num_nodes=num_nodes, blade=blade, polar=polar, coefficients=bem.rotor_coefficients
         )
 
     problem = problem_of(hydrodynamics=direct, law=QuadraticFeedback(torque_limit=700.0))

@@ -141,13 +141,7 @@ def test_work_of_a_constant_brake_is_torque_times_angle(plant):
 def test_failed_integration_is_no_rotor_that_stops(plant):
     """A torque that jumps with the speed has no solution that any step could follow."""
     with pytest.raises(InputError, match="integration fails at t ="):
-        simulate(
-            plant,
-            SineInflow(),
-            lambda t, w: np.where(w < 7.6, 300.0, 600.0),
-            7.5,
-            9.0,
-        )
+        simulate(plant, SineInflow(), lambda t, w: np.where(w < 7.6, 300.0, 600.0), 7.5, 9.0)
 
 
 def test_a_failed_integration_says_that_the_rotor_has_run_away(plant):

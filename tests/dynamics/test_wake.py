@@ -8,13 +8,7 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.radau import (
-    LOST,
-    MATRIX,
-    Slopes,
-    StageSystem,
-    solve_stages,
-)
+from hkt_mdo.dynamics.radau import LOST, MATRIX, Slopes, StageSystem, solve_stages
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake

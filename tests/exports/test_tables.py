@@ -115,8 +115,7 @@ design: {chord_points: 4, twist_points: 4, thickness_points: 4}
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["coned", *(pytest.param(x, marks=pytest.mark.slow) for x in BLADES if x != "coned")],
+    "name", ["coned", *(pytest.param(x, marks=pytest.mark.slow) for x in BLADES if x != "coned")]
 )
 def test_loads_of_the_stations_sum_to_torque_and_thrust(name, tmp_path):
     # loads are per length along a blade, which may be coned; the rotor's are about and along its

@@ -104,11 +104,7 @@ def test_sections_are_blended_by_thickness():
 @examples(200)
 @given(
     data=st.lists(
-        st.tuples(
-            st.floats(1e-3, 1e3),
-            st.floats(1e-300, 1e-3),
-            st.floats(-np.pi, np.pi),
-        ),
+        st.tuples(st.floats(1e-3, 1e3), st.floats(1e-300, 1e-3), st.floats(-np.pi, np.pi)),
         min_size=2,
         max_size=20,
         unique_by=lambda row: row[0],

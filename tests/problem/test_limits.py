@@ -119,11 +119,7 @@ def test_what_could_be_kept_is_not_refused():
         ({"power": 5e3, "electrical_power": 4.7e3}, {"efficiency": 0.92}, ["electrical_power"]),
         ({"power": 5e3, "electrical_power": 4.5e3}, {"efficiency": 0.92}, ["power"]),
         ({"power": 5e3, "electrical_power": 4.7e3}, {}, ["power"]),
-        (
-            {"power": 5e3, "electrical_power": 4.7e3},
-            {"copper_loss": 300, "rated_torque": 700},
-            [],
-        ),
+        ({"power": 5e3, "electrical_power": 4.7e3}, {"copper_loss": 300, "rated_torque": 700}, []),
         ({"tip_speed": 15, "rotor_speed": 10}, {}, ["tip_speed"]),
         ({"tip_speed": 13, "rotor_speed": 10}, {}, ["rotor_speed"]),
         ({"rotor_speed": 10, "power": 7.1e3}, {}, ["power"]),

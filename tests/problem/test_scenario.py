@@ -68,10 +68,9 @@ def test_samples_are_four_a_segment_with_trapezoidal_weights():
 
 @pytest.mark.parametrize("transcription", TRANSCRIPTIONS)
 def test_sparse_interpolation_matrices_are_those_of_dymos(transcription):
-    ours, theirs = {
-        "gauss-lobatto": (GaussLobatto, dm.GaussLobatto),
-        "radau": (Radau, dm.Radau),
-    }[transcription]
+    ours, theirs = {"gauss-lobatto": (GaussLobatto, dm.GaussLobatto), "radau": (Radau, dm.Radau)}[
+        transcription
+    ]
     grids = []
     for kind in (ours, theirs):
         made = kind(num_segments=7, order=3)

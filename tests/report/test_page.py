@@ -115,8 +115,7 @@ def test_charts_hold_the_numbers_of_the_tables(texts, folders):
 
 @settings(max_examples=25)
 @given(
-    st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=1, max_size=200),
-    st.integers(4, 60),
+    st.lists(st.floats(-1e3, 1e3) | st.just(np.nan), min_size=1, max_size=200), st.integers(4, 60)
 )
 def test_thinning_keeps_extremes_ends_and_gaps(values, most):
     values = np.array(values)

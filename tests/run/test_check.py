@@ -19,9 +19,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.run.check import CheckReport, check_case
-from hkt_mdo.run.check_figures import (
-    power_spectrum,
-)
+from hkt_mdo.run.check_figures import power_spectrum
 from hkt_mdo.run.findings import problem_size
 from tests.files.broken.blades import WINDIO
 

@@ -64,9 +64,7 @@ def undisturbed(tmp_path_factory):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_an_interrupted_run_says_so(tmp_path, optimizer, number):
     folder = interrupted(
-        tmp_path / "out",
-        f"driver.optimizer={optimizer}",
-        how=lambda: signal.raise_signal(number),
+        tmp_path / "out", f"driver.optimizer={optimizer}", how=lambda: signal.raise_signal(number)
     )
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     assert summary(folder)["success"] is False
@@ -190,8 +188,7 @@ def test_a_verdict_never_precedes_its_tables(tmp_path, monkeypatch):
 
 @posix
 @pytest.mark.parametrize(
-    "size",
-    [0, *(pytest.param(size, marks=pytest.mark.slow) for size in (3_000, 20_000, 100_000))],
+    "size", [0, *(pytest.param(size, marks=pytest.mark.slow) for size in (3_000, 20_000, 100_000))]
 )
 def test_a_full_disk_is_reported(tmp_path, size):
     """A limit on the size of files stands for the disk."""

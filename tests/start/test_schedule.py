@@ -69,12 +69,7 @@ def test_a_refused_optimum_may_be_sought_on_the_other_branch():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("limit", "value"),
-    [
-        ("thrust", "6 kN"),
-        ("root_moment", "1.5 kN m"),
-        ("cavitation", 3),
-        ("stress", "100 MPa"),
-    ],
+    [("thrust", "6 kN"), ("root_moment", "1.5 kN m"), ("cavitation", 3), ("stress", "100 MPa")],
 )
 def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
     case, found = world(**{limit: value}), start(**{limit: value})

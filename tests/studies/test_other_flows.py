@@ -13,12 +13,7 @@ import pytest
 import hkt_mdo
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
-from hkt_mdo.dynamics.limits import (
-    Limit,
-    ThrustLimit,
-    TorqueLimit,
-    TorqueRateLimit,
-)
+from hkt_mdo.dynamics.limits import Limit, ThrustLimit, TorqueLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import parse

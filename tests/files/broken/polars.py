@@ -49,8 +49,4 @@ POLARS |= {
         "Reynolds number = 200000.0",
     ),
 }
-OUTLINES["outline: too many points"] = (
-    "too many points.dat",
-    b"0.5 0.1\n" * 5001,
-    "5001 points",
-)
+OUTLINES["outline: too many points"] = ("too many points.dat", b"0.5 0.1\n" * 5001, "5001 points")
