@@ -44,6 +44,9 @@ FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave t
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
+# radius of the outer stations over that of the last one, and the factor by which their Reynolds
+# number may differ from that of the polars
+OUTER, FAR_REYNOLDS = 0.6, 3.0
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
 KEPT = 1e-6  # share of their size by which the bounds of the design may be exceeded
 
@@ -204,6 +207,14 @@ def _stations(found: Findings) -> Rows:
                 f"Reynolds numbers at {places} are {powers(met[:, off])}, and the "
                 f"polars' tables run from {powers((low, high))}: outside them the nearest is used",
             )
+    elif numbers:
+        used = rotor.reynolds_number or float(np.exp(np.mean(np.log([*numbers]))))
+        outer = found.stations.blade.r >= OUTER * found.stations.blade.r[-1]
+        usual = float(np.exp(np.mean(np.log(found.reynolds[:, outer]))))
+        if not 1.0 / FAR_REYNOLDS < usual / used < FAR_REYNOLDS:
+            text = f"the polars are those of Re {powers(used)}, and the outer stations have "
+            text += f"{powers(usual)}: drag and stall may differ"
+            yield _warning("rotor.polar", text, "note")
     yield Row("sections", ", ".join(polars))
     thickness = 100.0 * np.asarray(found.physics.turbine.thickness)
     yield Row("thickness", thickness, "%", "of the chord", 3)

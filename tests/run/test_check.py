@@ -127,6 +127,16 @@ def test_spectrum_has_the_variance() -> None:
 # Size ---------------------------------------------------------------------------------------------
 
 
+def test_polars_of_another_reynolds_number_are_a_note() -> None:
+    def told(radius: float) -> bool:
+        return any(
+            "polars are those of Re 2e5" in x.value for x in check(f"rotor.radius={radius}").notes
+        )
+
+    assert told(5.0)
+    assert not told(0.6)
+
+
 def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
     """Order 3: a speed at every end of a segment and its rate within; one defect a segment."""
     phase = "phase={segments: 7, duration: 7}"
