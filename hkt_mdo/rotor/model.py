@@ -11,6 +11,9 @@ from hkt_mdo.rotor.inertia import RotorMass, mass_and_inertia, water_inertia
 from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
 
+JUMP, JUMP_SAMPLES = 1e-4, 2001
+"""Share of the torque, and tip speed ratios, by which a jump of the torque is found."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RotorModel(Hydrodynamics):
@@ -147,6 +150,32 @@ class RotorModel(Hydrodynamics):
             Of "plate" and "ellipse", kg*m**2.
         """
         return tuple(float(self.water_inertia(blade, model)) for model in ("plate", "ellipse"))
+
+    def torque_jumps(self, blade, lowest, highest):
+        """Tell whether the torque of a blade jumps between two tip speed ratios.
+
+        It does where the flow at a station stalls at once: a root of blade element momentum theory
+        vanishes (docs/studies/bem.md).
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+        lowest, highest : float
+            Omega R / V of the disc.
+
+        Returns
+        -------
+        bool
+            True if, between neighbours of many ratios, the torque differs from what its slopes
+            say by more than `JUMP` of the largest.
+        """
+        ratios = np.linspace(lowest, highest, JUMP_SAMPLES)
+        found = self.coefficients(blade, ratios, derivatives=True)
+        slope = found.torque_by_tip_speed_ratio
+        steps = 0.5 * (slope[1:] + slope[:-1]) * np.diff(ratios)
+        off = np.max(np.abs(np.diff(found.torque) - steps))
+        return bool(off > JUMP * np.max(np.abs(found.torque)))
 
     def best_operation(self, blade):
         """Return where a blade has its largest power coefficient.

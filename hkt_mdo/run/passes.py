@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import point_of
-from hkt_mdo.problem.evaluation import excesses
+from hkt_mdo.problem.evaluation import excesses, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -31,9 +31,8 @@ from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
-FIRST_ITERATIONS, SECOND_ITERATIONS = 300, 120
-"""Iterations after which an optimization begins again from its last iterate; the latter on a second
-branch where the first one has led to a result that passes."""
+FIRST_ITERATIONS = 300
+"""Iterations after which an optimization begins again from its last iterate."""
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum."""
 FALLEN = 1e-4
@@ -309,7 +308,11 @@ def refine(this: Pass) -> Task | None:
 
 
 def other_branch(this: Pass) -> Task | None:
-    """Begin on the start's other branch where that is better, or checks refuse the end."""
+    """Begin on the start's other branch where that is better, or checks refuse the end.
+
+    A better one counts only if the torque does not jump there, where no optimization converges
+    (`river25` with open loop).
+    """
     if this.runs_away or this.approximate or this.task.first_passed is not None:
         return None
     physics, first = this.state.first, this.task.start
@@ -319,13 +322,19 @@ def other_branch(this: Pass) -> Task | None:
     refused = [check.name for check in this.end.checks if not check.passed]
     if set(refused) - {"loads_resolved"}:  # for which another start does not help
         why = f"{len(refused)} checks refuse the result on branch {first.branch}"
-    elif start.objective > (1.0 + TIE) * first.objective:
+    elif start.objective > (1.0 + TIE) * first.objective and not _jumps(physics, start):
         gain = per_cent(start.objective - first.objective, first.objective)
         why = f"without time branch {start.branch} is better by {gain}"
     else:
         return None
     reference = quasi_steady_reference(physics, start)
     return Task.first(physics, start, reference, why=why, first_passed=this.end.passed)
+
+
+def _jumps(physics, start) -> bool:
+    """Tell whether the torque jumps within the operation of a start."""
+    ratios = np.concatenate([known["tip_speed_ratio"] for known in on_start(physics, start)])
+    return physics.rotor.torque_jumps(start.blade, np.min(ratios), np.max(ratios))
 
 
 FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
@@ -370,8 +379,7 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
         if task.passes == 0 or task.physics is not state.physics:
             state.go_on_from(task.physics, task.setup.start, task.start, task.reference)
         began = time.perf_counter()
-        most = SECOND_ITERATIONS if task.first_passed else FIRST_ITERATIONS
-        most = None if task.name == "begin again" else most
+        most = None if task.name == "begin again" else FIRST_ITERATIONS
         refined = task.name == "refine"
         this = Pass(state, task, solve(state, task.physics, task.setup, near, refined, most))
         following = next_task(this)

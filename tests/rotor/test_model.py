@@ -14,6 +14,7 @@ from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.shape import Shape
 from hkt_mdo.rotor.strength import Structure
+from tests.rotor.test_bem import root_changes
 
 RATIOS = np.array([3.0, 5.0, 6.5, 9.0])
 BOUNDS = (0.05, 0.4), (-0.1, 0.6)
@@ -61,6 +62,15 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
 
 
 # The group
+
+
+def test_the_torque_jumps_where_a_root_vanishes(rotor, blade):
+    changes = [ratio for _, ratio in root_changes(blade, rotor.polar, 0.5, 15.0)]
+    assert len(changes) == 2
+    for change in changes:
+        assert rotor.torque_jumps(blade, 0.9 * change, 1.1 * change)
+    for ends in (1.01 * changes[0], 0.99 * changes[1]), (1.01 * changes[1], 15.0):
+        assert not rotor.torque_jumps(blade, *ends)
 
 
 @pytest.mark.parametrize("family", ["stations", "spline", "set angle", "none"])
