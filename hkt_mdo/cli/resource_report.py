@@ -8,12 +8,12 @@ import numpy as np
 import yaml
 
 from hkt_mdo.case.messages import validated
+from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
-from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import make_folder, refuse_existing
-from hkt_mdo.files.yaml_text import Dumper, parse
+from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_csv, write_text
 from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel
@@ -83,13 +83,7 @@ def report_resource(
 def _record(file: Path, keys: Sequence[str]) -> RecordResource:
     """Return the record of a file, with keys as a case would have them."""
     data: dict[str, Any] = {"file": str(file)}
-    given = {}
-    for text in keys:
-        key, equals, value = text.partition("=")
-        if not equals or not value.strip():
-            raise InputError("is no key", "write key=value", key="--set", value=text)
-        data[key.strip()] = parse(value, "--set", key.strip())
-        given[key.strip()] = text
+    given = {assign(data, text, "hkt resource"): text for text in keys}
     return validated(RecordResource, data, "hkt resource", given)
 
 

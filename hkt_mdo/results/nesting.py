@@ -147,7 +147,8 @@ def _allows_blade(result, other) -> bool:
     """Tell whether the other's blade is one that the result's case may design."""
     own, theirs = result.case.design, other.case.design
     if own == theirs:
-        return own.blade == "optimized" or _same_blade(result, other)
+        blades = [(x.summary.chord_m, x.summary.twist_deg) for x in (result, other)]
+        return own.blade == "optimized" or bool(np.allclose(*blades, rtol=1e-9, atol=0.0))
     if own.hub_inertia_bounds or theirs.hub_inertia_bounds:
         return False
     if own.blade == "fixed" or own.chord_points or own.twist_points or own.thickness_points:
@@ -156,11 +157,6 @@ def _allows_blade(result, other) -> bool:
     bounds = (chord, own.chord_bounds or (0.0, np.inf)), (twist, own.twist_bounds)
     within = all(low <= min(values) and max(values) <= high for values, (low, high) in bounds)
     return within and other.summary.rotor_radius_m == result.summary.rotor_radius_m
-
-
-def _same_blade(result, other) -> bool:
-    blades = [(x.summary.chord_m, x.summary.twist_deg) for x in (result, other)]
-    return bool(np.allclose(*blades, rtol=1e-9, atol=0.0))
 
 
 def _keeps_limits(result, other) -> bool:

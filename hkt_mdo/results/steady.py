@@ -44,12 +44,9 @@ def binned(speed: np.ndarray, values: np.ndarray, steady: bool = False) -> Binne
     edges = np.linspace(np.min(speed), np.max(speed), BINS + 1)
     place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, BINS - 1)
     classes = [place == each for each in range(BINS) if np.sum(place == each) >= FEWEST]
-    rows = [(np.mean(speed[x]), np.mean(values[x]), *_range(values[x])) for x in classes]
+    pairs = [(speed[place], values[place]) for place in classes]
+    rows = [(np.mean(x), np.mean(y), *np.percentile(y, (5.0, 95.0))) for x, y in pairs]
     return Binned(*np.reshape(rows, (-1, 4)).T)
-
-
-def _range(values: np.ndarray) -> np.ndarray:
-    return np.percentile(values, (5.0, 95.0))
 
 
 def steady_curve(solution: Solution) -> dict[str, np.ndarray]:

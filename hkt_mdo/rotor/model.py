@@ -171,11 +171,9 @@ class RotorModel(Hydrodynamics):
             say by more than `JUMP` of the largest.
         """
         ratios = np.linspace(lowest, highest, JUMP_SAMPLES)
-        found = self.coefficients(blade, ratios, derivatives=True)
-        slope = found.torque_by_tip_speed_ratio
-        steps = 0.5 * (slope[1:] + slope[:-1]) * np.diff(ratios)
-        off = np.max(np.abs(np.diff(found.torque) - steps))
-        return bool(off > JUMP * np.max(np.abs(found.torque)))
+        torque, slope, *_ = self.coefficients(blade, ratios, derivatives=True).torque_table
+        off = np.diff(torque) - 0.5 * (slope[1:] + slope[:-1]) * np.diff(ratios)
+        return bool(np.max(np.abs(off)) > JUMP * np.max(np.abs(torque)))
 
     def best_operation(self, blade):
         """Return where a blade has its largest power coefficient.

@@ -10,10 +10,6 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.checked import Checked, as_it_stands
 from hkt_mdo.run.state import RunState
-from hkt_mdo.run.verification import Optimized
-
-FEW_ITERATIONS = 300
-"""Iterations below which `driver.max_iterations` is probably too small; most runs need a tenth."""
 
 
 def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
@@ -44,8 +40,8 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
     return best, held
 
 
-def first_remedy(physics: Physics, result: Optimized) -> str:
-    """Return the one thing to try first where an optimizer did not converge."""
+def first_remedy(physics: Physics) -> str:
+    """Return the one thing to try first where an optimizer did not converge; often not known."""
     case, points = physics.case, physics.shape.points
     stations = physics.blade.r.size
     if physics.law.is_feedback and case.phase.transcription == "radau":  # has free last speeds
@@ -54,9 +50,4 @@ def first_remedy(physics: Physics, result: Optimized) -> str:
         free = [name for name, count in points.items() if count > POINTS + 1]
         if free:
             return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
-    if case.start.method == "blade":
-        return "try start.method: quasi_steady"
-    if case.driver.max_iterations < min(FEW_ITERATIONS, result.outcome.iterations + 10):
-        return f"try driver.max_iterations: {10 * FEW_ITERATIONS // 3}"
-    other = "SLSQP" if case.driver.optimizer == "IPOPT" else "IPOPT"
-    return f"try driver.optimizer: {other}"
+    return "try start.method: quasi_steady" if case.start.method == "blade" else ""

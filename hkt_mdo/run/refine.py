@@ -13,7 +13,7 @@ from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
 from hkt_mdo.rotor.scales import power_scale
-from hkt_mdo.run.checks import MESH_ERROR, SPEED_ERROR, is_false, most_between
+from hkt_mdo.run import checks
 from hkt_mdo.run.verification import Optimized, Verification
 
 NEAR_LIMIT = 1e-4
@@ -112,7 +112,7 @@ def lowered(
         for limit in constrained(physics, verification.scenario):
             if not np.isfinite(limit.upper):
                 continue
-            most = most_between(limit)
+            most = checks.most_between(limit)
             over, _ = verification.between_nodes(limit)
             share = reached = setup.share(limit, verification.scenario)
             if verification.two_filters is not None:
@@ -160,13 +160,14 @@ def division(
     if len(before) < MOST_DIVISIONS:
         for marks, verification in zip(coarse, verifications, strict=True):
             marks |= _exceeded_between(physics, verification, result.energy)
+            marks |= _near_stall(physics, result, verification)
     if not physics.law.is_feedback:
         error = _open_loop(physics, result, verifications, coarse, before)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
     mesh = physics.scenarios[0].mesh
     if (
-        error > MESH_ERROR
+        error > checks.MESH_ERROR
         and mesh.transcription == "gauss-lobatto"
         and mesh.order < HIGHER_ORDER
         and np.mean(np.concatenate(coarse)) > NEARLY_ALL
@@ -179,7 +180,7 @@ def division(
 def _contradicted(physics, verifications, before) -> list[np.ndarray]:
     """Return the segments in which the integration contradicts the collocation."""
     coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in verifications]
-    if not is_false(verifications):
+    if not checks.is_false(verifications):
         return coarse
     # where only the energies differ, speeds differ less than is allowed
     worst = max(np.max(verification.speed_errors) for verification in verifications)
@@ -187,7 +188,7 @@ def _contradicted(physics, verifications, before) -> list[np.ndarray]:
         if verification.scenario.steady:
             continue
         errors = verification.speed_errors.reshape(marks.size, -1)
-        marks |= np.max(errors, axis=1) > COARSE_SPEED * min(SPEED_ERROR, worst)
+        marks |= np.max(errors, axis=1) > COARSE_SPEED * min(checks.SPEED_ERROR, worst)
     # the second time it is another trajectory, which no mesh corrects; Radau's ends are free
     radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
     if radau or (before and np.mean(np.concatenate(coarse)) > 0.5):
@@ -208,9 +209,20 @@ def _exceeded_between(physics, verification, energy) -> np.ndarray:
         over, _ = known.between_nodes(limit)
         nodes = limit.excess(known.at_nodes).reshape(found.size, -1)
         # what is exceeded at the nodes as well, no division corrects
-        own = (over > most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
+        own = (over > checks.most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
         if shares[own] @ over[own] > LOST or np.max(over) > MOST_LOWERED:
             found |= own
+    return found
+
+
+def _near_stall(physics, result, verification) -> np.ndarray:
+    """Return the segments in which a rotor under feedback is closer to stall than at the nodes."""
+    scenario = verification.scenario
+    found = np.zeros(scenario.segments, dtype=bool)
+    if physics.law.is_feedback and physics.has_curve and not scenario.steady:
+        near = checks.short_of_recovery(physics, result, verification) > checks.RECOVERY_ERROR
+        place = np.searchsorted(scenario.edges, verification.simulation.time[near]) - 1
+        found[np.maximum(place, 0)] = True
     return found
 
 
@@ -223,7 +235,7 @@ def _open_loop(physics, result, verifications, coarse, before) -> float:
     # the distance from a limit on the torque's rate is no power: only a division shows its error
     rates = _limits_rates(physics)
     error = change if rates and before else min(change / (_parts(physics) - 1), known)
-    if error <= MESH_ERROR and (before or not rates):
+    if error <= checks.MESH_ERROR and (before or not rates):
         return error
     for marks, verification, own in zip(coarse, verifications, left, strict=True):
         if verification.scenario.steady:

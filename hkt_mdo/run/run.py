@@ -215,7 +215,7 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         reference = quasi_steady_reference(state.first, start)
         start = with_memory(state.first, start)
     end = best = optimize(state, start, reference)
-    remedy = first_remedy(end.physics, end.result)
+    remedy = first_remedy(end.physics)
     refused, held, gains = explain_all(end.checks, remedy), "", {}
     if refused:
         best, held = best_of(state, end)

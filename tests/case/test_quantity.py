@@ -12,27 +12,21 @@ ACCEPTED = {
     "m": {"1400 mm": 1.4, "1400mm": 1.4, " 1.4e0 m ": 1.4, "+.5 m": 0.5, "-2. m": -2.0, 3: 3.0},
     "N*m": {"1.8 kN m": 1800.0, "1.8 kN*m": 1800.0, "0.7kN  m": 700.0, "2 kg m^2/s^2": 2.0}
     | {"1.8 kNm": 1800.0, "700 Nm": 700.0, "0.7kN·m": 700.0, "7e-4 MN⋅m": 700.0, "3 m N": 3.0},
-    "N*m/s": {
-        "500 N m/s": 500.0,
-        "500 Nm/s": 500.0,
-        "30 kNm/min": 500.0,
-        "500 N*m/s": 500.0,
-        "0.5 kN m s^-1": 500.0,
-    },
+    "N*m/s": dict.fromkeys(
+        ("500 N m/s", "500 Nm/s", "30 kNm/min", "500 N*m/s", "0.5 kN m s^-1"), 500.0
+    ),
     "kg*m**2": {"20 kg m^2": 20.0, "20 kg*m**2": 20.0, "2e5 g m**2": 200.0},
     "m**2": {"0.5 m^2": 0.5, "5000 cm**2": 0.5, "0.5 m m": 0.5},
     "kg/m**3": {"1.025 g/cm^3": 1025.0, "1025 kg m^-3": 1025.0, np.float32(2.0): 2.0},
     "rad/s": {"2 rev/min": np.pi / 15.0, "2rpm": np.pi / 15.0, "105 rpm": 3.5 * np.pi},
     "Pa": {"100 MPa": 1e8, "100 N/mm^2": 1e8, "1 bar": 1e5},
     "W": {"5 kW": 5000.0, "5 kNm/s": 5000.0, "0.2 MW": 2e5},
-    "N*m*s**2/rad**2": {
-        "7 N*m/(rad/s)**2": 7.0,
-        "7 N m/(rad/s)^2": 7.0,
-        "7 N m s^2/rad^2": 7.0,
-        "7 N m s^2/(rad rad)": 7.0,
-    },
+    "N*m*s**2/rad**2": dict.fromkeys(
+        ("7 N*m/(rad/s)**2", "7 N m/(rad/s)^2", "7 N m s^2/rad^2", "7 N m s^2/(rad rad)"), 7.0
+    ),
     "deg": {"0.1 rad": np.degrees(0.1)},
     "Hz": {"1/2": None, "0.5 1/s": None},
+    None: {"12 %": 0.12, "12%": 0.12, " -.5e1 % ": -0.05},
 }
 
 
@@ -53,14 +47,7 @@ REFUSED = {
     # 3 m/s s could be 3 m/s*s or 3 m/(s*s)
     "must be a number, or a number and a unit": ["m", "3 m/s s", "1 400 mm", "3 * m", "3 m^ 2"],
     "must be a number, or a number and a unit, decimals with a point": ["1,5", "-1,5 m"],
-    "a number and a unit": [
-        "3 m*9**9**9",
-        "3 m^9^9",
-        "3 m^99",
-        "3 m.__class__",
-        "3 m\tm",
-        "3 ((m))",
-    ],
+    "number and a unit": ["3 m*9**9**9", "3 m^9^9", "3 m^99", "3 m.__class__", "3 m\tm", "3 ((m))"],
     "must be": ["3" * 100 + " m", True, [3], None, float("nan"), 10**400, "1e999 m"],
     "too long a unit": ["3 " + 30 * "m "],
     # a nanometre, a nautical mile and no unit: none of them is taken for N m
@@ -84,8 +71,6 @@ def test_a_plain_number_takes_no_unit():
 
 
 def test_per_cent_is_a_number_without_a_unit():
-    for text, value in {"12 %": 0.12, "12%": 0.12, " -.5e1 % ": -0.05}.items():
-        assert Quantity().read(text) == pytest.approx(value, rel=1e-14)
     with pytest.raises(PydanticCustomError, match=r"must be less than 1; .* per cent such as 12 %"):
         Quantity(lt=1).read("100 %")
     with pytest.raises(PydanticCustomError, match="number and a unit"):

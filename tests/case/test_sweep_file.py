@@ -16,25 +16,16 @@ def read(folder, over, more=""):
 
 
 def test_a_grid_has_every_combination(tmp_path):
-    over = (
-        "{control.torque_limit: [600 N m, 700], "
-        "inflow.mean: {from: 1.3 m/s, to: 1.5 m/s, count: 3}, "
-        "limits.power: {from: 1, to: 100, count: 3, spacing: log}}"
-    )
+    mean = "{from: 1.3 m/s, to: 1.5 m/s, count: 3}"
+    power = "{from: 1, to: 100, count: 3, spacing: log}"
+    over = f"{{control.torque_limit: [600 N m, 700], inflow.mean: {mean}, limits.power: {power}}}"
     sweep = read(tmp_path, over)
     assert (sweep.shape, sweep.size) == ((2, 3, 3), 18)
     points = list(sweep.points())
     assert len(points) == 18
-    assert points[0] == {
-        "control.torque_limit": "600 N m",
-        "inflow.mean": "1.3 m/s",
-        "limits.power": 1.0,
-    }
-    assert points[4] == {
-        "control.torque_limit": "600 N m",
-        "inflow.mean": "1.4 m/s",
-        "limits.power": 10.0,
-    }
+    keys = "control.torque_limit", "inflow.mean", "limits.power"
+    assert points[0] == dict(zip(keys, ("600 N m", "1.3 m/s", 1.0), strict=True))
+    assert points[4] == dict(zip(keys, ("600 N m", "1.4 m/s", 10.0), strict=True))
     case = sweep.case_at(points[-1])
     assert case.control.torque_limit == 700.0  # in place of the case's own
     assert case.inflow.mean == 1.5
@@ -45,10 +36,8 @@ def test_a_grid_has_every_combination(tmp_path):
 
 def test_objectives_laws_and_whole_sections_are_axes(tmp_path):
     laws = "[{law: quadratic}, {law: curve, knots: 6}]"
-    sweep = read(
-        tmp_path,
-        f"{{objective: [captured, electrical], control: {laws}, limits.power: [4 kW, null]}}",
-    )
+    over = f"{{objective: [captured, electrical], control: {laws}, limits.power: [4 kW, null]}}"
+    sweep = read(tmp_path, over)
     cases = [sweep.case_at(point) for point in sweep.points()]
     assert [case.objective.kind for case in cases] == ["captured"] * 4 + ["electrical"] * 4
     assert [case.control.law for case in cases[::2]] == ["quadratic", "curve"] * 2
@@ -99,16 +88,16 @@ def test_axes_that_are_refused(tmp_path, over, words):
         read(tmp_path, over)
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ("samples: 4", "samples = 4: has no use where every key has a list"),
-        ("sed: 4", r"sed = 4: unknown key; did you mean se"),
-        ("seed: -1", "seed = -1: must be at least 0"),
-        ("set: {rotr.radius: 2}", r"set.rotr.radius = 2: rotr unknown key; did you mean rotor\?"),
-        ("case: none.yaml", "given twice|more than once|duplicate"),
-    ],
-)
+OTHER = {
+    "samples: 4": "samples = 4: has no use where every key has a list",
+    "sed: 4": r"sed = 4: unknown key; did you mean se",
+    "seed: -1": "seed = -1: must be at least 0",
+    "set: {rotr.radius: 2}": r"set.rotr.radius = 2: rotr unknown key; did you mean rotor\?",
+    "case: none.yaml": "given twice|more than once|duplicate",
+}
+
+
+@pytest.mark.parametrize(("more", "words"), OTHER.items(), ids=OTHER)
 def test_other_keys_that_are_refused(tmp_path, more, words):
     with pytest.raises(InputError, match=words):
         read(tmp_path, "{control.torque_limit: [600]}", more)

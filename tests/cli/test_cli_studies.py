@@ -11,16 +11,24 @@ FAST = "{profile: sine, angular_frequency: 1.0, amplitude: 0.3}"
 
 @pytest.fixture(scope="module")
 def folders(solve):
-    return {
-        law: str(solve(f"sine_limited_{law}", "driver.optimizer=IPOPT").folder)
-        for law in ("oloc", "quadratic")
-    }
+    names = {law: f"sine_limited_{law}" for law in ("oloc", "quadratic")}
+    return {law: str(solve(name, "driver.optimizer=IPOPT").folder) for law, name in names.items()}
 
 
-def test_simulate_reports_mean_spread_and_worst(folders, capsys):
-    arguments = ["--flow", "A", "--noise-snr", "20", "--sample-rate", "20", "--repeats", "3"]
-    assert main(["simulate", folders["quadratic"], *arguments, "--seed", "1"]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
+@pytest.fixture
+def simulated(folders, capsys):
+    """Return what the command prints of a result, without its line ends."""
+
+    def run(law, *arguments):
+        assert main(["simulate", folders[law], *arguments]) == 0
+        return " ".join(capsys.readouterr().out.split())
+
+    return run
+
+
+def test_simulate_reports_mean_spread_and_worst(simulated):
+    arguments = "--flow A --noise-snr 20 --sample-rate 20 --repeats 3 --seed 1".split()
+    printed = simulated("quadratic", *arguments)
     assert "rotor stopped in 0 of 3 runs" in printed
     assert "low-pass of 0.5 Hz" in printed
     told = r"mean ([\d.]+) kJ, standard deviation ([\d.]+) kJ, worst ([\d.]+)"
@@ -29,23 +37,17 @@ def test_simulate_reports_mean_spread_and_worst(folders, capsys):
     assert 0.0 < spread < 0.01 * mean
 
 
-def test_simulate_takes_any_flow_and_says_when_the_rotor_stops(folders, capsys):
-    assert main(["simulate", folders["oloc"], "--flow", "C"]) == 0
-    assert "rotor stops at t = " in capsys.readouterr().out
-    steady = "{profile: constant, speed: 1.3}"
-    assert main(["simulate", folders["quadratic"], "--flow", steady]) == 0
-    assert "J captured" in capsys.readouterr().out
+def test_simulate_takes_any_flow_and_says_when_the_rotor_stops(simulated):
+    assert "rotor stops at t = " in simulated("oloc", "--flow", "C")
+    assert "J captured" in simulated("quadratic", "--flow", "{profile: constant, speed: 1.3}")
 
 
-def test_a_filter_that_stops_the_rotor_is_reported(folders, capsys):
-    noisy = ["--noise-snr", "120", "--sample-rate", "200", "--repeats", "2"]
-    fast = ["--flow", FAST, *noisy]
-    assert main(["simulate", folders["quadratic"], *fast]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
+def test_a_filter_that_stops_the_rotor_is_reported(simulated):
+    fast = ["--flow", FAST, *"--noise-snr 120 --sample-rate 200 --repeats 2".split()]
+    printed = simulated("quadratic", *fast)
     assert "rotor stopped in 2 of 2 runs" in printed
     assert "(--filter-cutoff), whose delay stops the rotor without any noise" in printed
-    assert main(["simulate", folders["quadratic"], *fast, "--filter-cutoff", "0"]) == 0
-    printed = " ".join(capsys.readouterr().out.split())
+    printed = simulated("quadratic", *fast, "--filter-cutoff", "0")
     assert "filter behind it: none" in printed
     assert "rotor stopped in 0 of 2 runs" in printed
 

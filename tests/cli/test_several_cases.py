@@ -36,10 +36,8 @@ def test_each_case_has_its_folder_and_a_failure_is_told(asked, tmp_path, capsys)
     assert {case.phase.segments for case in cases.values()} == {20}
     assert how == [2, True, False]
     told = capsys.readouterr()
-    assert told.out.splitlines() == [
-        "1 of 2: out/sine_oloc: ok",
-        "2 of 2: out/sine_linear: the reason",
-    ]
+    lines = "1 of 2: out/sine_oloc: ok", "2 of 2: out/sine_linear: the reason"
+    assert told.out == "".join(f"{line}\n" for line in lines)
     assert told.err == "error: no success: out/sine_linear\n"
 
 
@@ -60,7 +58,4 @@ def test_another_result_is_replaced_by_force_only(asked, tmp_path, capsys):
 
 def test_two_cases_of_a_name_are_refused(asked, capsys):
     assert main(["run", "sine_oloc", "sine_oloc"]) == 2
-    assert "name = 'sine_oloc': is the name of two cases; give each its own" in (
-        capsys.readouterr().err
-    )
-    assert main(["run"]) == 2
+    assert "name = 'sine_oloc': is the name of two cases" in capsys.readouterr().err

@@ -143,22 +143,25 @@ def _edit(path, **changes):
     path.write_text(text)
 
 
-def aerodyn(run, program, folder):
-    """Run AeroDyn; return the rows of `COLUMNS`, at some of its steps."""
-    place = write_inputs(run, folder)
+def driven(program, place):
+    """Run AeroDyn's driver in the folder of its inputs; return its columns by their names."""
     command = [program, "aerodyn_driver.dvr"]
-    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, cwd=place, capture_output=True, text=True, timeout=3600)
     if done.returncode:
         raise RuntimeError(done.stdout[-2000:] + done.stderr)
     (path,) = place.glob("aerodyn_driver*.out")
     lines = path.read_text().splitlines()
     head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["Time"])
-    names, table = lines[head].split(), np.loadtxt(lines[head + 2 :])
-    every = round(run.hold / KEPT / run.step)
-    of = dict(zip(names, table[::every].T, strict=True))
+    return dict(zip(lines[head].split(), np.loadtxt(lines[head + 2 :]).T, strict=True))
+
+
+def aerodyn(run, program, folder):
+    """Run AeroDyn; return the rows of `COLUMNS`, at some of its steps."""
+    of = driven(program, write_inputs(run, folder))
     time = np.round(of["Time"], 9)
     speed, flow = run.speeds(time, design_of(run.blade).blade.rotor_radius)
-    return np.column_stack((time, flow, speed, of["RtFldMxh"], of["RtFldFxh"]))
+    rows = np.column_stack((time, flow, speed, of["RtFldMxh"], of["RtFldFxh"]))
+    return rows[:: round(run.hold / KEPT / run.step)]
 
 
 def kept(run):

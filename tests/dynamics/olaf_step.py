@@ -7,7 +7,6 @@ docs/studies/memory.md.
 """
 
 import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -34,12 +33,7 @@ def olaf(run, program, folder):
     aerodyn_runs._edit(place / "aerodyn.dat", **changes)
     inputs = (DATA / "olaf.dat").read_text()
     (place / "olaf.dat").write_text(inputs.format(STEP=STEP, NEAR=NEAR, FAR=FAR, CORE=CORE))
-    command = [program, "aerodyn_driver.dvr"]
-    subprocess.run(command, cwd=place, capture_output=True, text=True, check=True)
-    (path,) = place.glob("aerodyn_driver*.out")
-    lines = path.read_text().splitlines()
-    head = next(i for i, line in enumerate(lines) if line.split()[:1] == ["Time"])
-    of = dict(zip(lines[head].split(), np.loadtxt(lines[head + 2 :]).T, strict=True))
+    of = aerodyn_runs.driven(program, place)
     return of["Time"], of["RtFldMxh"]
 
 

@@ -5,24 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.bem import Coefficients
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import best_operation
+from tests.dynamics.test_simulation import constant_torque_coefficient
 
 LAW = Tracking(knots=2, flow_range=(1.0, 2.0), flow="estimated")
-
-
-@pytest.fixture(scope="module")
-def plant(blade, polar):
-    return Plant(blade, polar, 4.0, 1000.0, bem.rotor_coefficients)
 
 
 def test_estimate_is_the_flow_that_has_the_torque(plant):
@@ -38,11 +31,7 @@ def test_estimate_is_the_flow_that_has_the_torque(plant):
 def test_dense_water_looks_like_a_fast_flow(blade, polar):
     """A torque that does not depend on the speed grows with rho v²: v is told sqrt(f) too large."""
 
-    def constant(_blade, _polar, ratio):
-        ratio, empty = np.atleast_1d(ratio), np.empty(0)
-        return Coefficients(np.full(ratio.shape, 0.05), 0.05 * ratio, *[empty] * 6)
-
-    known = Plant(blade, polar, 4.0, 1000.0, constant)
+    known = Plant(blade, polar, 4.0, 1000.0, constant_torque_coefficient(0.05))
     dense, speed, flow = replace(known, density=1100.0), np.array([8.0]), np.array([1.5])
     torque = dense.torque(speed, flow)
     assert FlowEstimate(known)(speed, torque, 0.0) == pytest.approx(np.sqrt(1.1) * 1.5, rel=1e-6)
@@ -72,12 +61,7 @@ def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says
     assert 1.01 < told / 1.5 < np.sqrt(1.1)
 
 
-def test_what_an_estimate_cannot_have_is_refused(plant):
-    for key in ("bias: 0.1 m/s", "noise: 0.1 m/s"):
-        with pytest.raises(InputError, match="estimated"):
-            load_case(
-                {}, ["inflow={profile: sine}", f"control={{law: tracking, flow: estimated, {key}}}"]
-            )
+def test_an_estimate_from_polars_at_the_local_reynolds_number_is_refused(plant):
     polar = LocalReynolds(*[None] * len(LocalReynolds.__dataclass_fields__))
     with pytest.raises(InputError, match=r"control\.flow.*Reynolds"):
         FlowEstimate(replace(plant, polar=polar))

@@ -27,8 +27,7 @@ def table_of(tmp_path, efficiency, torques=(0, 200, 400, 700), speeds=(0, 30, 60
 
 
 def test_losses_are_those_of_their_formulas_and_negative_power_is_drawn():
-    expected = TORQUE * SPEED
-    expected = expected - 300.0 * (TORQUE / 700.0) ** 2
+    expected = TORQUE * SPEED - 300.0 * (TORQUE / 700.0) ** 2
     expected = expected - 50.0 * (SPEED / 9.0) - 100.0 * (SPEED / 9.0) ** 2
     np.testing.assert_allclose(LOSSY.electrical_power(TORQUE, SPEED), expected, rtol=1e-14)
     assert LOSSY.electrical_power(700.0, 9.0) == pytest.approx(6300.0 - 450.0)
@@ -92,10 +91,7 @@ HEADER = "torque_Nm,speed_rpm,efficiency\n"
         (HEADER + "0,0,0.9\n7,0,0.9\n", "has 1 value of speed_rpm"),
         (HEADER + "-1,0,0.9\n-1,9,0.9\n7,0,0.9\n7,9,0.9\n", "must not be negative"),
         ("torque_Nm,speed,efficiency\n0,0,0.9\n", "lacks a column of the speed"),
-        (
-            "torque_Nm,speed_rpm,speed_rad_s,efficiency\n0,0,0,0.9\n",
-            "has two columns for the speed",
-        ),
+        ("torque_Nm,speed_rpm,speed_rad_s,efficiency\n0,0,0,0.9\n", "two columns for the speed"),
         ("torque,speed_rpm,efficiency\n0,0,0.9\n", "lacks the column torque_Nm"),
     ],
 )
@@ -115,9 +111,8 @@ def test_copper_losses_move_the_best_tip_speed_ratio_up():
     """Less torque at more speed: each flow against a search over the tip speed ratio."""
     fixed = {"inflow": "sine", "control": "open_loop", "design": {"blade": "fixed"}}
     losses = {"generator": {"rated_torque": 700.0, "copper_loss": 500.0}}
-    plain, lossy = (
-        physics(load_case(fixed | more | {"objective": "electrical"})) for more in ({}, losses)
-    )
+    fixed["objective"] = "electrical"
+    plain, lossy = (physics(load_case(fixed | more)) for more in ({}, losses))
     best = plain.rotor.best_operation(plain.blade)
     found = [find_start(each, best, improve=False) for each in (plain, lossy)]
     flow, _ = sampled_flow(plain)

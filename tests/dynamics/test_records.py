@@ -62,13 +62,7 @@ def test_spikes_in_still_water_are_found():
 @pytest.mark.parametrize(("cutoff", "digit"), [(0.5, 1e-2), (4.0, 1e-3), (15.9, 1e-9)])
 def test_clean_turbulence_has_no_spikes(spectrum, cutoff, digit):
     inflow = TurbulentInflow(
-        spectrum=spectrum,
-        mean=1.5,
-        intensity=0.2,
-        length_scale=4.0,
-        seed=3,
-        duration=3200.0,
-        cutoff=cutoff,
+        spectrum=spectrum, intensity=0.2, length_scale=4.0, seed=3, duration=3200.0, cutoff=cutoff
     )
     speed = inflow.speed_at(np.arange(100_000) / 32.0)
     for noise in (0.0, 0.03):

@@ -16,10 +16,9 @@ from hkt_mdo.dynamics.resource import (
     TidalResource,
     in_bins,
 )
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant
+from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.rotor import bem
 
 CONTROL = {"law": "quadratic"}
 
@@ -139,24 +138,19 @@ def test_a_bad_file_is_refused(tmp_path, text, words):
         physics(year(profile="histogram", file=str(tmp_path / "year.csv")))
 
 
-def test_equilibria_are_those_of_brentq():
+def test_equilibria_are_those_of_brentq(plant):
     """The fastest root of Q = u, from direct BEM, each by itself."""
-    world = physics(year(profile="histogram", speeds=[1, 1.5, 2.5], hours=[1, 1, 1]))
-    plant = Plant(world.blade, world.rotor.polar, 1.0, 1000.0, bem.rotor_coefficients)
-    law = LinearFeedback(torque_limit=700.0)
-    flow = world.scenarios[0].speeds
+    law, flow = LinearFeedback(torque_limit=700.0), np.array([1.0, 1.5, 2.5])
     speed, running = equilibria(plant, FeedbackTorque(law, np.array([70.0])), flow)
     assert np.all(running)
     for v, found in zip(flow, speed, strict=True):
 
         def net(w, v=v):
-            return float(
-                plant.torque(np.array([w]), np.array([v]))[0] - law.torque(np.array([w]), [70.0])[0]
-            )
+            w = np.array([w])
+            return float(plant.torque(w, np.array([v]))[0] - law.torque(w, [70.0])[0])
 
         assert found == pytest.approx(brentq(net, found - 0.2, found + 0.2, xtol=1e-14), rel=1e-10)
         beyond = np.linspace(1.001, 3.0, 30) * found
         assert max(map(net, beyond)) < 0.0
-    law = LinearFeedback()
-    _, none = equilibria(plant, FeedbackTorque(law, np.array([7e4])), flow)
+    _, none = equilibria(plant, FeedbackTorque(LinearFeedback(), np.array([7e4])), flow)
     assert not np.any(none)

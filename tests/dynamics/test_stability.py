@@ -11,7 +11,7 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque, simulate
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.tracking import Tracking
 from tests.dynamics.aerodyn_runs import RUNS, design_of
-from tests.dynamics.test_wake import plant_of
+from tests.dynamics.test_wake import plant_of, rates_of_all
 
 FLOW = np.array([1.5])
 SPEED = 8.06 * FLOW / 1.4
@@ -62,20 +62,11 @@ def law_and_rest(plant, name):
 def test_growth_is_that_of_the_whole_system(plant, name):
     """All filters of all stations, two velocities each, by differences of the motion's rates."""
     controller, rest = law_and_rest(plant, name)
-    dense = 1 + len(rest)
-
-    def rates(values):
-        speed, states, filters = values[:1], values[1:dense, None], values[None, dense:]
-        torque = np.sum(plant.station_torques(speed, FLOW, filters))
-        acceleration = (torque - controller(0.0, speed, *states)) / plant.inertia
-        of_law = controller.rates(speed, FLOW, acceleration, *states)
-        of_wake = plant.wake.rates(filters, FLOW, plant.wake.balanced(speed, FLOW))[0]
-        return np.concatenate((acceleration, *of_law, of_wake))
-
+    about = plant, ConstantInflow(speed=FLOW[0]), controller, len(rest)
     at = np.concatenate((SPEED, *rest, plant.wake.at_rest(SPEED, FLOW)[0]))
     steps = 1e-5 * np.maximum(np.abs(at), 0.1)
     whole = [
-        (rates(at + x) - rates(at - x)) / (2.0 * step)
+        (rates_of_all(0.0, at + x, *about) - rates_of_all(0.0, at - x, *about)) / (2.0 * step)
         for x, step in zip(np.diag(steps), steps, strict=True)
     ]
     values = np.linalg.eigvals(np.array(whole).T)

@@ -7,15 +7,11 @@ from scipy.integrate import solve_ivp
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.laws import OpenLoop, smooth_saturation
-from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.find import find_start
 from tests.conftest import CASES, NINE, checked
 
@@ -25,18 +21,8 @@ SPEEDS = np.linspace(6.0, 9.0, KNOTS)
 GAINS = np.array([*SPEEDS, 150.0, 600.0])
 
 
-@pytest.fixture(scope="module")
-def plant(blade, polar):
-    return Plant(blade, polar, INERTIA, 1000.0, bem.rotor_coefficients)
-
-
-def steady(law, plant, flow, ratio, kp=150.0, ki=600.0):
-    """Return gains that hold a tip speed ratio, the speed there, the torque and its slope."""
-    radius = plant.blade.rotor_radius
-    knots = np.linspace(*law.flow_range, law.knots)
-    w, v, h = np.array([ratio * flow / radius]), np.array([flow]), 1e-4
-    torque, faster, slower = (float(plant.torque(w + move, v)[0]) for move in (0.0, h, -h))
-    return np.array([*ratio * knots / radius, kp, ki]), w, torque, (faster - slower) / (2.0 * h)
+def world_of(*overrides):
+    return physics(load_case(CASES / "sine_oloc.yaml", overrides))
 
 
 def plant_of(world):
@@ -45,10 +31,8 @@ def plant_of(world):
 
 def following(*overrides):
     """Return physics, run and start of a blade as it is that follows its open loop's schedule."""
-    world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
-    start = find_start(
-        world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)), improve=False
-    )
+    world = world_of(*overrides)
+    start = find_start(world, world.rotor.best_operation(world.blade), improve=False)
     speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
     states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
     loop, span = FeedbackTorque(world.law, start.gains), world.case.phase.duration
@@ -62,9 +46,11 @@ def following(*overrides):
 @pytest.mark.parametrize("ratio", [4.0, 7.0, 9.0])
 def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
     """J s² + (kp - dQ/dw) s + ki = 0, and the sensor's -1/lag (no torque limit)."""
-    gains, speed, torque, slope = steady(LAW, plant, 1.5, ratio)
-    states = [np.array([each]) for each in LAW.at_rest(torque, 1.5)]
-    flow, loop = np.array([1.5]), FeedbackTorque(LAW, gains)
+    radius, flow, h = plant.blade.rotor_radius, np.array([1.5]), 1e-4
+    speed, speeds = ratio * flow / radius, ratio * np.linspace(*LAW.flow_range, KNOTS) / radius
+    torque, faster, slower = (plant.torque(speed + move, flow) for move in (0.0, h, -h))
+    gains, slope = np.array([*speeds, 150.0, 600.0]), (faster[0] - slower[0]) / (2.0 * h)
+    loop, states = FeedbackTorque(LAW, gains), LAW.at_rest(torque, flow)
     found = np.linalg.eigvals(loop.linearized(plant, speed, flow, *states)[0])
     expected = np.r_[np.roots([INERTIA, gains[-2] - slope, gains[-1]]), -1.0 / LAW.lag]
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-5)
@@ -92,7 +78,7 @@ def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds
     assert np.all(growth[own > slope] < 0.0)
 
 
-def test_in_equilibrium_nothing_changes(plant):
+def test_in_equilibrium_nothing_changes():
     for law in (LAW, LAW.model_copy(update={"bias": 0.1})):
         speed = law.speed_at_rest(np.array([1.3, 1.6]), GAINS)
         np.testing.assert_allclose(speed, law.reference(np.array([1.3, 1.6]) + law.bias, GAINS))
@@ -116,10 +102,9 @@ def test_schedule_is_its_knots_and_a_straight_line_where_they_are():
 def test_slow_sine_and_a_quick_sensor_give_the_open_loops_energy():
     """Of the same blade, kept, in quasi-steady operation."""
     overrides = ["design.blade=fixed", "inflow.angular_frequency=0.05", "phase.duration=125.66"]
-    world = physics(load_case(CASES / "sine_oloc.yaml", overrides))
-    best = best_operation(world.blade, Hydrodynamics(world.rotor.polar))
-    ideal = find_start(world, best, improve=False).operation
-    world, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
+    world = world_of(*overrides)
+    ideal = find_start(world, world.rotor.best_operation(world.blade), improve=False).operation
+    _, run, _ = following(*overrides, "control={law: tracking, lag: 0.01}")
     assert run.energy == pytest.approx(ideal.energy, rel=1e-4)
 
 
@@ -188,33 +173,6 @@ def test_partials_by_complex_step(limit):
     np.testing.assert_allclose(problem.get_val("control_torque"), expected, rtol=1e-14)
 
 
-def test_partials_of_the_distance_from_stall():
-    """Its value also depends on the states of the law."""
-    law, w, v = LAW.model_copy(update={"torque_limit": 700.0}), np.full(3, 7.0), np.full(3, 1.5)
-    nodes = np.linspace(3.0, 11.0, 33)
-    limit = DistanceFromStall(law=law, spline=TorqueSpline(nodes))
-    known = {
-        "rotor_speed": w + np.arange(3.0),
-        "inflow_speed": v,
-        "torque_coefficient_table": 0.09 * np.exp(-((nodes - 6.0) ** 2) / 20.0),
-        "density": np.array([1000.0]),
-        "rotor_radius": np.array([1.4]),
-        "gains": GAINS,
-        "integral_torque": np.array([300.0, 400.0, 650.0]),
-        "sensed_flow": np.array([1.4, 1.5, 1.6]),
-    }
-    assert limit.inputs == tuple(known)
-    found = limit.partials(**known)
-    for name in ("integral_torque", "sensed_flow", "gains", "rotor_speed"):
-        scale = np.max(np.abs(known[name]))
-        for i in range(known[name].size):
-            move = 1e-6 * scale * (np.arange(known[name].size) == i)
-            ends = (limit.value(**known | {name: known[name] + sign * move}) for sign in (1, -1))
-            by = np.subtract(*ends) / (2e-6 * scale)
-            exact = found[name][:, i] if name == "gains" else found[name] * (np.arange(3) == i)
-            np.testing.assert_allclose(exact, by, rtol=1e-5, atol=1e-5)
-
-
 def test_rate_of_the_torque_is_along_the_motion(plant):
     loop = FeedbackTorque(LAW, GAINS)
     run = simulate(plant, SineInflow(), loop, Start(7.0, (300.0, 1.4)), 5.0, 5001)
@@ -225,14 +183,9 @@ def test_rate_of_the_torque_is_along_the_motion(plant):
 
 
 def test_knots_span_the_design_flow():
-    world = physics(load_case(CASES / "sine_oloc.yaml", ["control=tracking"]))
+    world = world_of("control=tracking")
     np.testing.assert_allclose(world.law.flow_range, (1.3, 1.7), rtol=1e-4)
-    again = physics(world.case)
-    assert again.law == world.law
-    still = physics(
-        load_case(
-            CASES / "sine_oloc.yaml", ["control=tracking", "inflow={profile: constant, speed: 1.5}"]
-        )
-    )
+    assert physics(world.case).law == world.law
+    still = world_of("control=tracking", "inflow={profile: constant, speed: 1.5}")
     assert still.law.flow_range[0] < still.law.flow_range[1]
     assert OpenLoop().states == {}

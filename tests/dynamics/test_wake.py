@@ -69,9 +69,8 @@ def simulated(run, time):
     seen = plant.wake.sections(speed, flow, found.wake_at(time))
     pressure = 0.5 * plant.density * flow * flow * blade.blade_count
     r = blade.edges
-    around, along = (
-        np.pad(each, ((0, 0), (1, 1))) for each in (seen.tangential_load, seen.normal_load)
-    )
+    loads = seen.tangential_load, seen.normal_load
+    around, along = (np.pad(each, ((0, 0), (1, 1))) for each in loads)
     inner = around[:, :-1] * (2.0 * r[:-1] + r[1:]) + around[:, 1:] * (r[:-1] + 2.0 * r[1:])
     thrust = 0.5 * (along[:, :-1] + along[:, 1:]) @ np.diff(r)
     return pressure * (inner @ np.diff(r) / 6.0), pressure * thrust
@@ -94,9 +93,8 @@ def test_a_vortex_wake_answers_a_step_of_the_speed_with_the_same_signs():
     """Another model of the wake: the torque rises at once, and falls within seconds."""
     from tests.dynamics import olaf_step  # which takes its rotor from here
 
-    time, constant, varying, olaf = olaf_step.table(
-        np.loadtxt(olaf_step.KEPT, delimiter=",", skiprows=1)
-    ).T
+    rows = np.loadtxt(olaf_step.KEPT, delimiter=",", skiprows=1)
+    time, constant, varying, olaf = olaf_step.table(rows).T
     for change in (constant, varying, olaf):
         assert change[0] > 0.0 > change[-1]
         assert np.all(np.diff(change) < 0.0)
@@ -140,60 +138,47 @@ def test_a_wake_in_equilibrium_has_the_torque_and_loads_of_direct_bem(blade, tau
     assert np.max(np.abs(rates)) < 1e-12
     model = design_of(blade).physics.rotor.as_built(plant.blade)
     ratio = speed * plant.blade.rotor_radius / flow
-    names = ("thrust", "root_moment")
-    given = model.loads.coefficients(
-        plant.blade, ratio, names=names, flow=plant.wake.sections(speed, flow, state)
-    )
-    for name, load in model.loads.coefficients(plant.blade, ratio, names=names).items():
+    about = {"tip_speed_ratio": ratio, "names": ("thrust", "root_moment")}
+    seen = plant.wake.sections(speed, flow, state)
+    given = model.loads.coefficients(plant.blade, **about, flow=seen)
+    for name, load in model.loads.coefficients(plant.blade, **about).items():
         np.testing.assert_allclose(given[name].largest, load.largest, rtol=1e-10)
 
 
-@pytest.mark.parametrize("tau1", [1.0, None])
-def test_a_run_with_memory_is_that_of_an_integrator_without_elimination(paper, tau1):
-    """SciPy's Radau over all states at once, in a flow that the torque limit does not bend."""
+def rates_of_all(time, values, plant, inflow, controller, n_states):
+    """Return the rates of the speed, the law's states and the filters of all stations."""
+    flow, (speed, *states) = np.atleast_1d(inflow.speed_at(time)), values[: 1 + n_states, None]
+    filters = values[None, 1 + n_states :]
+    torque = np.sum(plant.station_torques(speed, flow, filters))
+    acceleration = (torque - controller(time, speed, *states)) / plant.inertia
+    of_law = controller.rates(speed, flow, acceleration, *states)
+    of_wake = plant.wake.rates(filters, flow, plant.wake.balanced(speed, flow))[0]
+    return np.concatenate((acceleration, *of_law, of_wake))
+
+
+@pytest.mark.parametrize(("tau1", "tracks"), [(1.0, False), (None, False), (1.0, True)])
+def test_a_run_with_memory_is_that_of_an_integrator_without_elimination(paper, tau1, tracks):
+    """SciPy's Radau over all states at once, in a flow that the torque limit does not bend.
+
+    Tracking has states, which are dense values beside the rotor's speed.
+    """
     plant, controller = paper
     plant, inflow = plant.with_memory(tau1), SineInflow(mean=1.3, angular_frequency=1.0)
-    start = Start(7.6)
-
-    def rates(time, values):
-        flow, speed = np.atleast_1d(inflow.speed_at(time)), values[:1]
-        torque = np.sum(plant.station_torques(speed, flow, values[None, 1:]))
-        acceleration = (torque - controller(time, speed)) / plant.inertia
-        balanced = plant.wake.balanced(speed, flow)
-        return np.append(acceleration, plant.wake.rates(values[None, 1:], flow, balanced))
-
-    flow = np.atleast_1d(inflow.speed_at(0.0))
-    first = np.append(start.speed, plant.wake.at_rest(np.array([start.speed]), flow))
-    other = solve_ivp(rates, (0.0, 5.0), first, "Radau", [2.5, 5.0], rtol=1e-8, atol=1e-10)
-    run = simulate(plant, inflow, controller, start, 5.0, np.array([2.5, 5.0]))
-    np.testing.assert_allclose(run.rotor_speed, other.y[0], rtol=1e-6)
-    np.testing.assert_allclose(run.wake_at(run.time), other.y[1:].T, rtol=1e-5, atol=1e-7)
-
-
-def test_a_law_with_states_is_integrated_with_the_filters(paper):
-    """Tracking, whose states are dense values beside the rotor's speed; SciPy's Radau over all."""
-    plant, _ = paper
-    law, radius = Tracking(knots=3, flow_range=(1.0, 1.6)), plant.blade.rotor_radius
-    gains = np.array([*(8.0 * np.linspace(1.0, 1.6, 3) / radius), 150.0, 600.0])
-    controller, inflow = FeedbackTorque(law, gains), SineInflow(mean=1.3, angular_frequency=1.0)
-    flow, speed = np.atleast_1d(inflow.speed_at(0.0)), np.array([8.0 * 1.3 / radius])
-    rest = [float(x[0]) for x in law.at_rest(plant.torque(speed, flow), flow)]
-
-    def rates(time, values):
-        flow, (speed, *states) = np.atleast_1d(inflow.speed_at(time)), values[:3, None]
-        torque = np.sum(plant.station_torques(speed, flow, values[None, 3:]))
-        acceleration = (torque - controller(time, speed, *states)) / plant.inertia
-        of_law = controller.rates(speed, flow, acceleration, *states)
-        balanced = plant.wake.balanced(speed, flow)
-        of_wake = plant.wake.rates(values[None, 3:], flow, balanced)[0]
-        return np.concatenate((acceleration, *of_law, of_wake))
-
+    flow, speed, rest = np.atleast_1d(inflow.speed_at(0.0)), np.array([7.6]), []
+    if tracks:
+        law = Tracking(knots=3, flow_range=(1.0, 1.6))
+        speeds = 8.0 * np.linspace(1.0, 1.6, 3) / plant.blade.rotor_radius
+        controller = FeedbackTorque(law, np.array([*speeds, 150.0, 600.0]))
+        rest = [float(x[0]) for x in law.at_rest(plant.torque(speed, flow), flow)]
     first = np.concatenate((speed, rest, plant.wake.at_rest(speed, flow)[0]))
-    other = solve_ivp(rates, (0.0, 3.0), first, "Radau", [1.5, 3.0], rtol=1e-8, atol=1e-10)
-    start = Start(float(speed[0]), rest)
-    run = simulate(plant, inflow, controller, start, 3.0, np.array([1.5, 3.0]))
+    times, options = np.array([2.5, 5.0]), {"rtol": 1e-8, "atol": 1e-10}
+    options["args"] = plant, inflow, controller, len(rest)
+    other = solve_ivp(rates_of_all, (0.0, 5.0), first, "Radau", times, **options)
+    run = simulate(plant, inflow, controller, Start(7.6, rest), 5.0, times)
     np.testing.assert_allclose(run.rotor_speed, other.y[0], rtol=1e-6)
-    np.testing.assert_allclose(run.states, other.y[1:3], rtol=1e-5)
+    states, filters = np.split(other.y[1:], [len(rest)])
+    np.testing.assert_allclose(run.states.reshape(states.shape), states, rtol=1e-5)
+    np.testing.assert_allclose(run.wake_at(run.time), filters.T, rtol=1e-5, atol=1e-7)
 
 
 def test_filters_answer_a_step_as_their_closed_form():
@@ -202,13 +187,11 @@ def test_filters_answer_a_step_as_their_closed_form():
     wake = plant_of(run).wake
     slow, fast = 1.0, wake.times(np.ones(1), np.ones((1, 18)))[1][0]
     time, fast = 0.7, np.tile(fast, 2)
-    state = solve_ivp(
-        lambda _, y: wake.rates(y[None], np.ones(1), np.ones((1, 18)))[0],
-        (0.0, time),
-        np.zeros(36),
-        rtol=1e-10,
-        atol=1e-12,
-    ).y[:, -1]
+
+    def rates(_, state):
+        return wake.rates(state[None], np.ones(1), np.ones((1, 18)))[0]
+
+    state = solve_ivp(rates, (0.0, time), np.zeros(36), rtol=1e-10, atol=1e-12).y[:, -1]
     late, soon = np.exp(-time / slow), np.exp(-time / fast)
     np.testing.assert_allclose(state[:18], (1.0 - AT_ONCE) * (1.0 - late), rtol=1e-8)
     behind = (1.0 - AT_ONCE) * slow / (slow - fast) * (late - soon)

@@ -20,9 +20,12 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from tests.conftest import checked
 
-SPEED = np.linspace(2.0, 16.0, 40)
+SPEED = np.linspace(0.5, 16.0, 40)
 KNOTS = np.array([4.0, 6.0, 7.0, 9.0, 12.0])
 TORQUES = np.array([150.0, 330.0, 400.0, 300.0, 250.0])
+POWER = PowerLawFeedback(), [30.0, 1.4]
+RATED = RatedFeedback(smoothing=1e-6), [7.0, 4000.0]
+CURVE = CurveFeedback(knots=5), [*KNOTS, *TORQUES]
 
 TIME = np.linspace(0.0, 60.0, 241)
 FLOW = 1.5 + 0.5 * np.sin(0.25 * TIME)
@@ -78,11 +81,7 @@ def test_a_curve_is_a_natural_spline_of_the_logarithms():
 
 
 @pytest.mark.parametrize(
-    ("torques", "least"),
-    [
-        ([150.0, 330.0, 400.0, 300.0, 250.0], (None, None)),
-        ([900.0, 600.0, 500.0, 80.0, 20.0], (2, -1)),
-    ],
+    ("torques", "least"), [(TORQUES, (None, None)), ([900.0, 600.0, 500.0, 80.0, 20.0], (2, -1))]
 )
 def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
     """With the spline's exponents, at least 2 in slower flow and -1, constant power, in faster."""
@@ -145,25 +144,14 @@ def test_rated_feedback_in_steady_flow_meets_its_corners(table, limit):
 
 @pytest.mark.parametrize(
     ("law", "gains"),
-    [
-        (PowerLawFeedback(), [30.0, 1.4]),
-        (PowerLawFeedback(exponent=-1.0), [4000.0]),
-        (RatedFeedback(power=4000.0), [7.0]),
-    ],
+    [POWER, (PowerLawFeedback(exponent=-1.0), [4000.0]), (RatedFeedback(power=4000.0), [7.0])],
 )
 def test_a_fit_recovers_the_gains_of_its_own_torque(law, gains):
     speed = np.linspace(4.0, 8.0, 30)
     np.testing.assert_allclose(law.fit(speed, law.torque(speed, np.array(gains))), gains, rtol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("law", "gains"),
-    [
-        (PowerLawFeedback(), [30.0, 1.4]),
-        (RatedFeedback(smoothing=1e-6), [7.0, 4000.0]),
-        (CurveFeedback(knots=5), [*KNOTS, *TORQUES]),
-    ],
-)
+@pytest.mark.parametrize(("law", "gains"), [POWER, RATED, CURVE])
 def test_eased_gains_demand_a_share(law, gains):
     gains, speed = np.array(gains), np.array([5.0, 6.0])
     share = law.demand(speed, law.scaled_gains(gains, 0.7)) / law.demand(speed, gains)
@@ -201,15 +189,16 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
 
 @pytest.mark.parametrize("limit", [None, 350.0])
 @pytest.mark.parametrize(
-    ("kind", "gains"),
+    ("law", "gains"),
     [
-        (PowerLawFeedback, [30.0, 1.4]),
-        (RatedFeedback, [7.0, 3000.0]),
-        (CurveFeedback, [*KNOTS, *TORQUES]),
+        (LinearFeedback(), [60.0]),
+        (QuadraticFeedback(), [7.0]),
+        POWER,
+        (RatedFeedback(), [7.0, 3000.0]),
+        CURVE,
     ],
 )
-def test_partials(kind, gains, limit):
-    options = {"knots": 5} if kind is CurveFeedback else {}
+def test_partials(law, gains, limit):
     values = {f"gain_{i}": gain for i, gain in enumerate(gains)}
-    component = FeedbackComp(num_nodes=40, law=kind(torque_limit=limit, **options))
-    checked(component, rotor_speed=SPEED, **values)
+    component = FeedbackComp(num_nodes=40, law=law.with_torque_limit(limit))
+    checked(component, 1e-10, 1e-12, rotor_speed=SPEED, **values)

@@ -18,18 +18,15 @@ def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solut
     blade, names = world.blade, list(world.shares)
     folder.mkdir(parents=True)
     (folder / "case.yaml").write_text(case.to_yaml(), encoding="utf-8")
-    tables = {
-        "trajectory": operate(np.linspace(0.0, 60.0, 61), case.control.torque_limit, "quadratic"),
-        "simulation": operate(np.linspace(0.0, 60.0, 241), case.control.torque_limit, "quadratic"),
-    }
     for place, name in enumerate(names):
-        for table, columns in tables.items():
+        for table, count in (("trajectory", 61), ("simulation", 241)):
             suffix = f"_{name}" if len(names) > 1 else ""
-            own = columns | {"thrust_N": (1.0 + place) * columns["thrust_N"]}
+            own = operate(np.linspace(0.0, 60.0, count), case.control.torque_limit, "quadratic")
+            own["thrust_N"] *= 1.0 + place
             rows = zip(*own.values(), strict=True)
             write_csv(folder / f"{table}{suffix}.csv", own, rows)
-    curve = dict.fromkeys(("tip_speed_ratio", "power_coefficient", "start_power_coefficient"))
-    curve = {name: np.linspace(1.0, 2.0, 3) for name in curve}
+    columns = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
+    curve = {name: np.linspace(1.0, 2.0, 3) for name in columns}
     write_csv(folder / "coefficients.csv", curve, zip(*curve.values(), strict=True))
     found = {
         "case": case.name,

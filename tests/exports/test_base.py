@@ -1,6 +1,5 @@
 """Several formats at once: what is refused, with which words, and that nothing is written then."""
 
-import json
 import re
 import shutil
 from pathlib import Path
@@ -9,6 +8,7 @@ import pytest
 
 from hkt_mdo.cli import main
 from hkt_mdo.errors import install
+from tests.conftest import edit_summary
 
 RESULT = Path(__file__).parents[1] / "data" / "openfast" / "paper"
 
@@ -28,8 +28,7 @@ def hkt(capsys):
 def changed(folder, **entries):
     """Return a copy of a result with other entries in its summary."""
     shutil.copytree(RESULT, folder)
-    summary = json.loads((folder / "summary.json").read_text())
-    (folder / "summary.json").write_text(json.dumps(summary | entries))
+    edit_summary(folder, **entries)
     return folder
 
 
@@ -57,8 +56,7 @@ def test_several_formats_are_written_side_by_side(hkt, tmp_path):
 def test_what_is_not_understood_is_reported_with_the_remedy(hkt, tmp_path, arguments, words):
     code, told = hkt("export", RESULT, *arguments, "--out", tmp_path / "out")
     assert code == 2
-    for each in words:
-        assert each in told
+    assert [each for each in words if each not in told] == []
     assert not (tmp_path / "out").exists()
 
 
@@ -99,9 +97,7 @@ def test_a_result_without_success_is_exported_by_force_only(hkt, tmp_path):
     command = "export", failed, "--to", "csv,controller,rosco", "--out", tmp_path / "out"
     code, told = hkt(*command)
     assert code == 2
-    assert (
-        "failed: is the result of a run that did not succeed (no solution within 300 steps)" in told
-    )
+    assert "a run that did not succeed (no solution within 300 steps)" in told
     assert "or give --force" in told
     assert not (tmp_path / "out").exists()
     assert hkt(*command, "--force")[0] == 0

@@ -3,6 +3,7 @@
 import ctypes
 import subprocess
 import types
+from functools import partial
 from math import exp
 
 import numpy as np
@@ -61,23 +62,41 @@ def library_of(folder):
     return ctypes.CDLL(str(library))
 
 
+def function_of(folder, language, name, count=1):
+    """Return a function of some numbers of the exported code."""
+    if language == "Python":
+        return getattr(module_of(folder), name)
+    function = getattr(library_of(folder), f"hkt_{name}")
+    function.argtypes, function.restype = count * [ctypes.c_double], ctypes.c_double
+    return function
+
+
 class State(ctypes.Structure):
     """The struct hkt_state."""
 
     _fields_ = (("integral", ctypes.c_double), ("flow", ctypes.c_double))
 
 
+def step_in_c(library, torque, flow):
+    """Return the step of the compiled controller, which goes on from a torque and a flow."""
+    state = ctypes.byref(State())
+    library.hkt_start.argtypes = [ctypes.POINTER(State), ctypes.c_double, ctypes.c_double]
+    library.hkt_step.argtypes = library.hkt_start.argtypes
+    library.hkt_step.restype = ctypes.c_double
+    library.hkt_start(state, torque, flow)
+    return partial(library.hkt_step, state)
+
+
+IN_C = pytest.param("C", marks=pytest.mark.slow)
+LANGUAGES = pytest.mark.parametrize("language", ["Python", IN_C])
+
+
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("language", ["Python", pytest.param("C", marks=pytest.mark.slow)])
+@LANGUAGES
 def test_code_is_the_static_law(name, language, tmp_path):
     solution = result(tmp_path / "result", *LAWS[name])
     export(solution, ["controller"], tmp_path)
-    if language == "C":
-        torque = library_of(tmp_path).hkt_torque
-        torque.argtypes, torque.restype = [ctypes.c_double], ctypes.c_double
-    else:
-        torque = module_of(tmp_path).torque
-    design = solution.design()
+    torque, design = function_of(tmp_path, language, "torque"), solution.design()
     wanted = design.law.torque(SPEEDS, design.gains)
     found = [torque(speed) for speed in SPEEDS.tolist()]
     np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12 * np.max(np.abs(wanted)))
@@ -115,32 +134,21 @@ def discrete(period, speeds, flows, limit=600.0, lag=0.15):
     return np.array(torques)
 
 
-def test_steps_of_tracking_are_the_discrete_law(tracking, tmp_path):
+@LANGUAGES
+def test_steps_of_tracking_are_the_discrete_law(tracking, tmp_path, language):
     export(tracking, ["controller"], tmp_path, options=["controller.sample_time=2 ms"])
-    module = module_of(tmp_path)
-    assert module.SAMPLE_TIME == 0.002
     _, speeds, flows = readings(0.002)
-    controller = module.Controller(400.0, flows[0])
-    found = [controller.step(*each) for each in zip(speeds.tolist(), flows.tolist(), strict=True)]
+    if language == "C":
+        step = step_in_c(library_of(tmp_path), 400.0, flows[0])
+    else:
+        module = module_of(tmp_path)
+        assert module.SAMPLE_TIME == 0.002
+        step = module.Controller(400.0, flows[0]).step
+    found = [step(*each) for each in zip(speeds.tolist(), flows.tolist(), strict=True)]
     wanted = discrete(0.002, speeds, flows)
-    np.testing.assert_allclose(found, wanted, rtol=1e-11)
+    np.testing.assert_allclose(found, wanted, rtol=2e-12)
     assert np.max(wanted) > 595.0  # saturated
     assert np.min(wanted) < 450.0
-
-
-@pytest.mark.slow
-def test_steps_of_tracking_in_c_are_those_of_python(tracking, tmp_path):
-    export(tracking, ["controller"], tmp_path, options=["controller.sample_time=2 ms"])
-    library, module, state = library_of(tmp_path), module_of(tmp_path), State()
-    library.hkt_start.argtypes = [ctypes.POINTER(State), ctypes.c_double, ctypes.c_double]
-    library.hkt_step.argtypes = library.hkt_start.argtypes
-    library.hkt_step.restype = ctypes.c_double
-    _, speeds, flows = readings(0.002)
-    controller = module.Controller(400.0, flows[0])
-    library.hkt_start(ctypes.byref(state), 400.0, flows[0])
-    for speed, flow in zip(speeds.tolist(), flows.tolist(), strict=True):
-        torque = library.hkt_step(ctypes.byref(state), speed, flow)
-        assert torque == pytest.approx(controller.step(speed, flow), rel=1e-12)
 
 
 def test_steps_of_tracking_converge_to_the_continuous_law(tracking, tmp_path):
@@ -177,11 +185,12 @@ def test_the_sample_time_follows_the_loop(tracking, tmp_path):
         export(tracking, ["controller"], tmp_path / "slow", options=options)
 
 
-def test_an_estimated_flow_is_that_of_the_program(tmp_path):
+@LANGUAGES
+def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
     control = f"{TRACKING}, flow: estimated}}"
     solution = result(tmp_path / "result", control, [*SCHEDULE, KP, KI])
     export(solution, ["controller"], tmp_path)
-    design, module = solution.design(), module_of(tmp_path)
+    design, flow = solution.design(), function_of(tmp_path, language, "flow", 3)
     world = design.physics
     plant = Plant(design.blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"])
     estimate, random = FlowEstimate(plant), np.random.default_rng(1)
@@ -189,20 +198,9 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path):
     acceleration = random.uniform(-2.0, 2.0, 500)
     wanted = estimate(speed, torque, acceleration)
     rows = np.column_stack((speed, torque, acceleration)).tolist()
-    np.testing.assert_allclose([module.flow(*row) for row in rows], wanted, rtol=1e-12)
+    np.testing.assert_allclose([flow(*row) for row in rows], wanted, rtol=1e-12)
     steady = plant.torque(np.array([7.5]), np.array([1.5]))
-    assert module.flow(7.5, float(steady[0]), 0.0) == pytest.approx(1.5, rel=1e-6)
-
-
-@pytest.mark.slow
-def test_an_estimated_flow_in_c_is_that_of_python(tmp_path):
-    control = f"{TRACKING}, flow: estimated}}"
-    export(result(tmp_path / "result", control, [*SCHEDULE, KP, KI]), ["controller"], tmp_path)
-    flow = library_of(tmp_path).hkt_flow
-    flow.argtypes, flow.restype = 3 * [ctypes.c_double], ctypes.c_double
-    module, random = module_of(tmp_path), np.random.default_rng(2)
-    for row in random.uniform([3.0, 0.0, -2.0], [12.0, 900.0, 2.0], (500, 3)).tolist():
-        assert flow(*row) == pytest.approx(module.flow(*row), rel=1e-12)
+    assert flow(7.5, float(steady[0]), 0.0) == pytest.approx(1.5, rel=1e-6)
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):

@@ -51,14 +51,12 @@ def columns(path):
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     """Return the folder of the files of a kept result, written once."""
-    folders = {}
 
+    @cache
     def of(name):
-        if name not in folders:
-            out = tmp_path_factory.mktemp(name)
-            export(solution(name), ["openfast"], out, options=RATIOS)
-            folders[name] = out / "openfast"
-        return folders[name]
+        out = tmp_path_factory.mktemp(name)
+        export(solution(name), ["openfast"], out, options=RATIOS)
+        return out / "openfast"
 
     return of
 
@@ -157,18 +155,17 @@ def test_kept_output_of_aerodyn_has_the_loads_of_direct_bem(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_exported_input_is_what_aerodyn_was_given(exported, name):
     """Line by line, numbers to nine digits; the second line says from where it comes."""
+    folders = exported(name), DATA / name / "aerodyn"
     for file in ("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat"):
-        own, kept = (
-            (x / file).read_text().splitlines() for x in (exported(name), DATA / name / "aerodyn")
-        )
+        own, kept = ((folder / file).read_text().splitlines() for folder in folders)
         assert len(own) == len(kept)
         for place, (one, other) in enumerate(zip(own, kept, strict=True)):
             if place == 1:
                 continue
-            words = list(zip(one.split(), other.split(), strict=True))
-            numbers = [(parse_number(x), parse_number(y), x, y) for x, y in words]
-            for x, y, *texts in numbers:
-                assert texts[0] == texts[1] if x is None else x == pytest.approx(y, rel=1e-9)
+            for word, known in zip(one.split(), other.split(), strict=True):
+                number = parse_number(word)
+                same = word if number is None else pytest.approx(number, rel=1e-9)
+                assert (known if number is None else parse_number(known)) == same
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -195,8 +192,7 @@ def test_openfast_io_reads_the_rotor_back(exported, name):
         np.testing.assert_allclose(given, lowest, atol=1e-12)
     for end in (0, -1):  # no load at hub and tip
         (table,) = aerodyn["af_data"][int(rows["BlAFID"][end]) - 1]
-        assert not np.any(table["Cl"])
-        assert not np.any(table["Cd"])
+        assert not np.any([table["Cl"], table["Cd"]])
     assert elastic["NumBl"] == blade.blade_count
     assert (elastic["TipRad"], elastic["HubRad"]) == (blade.tip_radius, blade.hub_radius)
     assert elastic["GenDOF"]

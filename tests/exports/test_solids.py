@@ -16,10 +16,8 @@ from hkt_mdo.rotor.thickness import over_thickness
 from tests.conftest import CASES
 from tests.exports.made import made
 
-FOUR = ", ".join(
-    f"{{outline: {path}.csv, polar: {path}_polars.csv}}"
-    for path in (CASES / "examples" / "files" / f"naca{n}" for n in (4412, 4418, 4424))
-)
+FILES = [CASES / "examples" / "files" / f"naca{number}" for number in (4412, 4418, 4424)]
+FOUR = ", ".join(f"{{outline: {path}.csv, polar: {path}_polars.csv}}" for path in FILES)
 ROTORS = {
     "one outline, coned": "rotor: {cone: 5}",
     "cylinder to section": "rotor: {blade: rm1, set_angle: 3}",
@@ -82,6 +80,12 @@ def slice_at(body, blade, r):
     return Outline(loop[:-1, 1], loop[:-1] @ across)
 
 
+def volume_of(design):
+    """Return the integral of the section area of a blade, m³."""
+    mass = mass_and_inertia(design.blade, design.turbine.section_area, 1.0).mass
+    return mass / design.blade.blade_count
+
+
 def principal_angle(outline):
     moments = outline.second_moments
     return 0.5 * np.arctan2(2.0 * moments.xy, moments.yy - moments.xx)
@@ -109,17 +113,13 @@ def test_blade_rotor_and_hub_are_closed_bodies(source, hub):
 
 
 def test_volume_is_the_integral_of_the_section_area(source):
-    design = source.design
-    mass = mass_and_inertia(design.blade, design.turbine.section_area, 1.0).mass
-    own = mass / design.blade.blade_count
+    own = volume_of(source.design)
     sharp = mesh(files(source, "stl", "trailing_edge=0")["blade.stl"])
     assert sharp.is_volume
     assert sharp.volume == pytest.approx(own, rel=1e-3)
     made = files(source, "stl")
     assert own < mesh(made["blade.stl"]).volume < 1.01 * own
-    (told,) = re.findall(
-        r"integral of the outlines along the span: (\S+) m", made["stl.txt"].decode()
-    )
+    (told,) = re.findall(rb"integral of the outlines along the span: (\S+) m", made["stl.txt"])
     assert float(told) == pytest.approx(own, rel=1e-4)
 
 
@@ -172,10 +172,8 @@ def body_centroid(loop):
 def test_trailing_edge_has_its_thickness(paper):
     def across(option):
         made = files(paper, "sections", f"trailing_edge={option}", "points=100")
-        rows = [
-            np.loadtxt(each.decode().splitlines(), delimiter=",", comments=["#", "x"])
-            for each in made.values()
-        ]
+        texts = map(io.BytesIO, made.values())
+        rows = [np.loadtxt(text, delimiter=",", comments=["#", "x"]) for text in texts]
         return [(each[:, 3], each[:51, 4][::-1] - each[50:, 4]) for each in rows]
 
     for (_, before), (_, after) in zip(across("0"), across("0.4 mm"), strict=True):
@@ -236,7 +234,7 @@ def test_polars_without_outlines_are_refused(tmp_path):
 
 
 def read_step(content, folder):
-    """Return the shape that a STEP file holds, in millimetres, and its volumes in m**3."""
+    """Return the volumes of the solids that a STEP file holds, m**3; all of it is valid."""
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
@@ -256,25 +254,22 @@ def read_step(content, folder):
         BRepGProp.VolumeProperties_s(explorer.Current(), properties, 1e-5)
         volumes.append(1e-9 * properties.Mass())
         explorer.Next()
-    return shape, volumes
+    return volumes
 
 
 def test_step_has_valid_solids_of_the_same_volume(source, tmp_path):
     made = files(source, "step", "trailing_edge=0.01 mm", "points=40")
-    design = source.design
-    mass = mass_and_inertia(design.blade, design.turbine.section_area, 1.0).mass
-    own = mass / design.blade.blade_count
-    _, (one,) = read_step(made["blade.step"], tmp_path)
-    assert one == pytest.approx(own, rel=0.01)
-    _, rotor = read_step(made["rotor.step"], tmp_path)
-    assert rotor == pytest.approx([one] * design.blade.blade_count, rel=1e-5)
+    (one,) = read_step(made["blade.step"], tmp_path)
+    assert one == pytest.approx(volume_of(source.design), rel=0.01)
+    rotor = read_step(made["rotor.step"], tmp_path)
+    assert rotor == pytest.approx([one] * source.design.blade.blade_count, rel=1e-5)
 
 
 def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
     made = files(paper, "step", "hub=cylinder", "points=40")
     blade = paper.design.blade
-    _, (one,) = read_step(made["blade.step"], tmp_path)
-    _, (rotor,) = read_step(made["rotor.step"], tmp_path)
+    (one,) = read_step(made["blade.step"], tmp_path)
+    (rotor,) = read_step(made["rotor.step"], tmp_path)
     bodies = mesh(files(paper, "stl", "hub=cylinder")["rotor.stl"]).split(only_watertight=False)
     assert rotor == pytest.approx(bodies[-1].volume + blade.blade_count * one, rel=0.01)
     text = made["rotor.step"].decode("ascii")

@@ -11,7 +11,6 @@ import xarray
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Source, export
 from hkt_mdo.exports.tables import steady_operation, tables
-from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.quasi_steady import QuasiSteady
 from tests.exports.made import made
@@ -33,19 +32,21 @@ scenarios:
 """
 
 
+GAINS = [6.5, 7.5, 8.2, 150.0, 700.0]
+
+
 @pytest.fixture(scope="module")
-def quadratic(tmp_path_factory) -> Solution:
+def quadratic(tmp_path_factory):
     return made(tmp_path_factory.mktemp("quadratic") / "result", QUADRATIC, [11.0])
 
 
 @pytest.fixture(scope="module")
-def tracking(tmp_path_factory) -> Solution:
-    gains = [6.5, 7.5, 8.2, 150.0, 700.0]
-    return made(tmp_path_factory.mktemp("tracking") / "result", TRACKING, gains)
+def tracking(tmp_path_factory):
+    return made(tmp_path_factory.mktemp("tracking") / "result", TRACKING, GAINS)
 
 
 @pytest.fixture(scope="module")
-def scenarios(tmp_path_factory) -> Solution:
+def scenarios(tmp_path_factory):
     return made(tmp_path_factory.mktemp("scenarios") / "result", SCENARIOS, [11.0])
 
 
@@ -67,35 +68,23 @@ def test_numbers_read_back_bit_by_bit(name, request, tmp_path):
     export(solution, ["csv", "json", "netcdf"], tmp_path)
     data = json.loads((tmp_path / "result.json").read_text())
     assert data["tables"].keys() == by_name(solution).keys()
+    exact = {"float_precision": "round_trip", "keep_default_na": False, "na_values": ["nan"]}
     for table in by_name(solution).values():
-        frame = pandas.read_csv(
-            tmp_path / f"{table.name}.csv",
-            comment="#",
-            float_precision="round_trip",
-            keep_default_na=False,
-            na_values=["nan"],
-        )
-        group = xarray.open_dataset(tmp_path / "result.nc", group=table.name)
-        with group:
+        frame = pandas.read_csv(tmp_path / f"{table.name}.csv", comment="#", **exact)
+        with xarray.open_dataset(tmp_path / "result.nc", group=table.name) as group:
             assert list(frame) == list(table.columns)
             assert set(frame) == set(group.variables)
             for column, told in values(table).items():
-                if told.dtype.kind == "U":
-                    others = frame[column], group[column].values
-                else:
-                    given = data["tables"][table.name]["columns"][column]["values"]
-                    plain = np.array([np.nan if x is None else x for x in given])
-                    others = frame[column], group[column].values, plain
-                for other in others:
-                    np.testing.assert_array_equal(told, other)
-                about = table.columns[column]
-                assert group[column].attrs == {"units": about.unit or "1", "long_name": about.text}
+                about, kind = table.columns[column], str if told.dtype.kind == "U" else float
                 in_json = data["tables"][table.name]["columns"][column]
+                for other in (frame[column], group[column], in_json["values"]):
+                    np.testing.assert_array_equal(told, np.array(other, dtype=kind))
+                assert group[column].attrs == {"units": about.unit or "1", "long_name": about.text}
                 assert (in_json["unit"], in_json["long_name"]) == (about.unit, about.text)
 
 
 BLADES = {
-    "coned": (TRACKING, [6.5, 7.5, 8.2, 150.0, 700.0]),
+    "coned": (TRACKING, GAINS),
     "local Reynolds numbers": (QUADRATIC + "rotor: {polar: naca63815, reynolds: local}\n", [11.0]),
     "designed thickness": (
         """
@@ -128,9 +117,8 @@ def test_loads_of_the_stations_sum_to_torque_and_thrust(name, tmp_path):
     weights = 0.5 * (edges[2:] - edges[:-2]) * blade.blade_count
     cosine, density = np.cos(blade.cone), design.physics.density
     assert (cosine < 0.997) == (name == "coned")
-    for number, flow, ratio in zip(
-        cases["load_case"], cases["inflow_speed_m_s"], cases["tip_speed_ratio"], strict=True
-    ):
+    columns = (cases[each] for each in ("load_case", "inflow_speed_m_s", "tip_speed_ratio"))
+    for number, flow, ratio in zip(*columns, strict=True):
         own = loads["load_case"] == number
         known = design.physics.rotor.at_flow(flow).coefficients(blade, [ratio])
         unit = torque_scale(density, blade.rotor_radius, flow)
@@ -161,17 +149,14 @@ def test_steady_operation_is_a_balance_of_torques(quadratic):
     speed, torque = operation["rotor_speed_rad_s"], operation["control_torque_Nm"]
     np.testing.assert_allclose(design.law.torque(speed, design.gains), torque, rtol=1e-12)
     np.testing.assert_allclose(operation["hydrodynamic_power_W"], torque * speed, rtol=1e-14)
-    share = operation["control_torque_over_limit"]
-    np.testing.assert_allclose(share, torque / 700.0, rtol=1e-14)
+    np.testing.assert_allclose(operation["control_torque_over_limit"], torque / 700.0, rtol=1e-14)
     world = design.physics
-    quasi = QuasiSteady.of(
-        world, world.rotor.best_operation(design.blade), design.blade.rotor_radius
-    )
+    best = world.rotor.best_operation(design.blade)
+    quasi = QuasiSteady.of(world, best, design.blade.rotor_radius)
     table = world.rotor.coefficients(design.blade, quasi.spline.nodes).torque
     known = quasi.operate(table, design.gains)
     flow = operation["inflow_speed_m_s"]
-    assert flow[0] == 1.04
-    assert flow[-1] == 2.04
+    assert (flow[0], flow[-1]) == (1.04, 2.04)
     inside = (flow > 1.31) & (flow < 1.69)
     order = np.argsort(quasi.inflow_speed)
     expected = np.interp(flow[inside], quasi.inflow_speed[order], known.rotor_speed[order])

@@ -18,30 +18,24 @@ from hkt_mdo.rotor.outline import Outline
 from tests.exports.made import made
 
 SEVERAL = """
+rotor:
+  stations: [0.25, 0.45, 0.65, 0.85, 0.98]
+  sections:
     - {outline: examples/files/naca4412.csv, polar: examples/files/naca4412_polars.csv}
     - {outline: naca4415, polar: naca4415_Re1e6}
     - {outline: examples/files/naca4418.csv, polar: examples/files/naca4418_polars.csv}
     - {outline: examples/files/naca4424.csv, polar: examples/files/naca4424_polars.csv}
 """
-STATIONS = "stations: [0.25, 0.45, 0.65, 0.85, 0.98]"
+THICKNESS = "{chord_points: 5, twist_points: 5, thickness_points: 5}"
+STEEL = "{polar: naca63815, reynolds: local, material: steel_s355, wall: 0.03}"
+LOSSY = "{rated_torque: 700, copper_loss: 300}"
 
 CASES = {
     "one section": ("", [11.0]),
     "resized": ("rotor: {blade: rm1, radius: 2.0, cone: -4, station_count: 6}", [40.0]),
-    "several sections": (
-        f"rotor:\n  blade: rm1\n  radius: 1.4\n  {STATIONS}\n  sections:{SEVERAL}",
-        [40.0],
-    ),
-    "designed thickness": (
-        f"rotor:\n  {STATIONS}\n  sections:{SEVERAL}design: {{chord_points: 5, twist_points: 5, "
-        "thickness_points: 5}\n",
-        [11.0],
-    ),
-    "Reynolds numbers": (
-        "rotor: {polar: naca63815, reynolds: local, material: steel_s355, wall: 0.03}\n"
-        "generator: {rated_torque: 700, copper_loss: 300}\n",
-        [11.0],
-    ),
+    "several sections": (f"{SEVERAL}  blade: rm1\n  radius: 1.4\n", [40.0]),
+    "designed thickness": (f"{SEVERAL}design: {THICKNESS}\n", [11.0]),
+    "Reynolds numbers": (f"rotor: {STEEL}\ngenerator: {LOSSY}\n", [11.0]),
 }
 """Keys of the case, and the gain."""
 
@@ -98,9 +92,7 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
     np.testing.assert_allclose(other.thrust, own.thrust, atol=1e-7)
     mass = design.physics.mass_and_inertia(blade)
     np.testing.assert_allclose(read.mass_and_inertia(read.blade), mass, rtol=5e-4)
-    thickness = design.thickness
-    found = read.rotor.thickness_of(read.blade)
-    np.testing.assert_allclose(found, thickness, rtol=1e-9)
+    np.testing.assert_allclose(read.rotor.thickness_of(read.blade), design.thickness, rtol=1e-9)
 
 
 def test_it_says_what_the_schema_has_no_key_for(turbine):
@@ -115,12 +107,10 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
     given = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
     assert (placeholder in data["comments"]) == (not given)
     shape = data["components"]["blade"]["outer_shape"]
-    np.testing.assert_allclose(
-        shape["section_offset_y"]["values"], 0.3 * np.array(shape["chord"]["values"])
-    )
+    offset = 0.3 * np.array(shape["chord"]["values"])
+    np.testing.assert_allclose(shape["section_offset_y"]["values"], offset)
     control, (gain,) = data["control"], design.gains
-    speed = 60.0  # rpm
-    assert control["region2_k"] * speed**2 == pytest.approx(gain * (2.0 * np.pi) ** 2)
+    assert control["region2_k"] * 60.0**2 == pytest.approx(gain * (2.0 * np.pi) ** 2)  # of rpm
     assert control["max_gen_torque"] == 700.0
     best = design.physics.rotor.best_operation(design.blade)
     assert control["optimal_tsr"] == best.tip_speed_ratio
@@ -158,9 +148,8 @@ def test_losses_of_the_generator_are_an_efficiency_along_the_operation(turbines)
     _, design, _, data = turbines("Reynolds numbers")
     curve = data["components"]["drivetrain"]["generator"]["rpm_efficiency"]
     steady = steady_operation(design)
-    efficiency = np.interp(
-        steady["rotor_speed"] * 30.0 / np.pi, curve["grid"], np.array(curve["values"])
-    )
+    rpm = steady["rotor_speed"] * 30.0 / np.pi
+    efficiency = np.interp(rpm, curve["grid"], curve["values"])
     np.testing.assert_allclose(efficiency * steady["generator_power"], steady["electrical_power"])
     assert min(curve["values"]) < max(curve["values"]) < 1.0
 
@@ -231,16 +220,16 @@ def test_wisdem_reads_it_interpolates_and_smooths(tmp_path):
         chord, twist = (found[f"blade.outer_shape.{name}"] for name in ("chord", "twist"))
         lift, drag, moment = (found[f"airfoils.{name}"][0] for name in ("cl", "cd", "cm"))
         off = PchipInterpolator(s, twist)(span) - np.rad2deg(blade.twist)
-        errors.append([np.max(np.abs(PchipInterpolator(s, chord)(span) / blade.chord - 1.0))])
-        errors[-1].append(np.max(np.abs(off)))
+        relative = PchipInterpolator(s, chord)(span) / blade.chord - 1.0
+        errors.append(np.max(np.abs([relative, off]), axis=1))
         exact = Airfoil(angle, lift[:, 0], drag[:, 0])
         smooth = CCAirfoil(found["airfoils.aoa"], found["airfoils.Re"], lift, drag, moment)
         for airfoil in (exact, smooth):
             ratio, power = power_by_wisdem(blade, found, airfoil)
             own = design.physics.rotor.coefficients(blade, ratio).power
             powers.append(np.max(np.abs(power / own - 1.0)))
-    assert np.all(np.array(errors[1]) < 0.2 * np.array(errors[0]))
-    assert np.all(np.array(errors[1]) < [1e-3, 2e-2])
+    assert np.all(errors[1] < 0.2 * errors[0])
+    assert np.all(errors[1] < [1e-3, 2e-2])
     coarse, coarse_smooth, fine, fine_smooth = powers
     print("Cp by WISDEM less own, largest over own:", powers)
     assert fine < 1e-3

@@ -2,8 +2,8 @@
 
 import json
 import warnings
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,14 +17,7 @@ from tests.conftest import refused
 from tests.files.broken.blades import AERODYN, CSV, WINDIO
 from tests.properties import examples
 
-TEMPLATE = """------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE ---------
-A blade
-======  Blade Properties =====================================
-{count}   NumBlNds  - Number of blade nodes used in the analysis (-)
-BlSpn  BlCrvAC  BlSwpAC  BlCrvAng  BlTwist  BlChord  BlAFID
-(m)    (m)      (m)      (deg)     (deg)    (m)      (-)
-{rows}
-"""
+METRES = "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"
 
 
 @pytest.fixture
@@ -39,11 +32,19 @@ def put(tmp_path):
     return write
 
 
+def changed(text, changes):
+    """Return a text with other parts in place of those it has."""
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
 # --- theory: units, and what is the same blade in another unit -----------------------------------
 
 
 def test_the_same_blade_in_other_units(put):
-    metres = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
+    metres = read_blade(put("m.csv", METRES))
     others = {
         "mm.csv": "r_mm,chord_mm,twist_rad\n500,250,0.5\n1000,125,0.25\n",
         "deg.csv": "r_m,chord_mm,twist_deg\n.5,2.5e2,28.64788975654116\n1,125,14.32394487827058\n",
@@ -64,40 +65,24 @@ def test_the_same_blade_in_other_units(put):
 
 
 def test_sections_of_a_csv(put):
-    table = read_blade(
-        put("a.csv", 'r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,"a, b"\n1,.1,0,.12,tip\n')
-    )
+    text = 'r_m,chord_m,twist_rad,t_over_c,section\n.5,.2,0,.24,"a, b"\n1,.1,0,.12,tip\n'
+    table = read_blade(put("a.csv", text))
     assert table.section == ("a, b", "tip")
     np.testing.assert_array_equal(table.thickness, [0.24, 0.12])
-    assert table.blend([0.4, 0.5, 0.625, 1.0, 2.0]) == (
-        ("a, b", "a, b", 0.0),
-        ("a, b", "a, b", 0.0),
-        ("a, b", "tip", 0.25),
-        ("a, b", "tip", 1.0),
-        ("tip", "tip", 0.0),
-    )
+    inner, outer, shares = zip(*table.blend([0.4, 0.5, 0.625, 1.0, 2.0]), strict=True)
+    assert inner == ("a, b", "a, b", "a, b", "a, b", "tip")
+    assert outer == ("a, b", "a, b", "tip", "tip", "tip")
+    assert shares == (0.0, 0.0, 0.25, 1.0, 0.0)
 
 
 def test_sections_are_blended_by_thickness():
     # thickness falls from 0.4 to 0.2 in the first tenth of the span, then stays
     sections = (SectionTable("thick", 0.4, ()), SectionTable("thin", 0.2, ()))
-    table = BladeTable(
-        np.array([0.0, 0.1, 1.0]),
-        np.ones(3),
-        np.zeros(3),
-        thickness=np.array([0.4, 0.2, 0.2]),
-        sections=sections,
-        section_position=(("thick", 0.0), ("thin", 1.0)),
-    )
+    r, position = np.array([0.0, 0.1, 1.0]), (("thick", 0.0), ("thin", 1.0))
+    plain = BladeTable(r, np.ones(3), np.zeros(3), sections=sections, section_position=position)
+    table = replace(plain, thickness=np.array([0.4, 0.2, 0.2]))
     shares = [share for _, _, share in table.blend([0.0, 0.05, 0.1, 0.7, 1.0])]
     np.testing.assert_allclose(shares, [0.0, 0.5, 1.0, 1.0, 1.0], rtol=1e-14)
-    plain = BladeTable(
-        table.r,
-        table.chord,
-        table.twist,
-        sections=sections,
-        section_position=table.section_position,
-    )
     np.testing.assert_allclose([share for _, _, share in plain.blend([0.05, 0.7])], [0.05, 0.7])
 
 
@@ -113,9 +98,7 @@ def test_sections_are_blended_by_thickness():
 def test_what_is_written_reads_back_bit_by_bit(data, tmp_path_factory):
     r, chord, twist = np.array(sorted(data)).T
     path = tmp_path_factory.mktemp("blade") / "blade.csv"
-    write_blade_csv(
-        path, SimpleNamespace(r=r, chord=chord, twist=twist), ["a remark", "two\nlines"]
-    )
+    write_blade_csv(path, BladeTable(r, chord, twist), ["a remark", "two\nlines"])
     back = read_blade(path)
     for name, wanted in (("r", r), ("chord", chord), ("twist", twist)):
         assert getattr(back, name).tobytes() == wanted.tobytes()
@@ -124,24 +107,25 @@ def test_what_is_written_reads_back_bit_by_bit(data, tmp_path_factory):
 
 
 def test_what_cannot_be_written_is_said(tmp_path, put):
-    table = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
+    table = read_blade(put("m.csv", METRES))
     with pytest.raises(InputError, match="cannot be written"):
         write_blade_csv(tmp_path / "no" / "b.csv", table)
-    relative = read_blade("bahaj2007")
     with pytest.raises(ValueError, match="scale"):
-        write_blade_csv(tmp_path / "b.csv", relative)
+        write_blade_csv(tmp_path / "b.csv", read_blade("bahaj2007"))
 
 
 # --- radii: scaling, hub and tip -----------------------------------------------------------------
 
 
-def aerodyn(put, rows, count=None, name="blade.dat"):
-    lines = rows.strip().splitlines()
-    return put(name, TEMPLATE.format(count=count or len(lines), rows="\n".join(lines)))
+def aerodyn(put, rows):
+    """Write rows below the head of the sound file."""
+    head = "\n".join(AERODYN.splitlines()[:6])
+    head = changed(head, {"4   Num": f"{len(rows.splitlines())}   Num"})
+    return put("blade.dat", f"{head}\n{rows}\n")
 
 
 def test_metres_without_a_tip_stay_metres(put):
-    table = read_blade(put("m.csv", "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"))
+    table = read_blade(put("m.csv", METRES))
     np.testing.assert_array_equal(table.scaled(1.1).r, table.r)
     assert table.scaled(1.1).tip_radius == 1.1
     with pytest.raises(InputError, match=r"m\.csv.*beyond the rotor's tip radius of 0\.9 m"):
@@ -165,14 +149,9 @@ def test_interior_rows_lie_between_hub_and_tip():
 
 
 def test_an_aerodyn_blade_counts_from_the_root(put):
-    table = read_blade(
-        aerodyn(
-            put,
-            "0.0E+00 0 0 0 1.3308000E+01 3.542 1\n1.3667D+00 0 0 0 13.308 3.542 1\n"
-            "4.1 0 0 0 13.308 3.854 3 ! remark",
-        ),
-        hub_radius=1.5,
-    )
+    rows = "0.0E+00 0 0 0 1.3308000E+01 3.542 1\n1.3667D+00 0 0 0 13.308 3.542 1\n"
+    path = aerodyn(put, rows + "4.1 0 0 0 13.308 3.854 3 ! remark")
+    table = read_blade(path, hub_radius=1.5)
     np.testing.assert_array_equal(table.r, [1.5, 1.5 + 1.3667, 1.5 + 4.1])
     np.testing.assert_array_equal(table.twist, np.deg2rad([13.308] * 3))
     assert table.section == ("1", "1", "3")
@@ -199,16 +178,9 @@ BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID t_c BlCb   BlCenBn BlCenBt
     assert table.thickness is None
     assert any("t_c" in message for message in table.messages)
     assert any("1 rows after these are ignored" in message for message in table.messages)
-    swapped = newer.replace("BlTwist BlChord", "BlChord BlTwist").replace(
-        "(deg)   (m) ", "(m) (deg)   "
-    )
-    other = read_blade(
-        put(
-            "swapped.dat",
-            swapped.replace("12.86   0.8", "0.8 12.86").replace("2.18    0.626", "0.626 2.18"),
-        ),
-        1.0,
-    )
+    swapped = {"BlTwist BlChord": "BlChord BlTwist", "(deg)   (m) ": "(m) (deg)   "}
+    swapped |= {"12.86   0.8": "0.8 12.86", "2.18    0.626": "0.626 2.18"}
+    other = read_blade(put("swapped.dat", changed(newer, swapped)), 1.0)
     np.testing.assert_array_equal(other.chord, table.chord)
     np.testing.assert_array_equal(other.twist, table.twist)
 
@@ -257,19 +229,17 @@ def test_windio_1_counts_in_radians(put):
     def radians(numbers):
         return str([float(np.deg2rad(number)) for number in numbers])
 
-    text = WINDIO.replace("outer_shape:", "outer_shape_bem:").replace("2.5", "0.04363323129985824")
-    text = text.replace("[20.0, 9.0, 4.0, 1.0]", radians([20.0, 9.0, 4.0, 1.0]))
+    text = changed(WINDIO, {"outer_shape:": "outer_shape_bem:", "2.5": "0.04363323129985824"})
+    text = changed(text, {"[20.0, 9.0, 4.0, 1.0]": radians([20.0, 9.0, 4.0, 1.0])})
     start, end = text.index("            airfoils:"), text.index("    hub:")
     position = "            airfoil_position: {grid: [0.0, 1.0], labels: [thick, thin]}\n"
     text = text[:start] + position + text[end:]
     head, library = text.split("\nairfoils:")
     degrees = library[library.index("[-180") : library.index("], values") + 1]
     library = library.replace(degrees, radians(json.loads(degrees)))
-    library = library.replace("        re_sets:\n          - re:", "        re:")
-    library = library.replace("            cl:", "        c_l:").replace(
-        "            cd:", "        c_d:"
-    )
-    library = library.replace("rthick", "relative_thickness")
+    names = {"        re_sets:\n          - re:": "        re:", "rthick": "relative_thickness"}
+    names |= {"            cl:": "        c_l:", "            cd:": "        c_d:"}
+    library = changed(library, names)
     old = read_blade(put("old.yaml", f"{head}\nairfoils:{library}"))
     new = read_blade(put("new.yaml", WINDIO))
     for name in ("r", "chord", "twist", "thickness"):
@@ -283,30 +253,20 @@ def test_windio_1_counts_in_radians(put):
 
 def test_windio_grids_of_their_own(put):
     # a chord given at root and tip only is linear: its value at the twist's grid is known
-    text = WINDIO.replace(
-        "chord:\n                grid: &grid [0.0, 0.3, 0.7, 1.0]",
-        "chord:\n                grid: [0.0, 1.0]",
-    )
-    text = text.replace("[0.18, 0.12, 0.09, 0.06]", "[0.2, 0.1]").replace(
-        "grid: *grid", "grid: &grid [0.0, 0.3, 0.7, 1.0]", 1
-    )
-    table = read_blade(
-        put(
-            "a.yaml",
-            text.replace(
-                "x: {grid: [0.0, 1.0], values: [0.0, 0.0]}", "x: {grid: [0, 1], values: [0, -0.5]}"
-            ),
-        )
-    )
+    grid, straight = "grid: &grid [0.0, 0.3, 0.7, 1.0]", "x: {grid: [0.0, 1.0], values: [0.0, 0.0]}"
+    ends = {f"chord:\n                {grid}": "chord:\n                grid: [0.0, 1.0]"}
+    text = changed(WINDIO, ends | {"[0.18, 0.12, 0.09, 0.06]": "[0.2, 0.1]"})
+    text = text.replace("grid: *grid", grid, 1)
+    bent = changed(text, {straight: "x: {grid: [0, 1], values: [0, -0.5]}"})
+    table = read_blade(put("a.yaml", bent))
     np.testing.assert_allclose(table.chord, [0.2, 0.17, 0.13, 0.1], rtol=1e-14)
     assert any("different grids" in message for message in table.messages)
     assert any("prebend of up to 0.5 m is ignored" in message for message in table.messages)
     # without rthick the thickness is linear between the sections
     start = text.index("            rthick:")
     bare = text[:start] + text[text.index("            airfoils:") :]
-    np.testing.assert_allclose(
-        read_blade(put("b.yaml", bare)).thickness, 0.24 - 0.12 * np.array([0.0, 0.3, 0.7, 1.0])
-    )
+    expected = 0.24 - 0.12 * np.array([0.0, 0.3, 0.7, 1.0])
+    np.testing.assert_allclose(read_blade(put("b.yaml", bare)).thickness, expected)
 
 
 def test_a_reference_turbine_reads_as_it_is_published():
@@ -329,12 +289,8 @@ def test_a_reference_turbine_reads_as_it_is_published():
 
 
 def test_the_sound_files_are_one_blade(put):
-    tables = [
-        read_blade(put("sound.csv", CSV)),
-        read_blade(put("sound.dat", AERODYN), 0.175),
-        read_blade(put("sound.yaml", WINDIO)),
-    ]
-    for table in tables:
+    for suffix, text, hub in (("csv", CSV, None), ("dat", AERODYN, 0.175), ("yaml", WINDIO, None)):
+        table = read_blade(put(f"sound.{suffix}", text), hub)
         np.testing.assert_allclose(table.chord, [0.18, 0.12, 0.09, 0.06], rtol=1e-15)
         np.testing.assert_allclose(np.rad2deg(table.twist), [20, 9, 4, 1], rtol=1e-15)
         assert table.r[-1] == pytest.approx(1.4, rel=1e-15)
@@ -362,10 +318,9 @@ def test_radians_below_the_name_of_degrees_are_suspected(tmp_path):
 def test_a_written_blade_has_the_twist_in_degrees_too(tmp_path):
     path, twist = tmp_path / "b.csv", np.array([0.3, 0.1])
     write_blade_csv(path, BladeTable(np.array([0.2, 1.0]), np.array([0.2, 0.1]), twist, False))
-    rows = [line.split(",") for line in path.read_text().splitlines()]
-    assert rows[0] == ["r_m", "chord_m", "twist_deg", "twist_rad"]
-    assert [float(row[2]) for row in rows[1:]] == np.rad2deg(twist).tolist()
-    assert read_blade(path).twist.tolist() == twist.tolist()
-    path.write_text(path.read_text().replace(rows[2][2], "7.5"))
+    header, *rows = [line.split(",") for line in path.read_text().splitlines()]
+    assert header == ["r_m", "chord_m", "twist_deg", "twist_rad"]
+    assert [float(row[2]) for row in rows] == np.rad2deg(twist).tolist()
+    path.write_text(path.read_text().replace(rows[1][2], "7.5"))
     with pytest.raises(InputError, match=r"line 3, column twist_deg = '7.5': is not twist_rad in"):
         read_blade(path)

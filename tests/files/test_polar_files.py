@@ -6,8 +6,8 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import polar_table
-from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from tests.files.broken.polars import DATA
 
 ALPHA = np.arange(-8.0, 17.0)  # deg
 REYNOLDS = 2e5, 1e6
@@ -25,20 +25,30 @@ def moment(alpha, reynolds):
     return np.round(-0.08 + 0.0 * reynolds - 1e-3 * alpha, 4)
 
 
-def rows(alpha, reynolds):
-    return zip(alpha, *(f(alpha, reynolds) for f in (lift, drag, moment)), strict=True)
+def pressure(alpha, reynolds, below=0.0):
+    return np.round(-1.0 - 0.1 * np.abs(alpha + 2.0) - 1e-7 * reynolds - below, 4)
 
 
-def csv_text(angle="alpha_deg"):
-    text = ["# a remark", f"reynolds,{angle},cl,cd,cm,confidence", ""]
+CURVES = lift, drag, moment
+ALL = (*CURVES, pressure)
+
+
+def rows(alpha, reynolds, curves=CURVES):
+    return zip(alpha, *(curve(alpha, reynolds) for curve in curves), strict=True)
+
+
+def csv_text(angle="alpha_deg", surfaces=()):
+    """Return polars in CSV; the pressure of each of the surfaces is 0.1 below that of the last."""
+    text = ["# a remark", ",".join(["reynolds", angle, "cl,cd,cm,confidence", *surfaces]), ""]
     for reynolds in reversed(REYNOLDS):
         for a, cl, cd, cm in rows(ALPHA, reynolds):
             value = f"{a:g}" if angle == "alpha_deg" else f"{np.deg2rad(a):.17g}"
-            text.append(f"{reynolds:g},{value},{cl},{cd},{cm},0.9")
+            lowest = (pressure(a, reynolds, 0.1 * place) for place in range(len(surfaces)))
+            text.append(",".join(map(str, [f"{reynolds:g}", value, cl, cd, cm, 0.9, *lowest])))
     return "\n".join(text) + "\n"
 
 
-def aerodyn_text(reynolds=REYNOLDS, alpha=ALPHA, names="Alpha Cl Cd Cm", unsteady=True):
+def aerodyn_text(reynolds=REYNOLDS, names="Alpha Cl Cd Cm", unsteady=True, curves=CURVES):
     text = [
         "! ------------ AirfoilInfo v1.01.x Input File ----------",
         '"DEFAULT"  InterpOrd   ! order',
@@ -59,32 +69,22 @@ def aerodyn_text(reynolds=REYNOLDS, alpha=ALPHA, names="Alpha Cl Cd Cm", unstead
         ]
         if unsteady:
             text += ["  -3.2  alpha0 ! zero lift", '"DEFAULT"  filtCutOff ! (Hz)', "!......"]
-        text += [f"{len(alpha)}  NumAlf", f"! {names}", "! (deg) (-) (-) (-)"]
-        text += [" ".join(map(str, row)) for row in rows(alpha, number)]
+        text += [f"{len(ALPHA)}  NumAlf", f"! {names}", "! (deg) (-) (-) (-)"]
+        text += [" ".join(map(str, row)) for row in rows(ALPHA, number, curves)]
     return "\n".join(text) + "\n"
 
 
-def xfoil_text(reynolds=REYNOLDS, transition=""):
-    text = []
-    for number in reynolds:
-        text += [
-            "  ",
-            "       XFOIL         Version 6.99",
-            "  ",
-            " Calculated polar for: NACA 63-815",
-            "  ",
-            " 1 1 Reynolds number fixed          Mach number fixed",
-            "  ",
-            " xtrf =   1.000 (top)        1.000 (bottom)",
-            f" Mach =   0.000     Re = {number / 1e6:9.3f} e 6     Ncrit =   9.000  9.000",
-            "  ",
-            "   alpha    CL        CD       CDp       CM     Top_Xtr  Bot_Xtr",
-            "  ------ -------- --------- --------- -------- -------- --------",
-        ]
-        text += [
-            f"{a:8.3f}{cl:9.4f}{cd:10.5f}   0.00100{cm:9.4f}   0.5000   1.0000"
-            for a, cl, cd, cm in rows(ALPHA, number)
-        ]
+def xfoil_text(with_pressure=False):
+    """Return polars below the head that the program writes, of a sound file."""
+    text, head = [], (DATA / "section.pol").read_text().splitlines()[:12]
+    for number in REYNOLDS:
+        head[8] = f" Mach =   0.000     Re = {number / 1e6:9.3f} e 6     Ncrit =   9.000  9.000"
+        if with_pressure:
+            head[10] = "   alpha    CL        CD       CDp       CM    Cpmin   Top_Xtr  Bot_Xtr"
+        text += head
+        for a, cl, cd, cm, lowest in rows(ALPHA, number, ALL):
+            lowest = f"{lowest:9.4f}" if with_pressure else ""
+            text.append(f"{a:8.3f}{cl:9.4f}{cd:10.5f}   0.00100{cm:9.4f}{lowest}   0.5000   1.0000")
     return "\r\n".join(text) + "\r\n"
 
 
@@ -98,10 +98,21 @@ FORMATS = {
     .replace("2  NumCoords", '@"shape of it.txt"  NumCoords')
     .replace("0.25 0.0\n1.0  0.0\n", ""),
     "aerodyn, tables out of order": aerodyn_text(REYNOLDS[::-1]),
+    "aerodyn, columns not named": aerodyn_text(names="rows"),
     "xfoil": xfoil_text(),
     "xflr5": xfoil_text()
     .replace("XFOIL         Version 6.99", "xflr5 v6.47")
     .replace("_Xtr", " Xtr"),
+}
+
+
+WITH_PRESSURE = {
+    "csv": (csv_text(surfaces=["cpmin"]), 1),
+    "csv, each surface": (csv_text(surfaces=["cpmin_upper", "cpmin_lower"]), 2),
+    "csv, in another order": (csv_text(surfaces=["cpmin_upper", "cpmin_lower", "cpmin"]), 2),
+    "aerodyn": (aerodyn_text(names="Alpha Cl Cd Cpmin", curves=(lift, drag, pressure)), 1),
+    "aerodyn with the moment": (aerodyn_text(names="Alpha Cl Cd Cm Cpmin", curves=ALL), 1),
+    "xfoil": (xfoil_text(with_pressure=True), 1),
 }
 
 
@@ -111,123 +122,57 @@ def write(folder, text):
     return path
 
 
+def check(table, reynolds, with_moment=True):
+    """Hold a table to the curves; AeroDyn's may have the lowest pressure in the moment's place."""
+    assert table.reynolds == pytest.approx(reynolds, rel=1e-12)
+    np.testing.assert_array_equal(table.lift, lift(ALPHA, reynolds))
+    np.testing.assert_array_equal(table.drag, drag(ALPHA, reynolds))
+    assert (table.moment is not None) == with_moment
+    if with_moment:
+        np.testing.assert_array_equal(table.moment, moment(ALPHA, reynolds))
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_gives_the_same_tables(tmp_path, name):
     tables = read_polars(write(tmp_path, FORMATS[name]))
-    assert [table.reynolds for table in tables] == pytest.approx(REYNOLDS, rel=1e-12)
     for table, reynolds in zip(tables, REYNOLDS, strict=True):
         assert np.allclose(table.alpha, np.deg2rad(ALPHA), rtol=0.0, atol=1e-15)
-        assert np.array_equal(table.lift, lift(ALPHA, reynolds))
-        assert np.array_equal(table.drag, drag(ALPHA, reynolds))
-        assert np.array_equal(table.moment, moment(ALPHA, reynolds))
+        check(table, reynolds)
         assert not table.full_circle
-
-
-def test_fourth_column_is_the_moment_only_if_it_is_named_so(tmp_path):
-    """Tables for cavitation checks have the lowest pressure coefficient there."""
-    with_pressure = read_polars(
-        write(tmp_path, aerodyn_with_pressure("Alpha Cl Cd Cpmin", moment=False))
-    )
-    assert all(table.moment is None for table in with_pressure)
-    unnamed = read_polars(write(tmp_path, aerodyn_text(names="rows")))
-    assert np.array_equal(unnamed[0].moment, moment(ALPHA, REYNOLDS[0]))
-
-
-# Smallest pressure
-
-
-def pressure(alpha, reynolds):
-    return np.round(-1.0 - 0.1 * np.abs(alpha + 2.0) - 1e-7 * reynolds, 4)
-
-
-def csv_with_pressure(*names):
-    """Return the CSV polars with the pressure in the columns named, each 0.1 below the last."""
-    first, header, empty, *lines = csv_text().splitlines()
-    found = [first, f"{header},{','.join(names)}", empty]
-    for line in lines:
-        reynolds, alpha = map(float, line.split(",")[:2])
-        numbers = (f"{pressure(alpha, reynolds) - 0.1 * n:.4f}" for n in range(len(names)))
-        found.append(f"{line},{','.join(numbers)}")
-    return "\n".join(found) + "\n"
-
-
-def aerodyn_with_pressure(names, moment):
-    lines = aerodyn_text(names=names).splitlines()
-    reynolds = 0.0
-    for at, line in enumerate(lines):
-        cells = line.split()
-        reynolds = float(cells[0]) * 1e6 if cells[1:2] == ["Re"] else reynolds
-        if len(cells) == 4 and all(parse_number(cell) is not None for cell in cells):
-            value = pressure(float(cells[0]), reynolds)
-            lines[at] = " ".join((*cells[: 4 if moment else 3], str(value)))
-    return "\n".join(lines) + "\n"
-
-
-def xfoil_with_pressure():
-    lines = xfoil_text().splitlines()
-    reynolds = 0.0
-    for at, line in enumerate(lines):
-        cells = line.split()
-        if "Re =" in line:
-            reynolds = float(cells[5]) * 1e6
-        elif "alpha" in cells:
-            lines[at] = line.replace("CM     ", "CM      Cpmin  ")
-        elif len(cells) == 7 and parse_number(cells[0]) is not None:
-            value = pressure(float(cells[0]), reynolds)
-            lines[at] = " ".join((*cells[:5], f"{value:.4f}", *cells[5:]))
-    return "\n".join(lines) + "\n"
-
-
-WITH_PRESSURE = {
-    "csv": (csv_with_pressure("cpmin"), 1),
-    "csv, each surface": (csv_with_pressure("cpmin_upper", "cpmin_lower"), 2),
-    "csv, in another order": (csv_with_pressure("cpmin_upper", "cpmin_lower", "cpmin"), 2),
-    "aerodyn": (aerodyn_with_pressure("Alpha Cl Cd Cpmin", moment=False), 1),
-    "aerodyn with the moment": (aerodyn_with_pressure("Alpha Cl Cd Cm Cpmin", moment=True), 1),
-    "xfoil": (xfoil_with_pressure(), 1),
-}
 
 
 @pytest.mark.parametrize("name", WITH_PRESSURE)
 def test_every_format_may_have_the_smallest_pressure(tmp_path, name):
     text, n_surfaces = WITH_PRESSURE[name]
     for table, reynolds in zip(read_polars(write(tmp_path, text)), REYNOLDS, strict=True):
-        expected = [pressure(ALPHA, reynolds) - 0.1 * n for n in range(n_surfaces)]
+        expected = [pressure(ALPHA, reynolds, 0.1 * place) for place in range(n_surfaces)]
         assert np.allclose(table.smallest_pressure, expected, rtol=0.0, atol=1e-12)
-        assert np.array_equal(table.lift, lift(ALPHA, reynolds))
-        with_moment = name != "aerodyn"
-        assert (table.moment is not None) == with_moment
-        if with_moment:
-            assert np.array_equal(table.moment, moment(ALPHA, reynolds))
+        check(table, reynolds, with_moment=name != "aerodyn")
 
 
 def airfoil_tools_text():
-    about = (
-        "Xfoil polar. Reynolds number fixed. Mach  number fixed\nPolar key,xf-naca2408-il-50000\n"
-    )
-    about += "Airfoil,naca2408-il\nReynolds number,50000\nNcrit,9\nMach,0\nMax Cl/Cd,37.4214\n\n"
-    rows_ = [f"{a:.3f},{cl},{cd},0.004,{cm},1.0,0.2\n" for a, cl, cd, cm in rows(ALPHA, 5e4)]
-    return about + "Alpha,Cl,Cd,Cdp,Cm,Top_Xtr,Bot_Xtr\n" + "".join(rows_)
+    text = "Xfoil polar. Reynolds number fixed. Mach  number fixed\n"
+    text += "Polar key,xf-naca2408-il-50000\nAirfoil,naca2408-il\nReynolds number,50000\nNcrit,9\n"
+    text += "Mach,0\nMax Cl/Cd,37.4214\n\nAlpha,Cl,Cd,Cdp,Cm,Top_Xtr,Bot_Xtr\n"
+    for a, cl, cd, cm in rows(ALPHA, 5e4):
+        text += f"{a:.3f},{cl},{cd},0.004,{cm},1.0,0.2\n"
+    return text
 
 
 def xflr5_text():
     """Return a polar as XFLR5 6.61 has it, with two numbers more than names."""
-    head = "xflr5 v6.61\n\n Calculated polar for: NACA 0012\n\n Mach = 0.000 Re = 0.050 e 6\n\n"
-    head += (
-        "  alpha     CL        CD       CDp       Cm    Top Xtr Bot Xtr   Cpmin    Chinge    XCp\n"
-    )
-    ends = "1.0 0.1 -1.5 0.0 0.0 0.0 0.3"
-    rows_ = [f" {a:.3f} {cl} {cd} 0.003 {cm} {ends}\n" for a, cl, cd, cm in rows(ALPHA, 5e4)]
-    return head + " ------- -------- ---------\n" + "".join(rows_)
+    text = "xflr5 v6.61\n\n Calculated polar for: NACA 0012\n\n Mach = 0.000 Re = 0.050 e 6\n\n"
+    text += "  alpha     CL        CD       CDp       Cm    Top Xtr Bot Xtr   Cpmin    Chinge"
+    text += "    XCp\n ------- -------- ---------\n"
+    for a, cl, cd, cm in rows(ALPHA, 5e4):
+        text += f" {a:.3f} {cl} {cd} 0.003 {cm} 1.0 0.1 -1.5 0.0 0.0 0.0 0.3\n"
+    return text
 
 
-@pytest.mark.parametrize("text", [airfoil_tools_text(), xflr5_text()])
+@pytest.mark.parametrize("text", [airfoil_tools_text(), xflr5_text()], ids=["tools", "xflr5"])
 def test_polars_of_airfoil_tools_and_xflr5(tmp_path, text):
     (table,) = read_polars(write(tmp_path, text))
-    assert table.reynolds == 5e4
-    np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
-    np.testing.assert_array_equal(table.drag, drag(ALPHA, 5e4))
-    np.testing.assert_array_equal(table.moment, moment(ALPHA, 5e4))
+    check(table, 5e4)
 
 
 def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(tmp_path):
@@ -338,9 +283,8 @@ def test_family_is_linear_in_the_logarithm_and_clamped():
     assert family.at(1e3) is family.polars[0]
     assert family.at(1e8) is family.polars[-1]
     middle = family.at(np.sqrt(1e5 * 2e5)).coefficients  # half-way in the logarithm
-    assert np.allclose(
-        middle, 0.5 * (family.polars[0].coefficients + family.polars[1].coefficients), atol=1e-12
-    )
+    mean = 0.5 * (family.polars[0].coefficients + family.polars[1].coefficients)
+    assert np.allclose(middle, mean, atol=1e-12)
 
 
 # Curves that overshoot
@@ -348,15 +292,10 @@ def test_family_is_linear_in_the_logarithm_and_clamped():
 
 def test_drag_that_dips_below_zero_between_rows_is_refused(tmp_path):
     """A spline through rows far apart may go where no row is."""
-    text = "alpha_deg,cl,cd\n" + "".join(
-        f"{a},{0.05 * a},{d}\n"
-        for a, d in zip(
-            (-10, -8, -6, -4, -2, 0, 2, 4, 14, 15),
-            (0.9, 0.5, 0.3, 0.2, 0.1, 0.03, 0.01, 0.01, 0.9, 1.8),
-            strict=True,
-        )
-    )
-    path = write(tmp_path, text)
+    angles = -10, -8, -6, -4, -2, 0, 2, 4, 14, 15
+    drags = 0.9, 0.5, 0.3, 0.2, 0.1, 0.03, 0.01, 0.01, 0.9, 1.8
+    lines = [f"{a},{0.05 * a},{cd}\n" for a, cd in zip(angles, drags, strict=True)]
+    path = write(tmp_path, "".join(["alpha_deg,cl,cd\n", *lines]))
     read_polars(path)  # the rows themselves are well
     with pytest.raises(InputError, match=r"section\.dat: .*drag coefficient of -.*add rows"):
         PolarFamily.from_file(path)
@@ -364,8 +303,6 @@ def test_drag_that_dips_below_zero_between_rows_is_refused(tmp_path):
 
 def test_rows_too_close_together_are_refused(tmp_path):
     angles = [*range(-8, 5), 4.0000001, *range(5, 17)]
-    text = "alpha_deg,cl,cd\n" + "".join(
-        f"{a:.8g},{0.1 * a + 0.01 * (a != int(a)):.4f},1.0\n" for a in angles
-    )
+    lines = [f"{a:.8g},{0.1 * a + 0.01 * (a != int(a)):.4f},1.0\n" for a in angles]
     with pytest.raises(InputError, match="too close together"):
-        PolarFamily.from_file(write(tmp_path, text))
+        PolarFamily.from_file(write(tmp_path, "".join(["alpha_deg,cl,cd\n", *lines])))

@@ -85,9 +85,8 @@ def test_a_tidal_record_in_milliseconds_is_its_numbers():
 def test_a_velocimeter_measures_a_horizontal_speed():
     xarray = pytest.importorskip("xarray")
     pytest.importorskip("netCDF4")
-    record = read_record(FOLDER / "records" / "vector_data01.nc", speed_column="vel")
-    with xarray.open_dataset(
-        FOLDER / "records" / "vector_data01.nc", decode_timedelta=False
-    ) as data:
+    path = FOLDER / "records" / "vector_data01.nc"
+    record = read_record(path, speed_column="vel")
+    with xarray.open_dataset(path, decode_timedelta=False) as data:
         speed = np.hypot(*data["vel"].values[:2].astype(float))
     np.testing.assert_allclose(record.speed, low_pass(speed, record.step, record.cutoff), rtol=1e-9)

@@ -7,9 +7,11 @@ import pytest
 
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import SineInflow
-from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, QuadraticFeedback
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
+from hkt_mdo.dynamics.tracking import Tracking
+from hkt_mdo.dynamics.wide_laws import PowerLawFeedback
 from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, IntegralComp
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import planform_area
@@ -19,16 +21,6 @@ from tests.conftest import checked
 N, RADIUS, DENSITY = 6, 1.4, 998.0
 NODES = np.linspace(2.0, 12.0, 41)
 TABLE = 0.09 * np.exp(-((NODES - 6.0) ** 2) / 20.0)
-
-
-class TwoGains(FeedbackLaw):
-    """A law that is not linear in its gains, u = K w^p."""
-
-    law: str = "two_gains"
-    gain_units: ClassVar[tuple[str | None, ...]] = ("N*m", None)
-
-    def demand(self, speed, gains):
-        return gains[0] * speed ** gains[1]
 
 
 class PowerPerInertia(Limit):
@@ -66,14 +58,19 @@ def operation():
     [
         (QuadraticFeedback(torque_limit=700.0), [7.2]),
         (LinearFeedback(), [68.0]),
-        (TwoGains(torque_limit=900.0), [20.0, 1.6]),
+        (PowerLawFeedback(torque_limit=900.0), [20.0, 1.6]),
+        (Tracking(knots=3, flow_range=(1.2, 1.8), torque_limit=700.0), [6, 7.5, 9, 150, 600]),
     ],
-    ids=["quadratic, limited", "linear", "two gains"],
+    ids=["quadratic, limited", "linear", "two gains", "states"],
 )
 def test_distance_from_stall(law, gains, least):
-    """N((1 - slowed) w) - N(w) less what is asked for, N = 0.5 rho pi R^3 v^2 Cq - u."""
+    """N((1 - slowed) w) - N(w) less what is asked for, N = 0.5 rho pi R^3 v^2 Cq - u.
+
+    While the states of a law stay as they are.
+    """
     (speed, flow), spline = operation(), TorqueSpline(NODES)
     limit = DistanceFromStall(law=law, spline=spline, slowed=0.03, least=least)
+    rest = law.at_rest(np.linspace(300.0, 650.0, N), np.linspace(1.4, 1.6, N))
     problem = checked(
         FormulaComp(formula=limit, size=N, n_times=N, n_table=41, gain_units=law.gain_units),
         rotor_speed=speed,
@@ -82,15 +79,19 @@ def test_distance_from_stall(law, gains, least):
         density=DENSITY,
         rotor_radius=RADIUS,
         **{f"gain_{i}": gain for i, gain in enumerate(gains)},
+        **dict(zip(law.states, rest, strict=True)),
     )
     unit = 0.5 * DENSITY * np.pi * RADIUS**3 * flow**2
 
+    def braking(w):
+        return law.torque(w, np.array(gains), *rest)
+
     def net(w):
-        return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - law.torque(w, np.array(gains))
+        return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - braking(w)
 
     expected = net(0.97 * speed) - net(speed) - least * 0.05 * unit
     # a difference of torques: its rounding is theirs
-    rounding = 1e-14 * float(np.max(law.torque(speed, np.array(gains))))
+    rounding = 1e-14 * float(np.max(braking(speed)))
     np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-12, atol=rounding)
 
 

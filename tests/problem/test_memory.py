@@ -16,30 +16,30 @@ from tests.dynamics.aerodyn_runs import design_of
 SHORT = "phase.duration=10", "phase.segments=5", "rotor.station_count=6"
 
 
-def made(*overrides, law="quadratic"):
-    """Return the problem of a short case with memory, run once."""
-    case = {"inflow": "sine", "control": law, "inflow_dynamics": "oye"}
-    problem = build_problem(load_case(case, [*SHORT, *overrides]), improve=False)
-    problem.run_model()
-    return problem
+def band_of(design, ratio, *ends):
+    """Return the band of a design about a tip speed ratio, and its tables."""
+    rotor, blade = design.physics.rotor, design.blade
+    band = Band.of(rotor, blade, ratio, np.linspace(*ends))
+    return band, {name: each.values for name, each in band.solve(rotor, blade, ()).items()}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tau1", ["null", "1"])
+@pytest.mark.parametrize("tau1", [None, 1])
 def test_partials_are_exact(tau1, monkeypatch):
     """By central differences; the tables' own follow from those of the sections."""
     monkeypatch.setenv("OPENMDAO_CHECK_ALL_PARTIALS", "1")
-    limits = "limits={thrust: 9 kN}"
-    problem = made(f"inflow_dynamics.tau1={tau1}", limits, "inflow_dynamics.model=oye")
+    case = {"inflow": "sine", "control": "quadratic", "limits": {"thrust": "9 kN"}}
+    case["inflow_dynamics"] = {"model": "oye", "tau1": tau1}
+    problem = build_problem(load_case(case, SHORT), improve=False)
+    problem.run_model()
     kinds, checked = (RememberingComp, TablesComp, LoadComp), set()
     for part in problem.model.system_iter(recurse=True):
         if not isinstance(part, kinds):
             continue
         checked.add(type(part))
-        options = {"method": "fd", "form": "central", "step": 1e-6, "step_calc": "rel_avg"}
-        (found,) = problem.check_partials(
-            includes=[part.pathname], out_stream=None, **options
-        ).values()
+        options = {"form": "central", "step": 1e-6, "step_calc": "rel_avg", "out_stream": None}
+        options["includes"] = [part.pathname]
+        (found,) = problem.check_partials(method="fd", **options).values()
         for pair, each in found.items():
             if "J_fwd" in each:
                 size = max(np.max(np.abs(each["J_fd"])), 1e-9)
@@ -51,10 +51,8 @@ def test_partials_are_exact(tau1, monkeypatch):
 def test_two_filters_have_the_stability_of_all_stations(tau1, power):
     """Least inertias are within 12 % of those of the filters of all stations: 8.6, 59 and 106."""
     design, flow = design_of("paper"), 1.5
-    plant, rotor = design.plant.with_memory(tau1), design.physics.rotor
-    blade, ratio = design.blade, np.array([8.06])
-    band = Band.of(rotor, blade, 8.06, np.linspace(7.0, 9.0, 41))
-    tables = {name: each.values for name, each in band.solve(rotor, blade, ()).items()}
+    plant, blade, ratio = design.plant.with_memory(tau1), design.blade, np.array([8.06])
+    band, tables = band_of(design, 8.06, 7.0, 9.0, 41)
     of_band = band.values(tables["torque_coefficient_band"], ratio, ratio)
     value, frozen, answer = (each[0] for each in of_band)
     speed, scale = ratio * flow / 1.4, torque_scale(1000.0, 1.4, flow)
@@ -73,9 +71,7 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
     """Direct BEM out of equilibrium: torque and rates; in equilibrium, that without memory."""
     design, flow = design_of("paper"), np.array([1.5, 1.3])
     plant, radius = design.plant.with_memory(1.0), design.blade.rotor_radius
-    band = Band.of(design.physics.rotor, design.blade, 8.06, np.linspace(7.0, 9.0, 17))
-    found = band.solve(design.physics.rotor, design.blade, ())
-    tables = {name: each.values for name, each in found.items()}
+    band, tables = band_of(design, 8.06, 7.0, 9.0, 17)
     mean, wake_ratio = plant.with_mean_wake(band), np.array([7.5, 8.25])
     ratio = np.array([1.05, 0.95]) * wake_ratio  # both at nodes of the tables
     speed, behind = ratio * flow / radius, wake_ratio * flow / radius
@@ -95,16 +91,14 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
 
 
 def test_the_wake_of_an_induction_beyond_its_table_is_near_the_table():
-    design = design_of("paper")
-    band = Band.of(design.physics.rotor, design.blade, 8.0, np.linspace(6.0, 10.0, 41))
-    found = band.solve(design.physics.rotor, design.blade, ())
-    table = found["wake_induction_table"].values
+    band, tables = band_of(design_of("paper"), 8.0, 6.0, 10.0, 41)
+    table = tables["wake_induction_table"]
     ratio, slope = band.wake_ratio(table, np.array([0.0, table[0], table[20], table[-1], 3.0]))
     np.testing.assert_allclose(ratio[1:4], [6.0, 8.0, 10.0], atol=1e-9)
     assert 5.5 < ratio[0] < 6.0
     assert 10.0 < ratio[-1] < 10.5
     assert np.all(slope >= 0.0)
-    assert found["torque_coefficient_band"].values.size == 41 * FACTORS.size
+    assert tables["torque_coefficient_band"].size == 41 * FACTORS.size
     assert band.direction == 1.0
 
 

@@ -63,11 +63,10 @@ def test_a_flow_that_the_mesh_resolves_leaves_it_as_it_is(inflow):
 
 def test_each_of_many_gusts_is_resolved():
     random = np.random.default_rng(5)
+    times, widths = random.uniform(0.0, SEASON, 19), 10.0 ** random.uniform(-1.0, 3.0, 19)
     gusts = [
         GustInflow(time=time, width=width, amplitude=0.5)
-        for time, width in zip(
-            random.uniform(0.0, SEASON, 19), 10.0 ** random.uniform(-1.0, 3.0, 19), strict=True
-        )
+        for time, width in zip(times, widths, strict=True)
     ]
     fine = resolved(SumInflow(parts=(SineInflow(angular_frequency=1e-5), *gusts)), SEASON)
     for gust in gusts:
@@ -118,15 +117,8 @@ def test_a_flow_that_no_mesh_resolves_is_left_to_the_checks():
 @pytest.mark.slow
 def test_a_limit_is_kept_in_a_gust_of_seconds_in_a_season(tmp_path):
     """The blade is fixed, so that this is fast; its gain is designed for the gust."""
-    case = load_case(
-        {
-            "inflow": GUST.model_dump(),
-            "control": {"law": "quadratic"},
-            "design": {"blade": "fixed"},
-            "limits": {"thrust": "12 kN"},
-            "phase": {"duration": SEASON},
-        }
-    )
+    fixed = {"control": "quadratic", "design": {"blade": "fixed"}, "limits": {"thrust": "12 kN"}}
+    case = load_case({"inflow": GUST.model_dump(), "phase": {"duration": SEASON}} | fixed)
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
     assert solution.success, solution.message
     thrust = solution.summary.limits["thrust"]

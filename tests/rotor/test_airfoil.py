@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from study_common import shipped_table
 
-from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
@@ -21,15 +20,19 @@ def any_shipped_polar(request):
 # Theory
 
 
-def test_polar_and_two_derivatives_are_continuous_everywhere(polar):
-    """A spline's neighbouring pieces share value, slope and curvature, round the full circle."""
-    step = 2.0 * np.pi / polar.coefficients.shape[0]
-    for block in (polar.coefficients[:, :4], polar.coefficients[:, 4:]):
+def assert_smooth(pieces, atol):
+    """Hold two splines to one value, slope and curvature of neighbouring pieces, full circle."""
+    step = 2.0 * np.pi / pieces.shape[0]
+    for block in (pieces[:, :4], pieces[:, 4:]):
         c0, c1, c2, c3 = block.T
-        following = np.roll(block, -1, axis=0)
-        assert np.allclose(c0 + step * (c1 + step * (c2 + step * c3)), following[:, 0], atol=1e-12)
-        assert np.allclose(c1 + step * (2.0 * c2 + step * 3.0 * c3), following[:, 1], atol=1e-10)
-        assert np.allclose(2.0 * c2 + 6.0 * step * c3, 2.0 * following[:, 2], atol=1e-7)
+        value, slope, curvature, _ = np.roll(block, -1, axis=0).T
+        assert np.allclose(c0 + step * (c1 + step * (c2 + step * c3)), value, atol=atol)
+        assert np.allclose(c1 + step * (2.0 * c2 + step * 3.0 * c3), slope, atol=1e2 * atol)
+        assert np.allclose(2.0 * c2 + 6.0 * step * c3, 2.0 * curvature, atol=1e5 * atol)
+
+
+def test_polar_and_two_derivatives_are_continuous_everywhere(polar):
+    assert_smooth(polar.coefficients, 1e-12)
 
 
 def test_derivatives_are_those_of_the_values(polar):
@@ -56,17 +59,12 @@ def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
 
 @pytest.mark.parametrize("name", POLARS)
 def test_table_points_are_interpolated_exactly(name):
-    table = shipped_table(name, "polar")
-    (polar,) = PolarFamily.from_file(name).polars
-    assert np.all(
-        table["alpha_deg"] * KNOTS_PER_DEGREE % 1.0 == 0.0
-    )  # else only to the spline's error
+    table, (polar,) = shipped_table(name, "polar"), PolarFamily.from_file(name).polars
+    # else only to the spline's error
+    assert np.all(table["alpha_deg"] * KNOTS_PER_DEGREE % 1.0 == 0.0)
     lift, drag = polar.evaluate(np.deg2rad(table["alpha_deg"]))
     assert np.allclose(lift, table["cl"], atol=1e-12)
     assert np.allclose(drag, table["cd"], atol=1e-12)
-
-
-# Broken files
 
 
 # Outline
@@ -115,9 +113,8 @@ def test_naca_4_digit_area_thickness_and_flapwise_moment(thickness):
     area = 10.0 * thickness * np.sum(np.array(a) / (powers + 1.0))
     assert area == pytest.approx(0.6851 * thickness, rel=1e-4)
     assert outline.area == pytest.approx(area, rel=1e-5)
-    # the coefficients are rounded: 1.0002 t
-    assert outline.thickness == pytest.approx(thickness, rel=5e-4)
-    sums = np.array(powers)[:, None, None] + powers[:, None] + powers
+    assert outline.thickness == pytest.approx(thickness, rel=5e-4)  # rounded a: 1.0002 t
+    sums = powers[:, None, None] + powers[:, None] + powers
     cubes = np.einsum("i,j,k,ijk", a, a, a, 1.0 / (sums + 1.0))
     expected = 2.0 / 3.0 * (5.0 * thickness) ** 3 * cubes
     assert outline.second_moments.xx == pytest.approx(expected, rel=1e-5)
@@ -126,6 +123,7 @@ def test_naca_4_digit_area_thickness_and_flapwise_moment(thickness):
 def outline_files():
     x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
     selig = [f" {a:.6f}  {b:.6f}" for a, b in zip(x, y, strict=True)]
+    after = ["", "http://a.example/b", "t/c 12 %", "12 of 3"]
     sides = [*selig[40::-1], "", *selig[40:]]
     return {
         "CSV": ["# NACA 2412", "x_over_c,y_over_c", *(",".join(row.split()) for row in selig)],
@@ -134,14 +132,7 @@ def outline_files():
         "Selig with commas": ["63 815 by hand", *(", ".join(row.split()) for row in selig)],
         "Lednicer with a name": ["NACA 2412", "  41.  41.", "", *sides],
         "Lednicer without a name": ["41 41", *sides],
-        "Selig with text after": [
-            "NACA 2412",
-            *selig,
-            "",
-            "http://a.example/b",
-            "t/c 12 %",
-            "12 of 3",
-        ],
+        "Selig with text after": ["NACA 2412", *selig, *after],
         "Selig below two lines": ["NACA 2412", "These points are of a model.", *selig],
         "Selig below heads": ["NACA 2412", "   x/c        y/c", *selig],
         "MSES": ["NACA 2412", "-2.0 3.0 -2.5 3.5", *selig],
@@ -150,15 +141,18 @@ def outline_files():
     }
 
 
+def assert_is_naca_2412(path):
+    outline, (x, y) = Outline.from_file(path), naca_4_digit(0.02, 0.4, 0.12, 41)
+    assert outline.x.tolist() == np.round(x, 6).tolist()
+    assert outline.y.tolist() == np.round(y, 6).tolist()
+
+
 @pytest.mark.parametrize("name", outline_files())
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_outline_formats_agree(tmp_path, name, end):
     path = tmp_path / "section.dat"
     path.write_text(end.join(outline_files()[name]) + end, encoding="utf-8", newline="")
-    outline = Outline.from_file(path)
-    x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
-    assert outline.x.tolist() == np.round(x, 6).tolist()
-    assert outline.y.tolist() == np.round(y, 6).tolist()
+    assert_is_naca_2412(path)
 
 
 def test_an_aerodyn_table_names_its_outline(tmp_path):
@@ -167,10 +161,7 @@ def test_an_aerodyn_table_names_its_outline(tmp_path):
     for line in ('@"coords.txt" NumCoords', "\n".join(rows)):  # in another file, and in this one
         table = tmp_path / "airfoil.dat"
         table.write_text(f'"default" InterpOrd\n{line}\n', encoding="utf-8")
-        x, y = naca_4_digit(0.02, 0.4, 0.12, 41)
-        outline = Outline.from_file(table)
-        assert outline.x.tolist() == np.round(x, 6).tolist()
-        assert outline.y.tolist() == np.round(y, 6).tolist()
+        assert_is_naca_2412(table)
 
 
 def test_lednicer_sides_with_noses_apart_keep_both_points(tmp_path):
@@ -180,10 +171,3 @@ def test_lednicer_sides_with_noses_apart_keep_both_points(tmp_path):
     path = tmp_path / "section.dat"
     path.write_text("\n".join(rows), encoding="utf-8")
     assert Outline.from_file(path).x.size == 82
-
-
-def test_open_outline_is_refused(tmp_path):
-    path = tmp_path / "outline.csv"
-    path.write_text("x_over_c,y_over_c\n" + "0.5,0.1\n" * 12)
-    with pytest.raises(InputError, match=r"outline\.csv"):
-        Outline.from_file(path)

@@ -66,10 +66,9 @@ def test_residual_is_nings(angle, polar):
     lift, drag = polar.evaluate(angle - twist)
     sine, cosine = np.sin(angle), np.cos(angle)
     normal, tangential = lift * cosine + drag * sine, lift * sine - drag * cosine
-    tip = 2.0 / np.pi * np.arccos(np.exp(-count / 2.0 * (tip_radius - r) / (r * abs(sine))))
-    hub = (
-        2.0 / np.pi * np.arccos(np.exp(-count / 2.0 * (r - hub_radius) / (hub_radius * abs(sine))))
-    )
+    exponent = -count / 2.0 / abs(sine)
+    tip = 2.0 / np.pi * np.arccos(np.exp(exponent * (tip_radius - r) / r))
+    hub = 2.0 / np.pi * np.arccos(np.exp(exponent * (r - hub_radius) / hub_radius))
     loss, solidity = tip * hub, count * chord / (2.0 * np.pi * r)
     k = solidity * normal / (4.0 * loss * sine**2)
     k_prime = solidity * tangential / (4.0 * loss * sine * cosine)
@@ -94,10 +93,9 @@ def test_momentum_and_blade_element_agree_at_every_root(blade, polar):
     found = bem.sections(blade, polar, ratio)
     lambda_r = ratio[:, None] * blade.r / blade.tip_radius
     a, a_prime, phi = found.axial_induction, found.tangential_induction, found.inflow_angle
-    assert np.allclose(np.tan(phi), (1.0 - a) / (lambda_r * (1.0 + a_prime)), rtol=1e-11)
-    assert np.allclose(
-        found.relative_speed, np.hypot(1.0 - a, lambda_r * (1.0 + a_prime)), rtol=1e-11
-    )
+    along, around = 1.0 - a, lambda_r * (1.0 + a_prime)
+    assert np.allclose(np.tan(phi), along / around, rtol=1e-11)
+    assert np.allclose(found.relative_speed, np.hypot(along, around), rtol=1e-11)
     exponent = 0.5 * blade.blade_count / np.sin(phi)
     tip = np.arccos(np.exp(-exponent * (blade.tip_radius - blade.r) / blade.r))
     hub = np.arccos(np.exp(-exponent * (blade.r - blade.hub_radius) / blade.hub_radius))
@@ -270,9 +268,7 @@ def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
     found = bem.sections(blade, mixed, ratio)
     assert np.array_equal(found.normal_load[:, 4:], whole.normal_load[:, 4:])
     assert not np.any(found.normal_load[:, :4] == whole.normal_load[:, :4])
-    back = Blade(
-        blade.r[::-1], blade.chord[::-1], blade.twist[::-1], blade.hub_radius, blade.tip_radius, 3
-    )
+    back = replace(blade, r=blade.r[::-1], chord=blade.chord[::-1], twist=blade.twist[::-1])
     assert np.array_equal(bem.sections(back, polar, ratio).normal_load[:, ::-1], whole.normal_load)
 
 
@@ -371,43 +367,31 @@ def test_local_reynolds_number_picks_the_polar(local):
     relative = blade.chord[place] * np.sqrt(1.0 + (ratio * blade.r[place] / blade.tip_radius) ** 2)
     for number, polar in zip((1e5, 5e5, 2e6), (POLARS[0], POLARS[3], POLARS[5]), strict=True):
         polars = replace(local.polar, flow_speed=number * local.polar.viscosity / relative)
-        found, alone = (bem.sections(blade, each, ratio) for each in (polars, polar))
-        assert found.tangential_load[0, place] == pytest.approx(
-            alone.tangential_load[0, place], rel=1e-9
+        found, alone = (
+            bem.sections(blade, each, ratio).tangential_load[0, place] for each in (polars, polar)
         )
+        assert found == pytest.approx(alone, rel=1e-9)
 
 
 def test_derivatives_with_a_local_reynolds_number(local):
     blade, ratio, step = local.blade, np.linspace(4.0, 10.0, 13), 1e-6
     found = bem.rotor_coefficients(blade, local.polar, ratio, derivatives=True)
 
-    def slope(at, size):
-        up, down = (bem.rotor_coefficients(*at(1.0 + sign * step)).torque for sign in (1.0, -1.0))
-        return (up - down) / (2.0 * step * size)
+    def slope(chord=0.0, radius=0.0, faster=0.0):
+        """Return that of the torque along a change of chord (m), radius (m) and ratio."""
+
+        def torque(move):
+            changed = blade.with_rotor_radius(blade.rotor_radius + move * radius)
+            changed = changed.with_shape(changed.chord + move * chord, changed.twist)
+            return bem.rotor_coefficients(changed, local.polar, ratio + move * faster).torque
+
+        return (torque(step) - torque(-step)) / (2.0 * step)
 
     for station in (0, 4, 8):
-        one = np.eye(blade.r.size)[station]
-
-        def thicker(factor, one=one):
-            chord = blade.chord * (1.0 + (factor - 1.0) * one)
-            return blade.with_shape(chord, blade.twist), local.polar, ratio
-
-        np.testing.assert_allclose(
-            found.torque_by_chord[:, station], slope(thicker, blade.chord[station]), atol=1e-8
-        )
-    np.testing.assert_allclose(
-        found.torque_by_tip_speed_ratio,
-        slope(lambda factor: (blade, local.polar, ratio * factor), ratio),
-        atol=1e-8,
-    )
-    radius = blade.rotor_radius
-    np.testing.assert_allclose(
-        found.torque_by_rotor_radius,
-        slope(
-            lambda factor: (blade.with_rotor_radius(radius * factor), local.polar, ratio), radius
-        ),
-        atol=1e-8,
-    )
+        by_chord = slope(chord=np.eye(blade.r.size)[station])
+        np.testing.assert_allclose(found.torque_by_chord[:, station], by_chord, atol=1e-8)
+    np.testing.assert_allclose(found.torque_by_tip_speed_ratio, slope(faster=1.0), atol=1e-8)
+    np.testing.assert_allclose(found.torque_by_rotor_radius, slope(radius=1.0), atol=1e-8)
 
 
 # Published numbers

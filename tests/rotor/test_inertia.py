@@ -30,11 +30,11 @@ def test_tapered_blade_has_the_closed_form():
     square = np.polynomial.Polynomial([a, b]) ** 2
 
     def integral(power):
-        whole = (square * np.polynomial.Polynomial([0.0] * power + [1.0])).integ()
-        ends = chord[0] ** 2 * (R[0] ** (power + 1) - HUB ** (power + 1)) + chord[-1] ** 2 * (
-            TIP ** (power + 1) - R[-1] ** (power + 1)
-        )
-        return COUNT * DENSITY * AREA * (whole(R[-1]) - whole(R[0]) + ends / (power + 1))
+        one = np.polynomial.Polynomial([0.0] * power + [1.0])
+        whole, outside = (square * one).integ(), one.integ()
+        root = chord[0] ** 2 * (outside(R[0]) - outside(HUB))
+        tip = chord[-1] ** 2 * (outside(TIP) - outside(R[-1]))
+        return COUNT * DENSITY * AREA * (root + whole(R[-1]) - whole(R[0]) + tip)
 
     assert mass == pytest.approx(integral(0), rel=1e-13)
     assert inertia == pytest.approx(integral(2), rel=1e-13)

@@ -5,7 +5,6 @@ import openmdao.api as om
 import pytest
 from openmdao.utils.assert_utils import assert_check_partials
 
-from hkt_mdo.rotor import steady_optimum
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.components import BladeGroup
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
@@ -13,6 +12,7 @@ from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.shape import Shape
+from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.strength import Structure
 from tests.rotor.test_bem import root_changes
 
@@ -34,15 +34,6 @@ def rotor():
     )
 
 
-def problem_of(*parts):
-    """Return the problem of a group alone, or with components before and after it."""
-    problem = om.Problem(reports=False)
-    for number, part in enumerate(parts):
-        problem.model.add_subsystem(f"part_{number}", part, promotes=["*"])
-    problem.setup()
-    return problem
-
-
 # The object
 
 
@@ -55,10 +46,8 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     assert fixed.power_coefficient == rotor.best_operation(blade).power_coefficient
     turned = rotor.best_of_shape(Shape.fixed(blade, 0.0, (-0.1, 0.1)), blade)
     assert fixed.power_coefficient < turned.power_coefficient < best.power_coefficient
-    assert (
-        steady_optimum.best_operation(blade, Hydrodynamics(rotor.polar)).tip_speed_ratio
-        == fixed.tip_speed_ratio
-    )
+    own = best_operation(blade, Hydrodynamics(rotor.polar))
+    assert own.tip_speed_ratio == fixed.tip_speed_ratio
 
 
 # The group
@@ -81,15 +70,10 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
         "set angle": Shape.fixed(blade, 0.0, (-0.1, 0.1)),
         "none": None,
     }[family]
-    group = BladeGroup(
-        rotor=rotor,
-        blade=blade,
-        nodes=RATIOS,
-        shape=shape,
-        loads=("root_moment", "stress", "cavitation"),
-    )
+    about = {"nodes": RATIOS, "shape": shape, "loads": ("root_moment", "stress", "cavitation")}
+    problem = om.Problem(BladeGroup(rotor=rotor, blade=blade, **about), reports=False)
     blade = blade if shape is None else shape.nearest(blade)
-    problem = problem_of(group)
+    problem.setup()
     problem.run_model()
     expected = rotor.coefficients(blade, RATIOS)
     np.testing.assert_allclose(problem["torque_coefficient_table"], expected.torque, rtol=1e-9)

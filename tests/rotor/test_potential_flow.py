@@ -96,9 +96,8 @@ def test_flow_from_below_and_round_the_nose():
     x = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 101))
     half = 0.6 * (0.2969 * np.sqrt(x) + x * (-0.126 + x * (-0.3516 + x * (0.2843 - 0.1036 * x))))
     outline = Outline(np.r_[x[::-1], x[1:]], np.r_[half[::-1], -half[1:]])
-    upper, lower = potential_suction(
-        outline, np.deg2rad([0.0, 4.0, 8.0]), np.array([0, 0.44, 0.88])
-    )
+    alpha, lift = np.deg2rad([0.0, 4.0, 8.0]), np.array([0.0, 0.44, 0.88])
+    upper, lower = potential_suction(outline, alpha, lift)
     assert upper[0] == pytest.approx(lower[0], rel=1e-6)
     assert upper[0] == pytest.approx(1.188**2 - 1.0, abs=0.01)  # NACA report 824, v/V of NACA 0012
     assert np.all(np.diff(upper) > 0.0)
@@ -123,32 +122,21 @@ def test_fairing_keeps_the_outline(name, miss):
 # XFOIL 6.99 (PPAR N 240, T 1; n_crit 9; CINC): alpha (deg), lift, Cp min. On the shipped outlines,
 # but of NACA 63-815 on the faired one: its file has a corner at the nose.
 XFOIL = {
-    ("naca4415", 1e6): [
-        (-8, -0.367, -3.2969),
-        (-4, 0.045, -1.4356),
-        (0, 0.446, -0.8493),
-        (4, 0.937, -1.3615),
-        (8, 1.234, -2.4069),
-        (12, 1.443, -4.0067),
-        (16, 1.543, -5.6885),
-    ],
-    ("naca63424", 3e6): [
-        (-8, -0.633, -2.0985),
-        (-4, -0.166, -1.0316),
-        (0, 0.328, -1.0853),
-        (4, 0.818, -1.4718),
-        (8, 1.280, -2.1109),
-        (12, 1.473, -3.2779),
-        (16, 1.532, -4.5975),
-    ],
-    ("naca63815", 1e6): [
-        (-8, -0.243, -3.8266),
-        (-4, 0.222, -1.2280),
-        (0, 0.700, -0.9701),
-        (4, 1.155, -1.3750),
-        (8, 1.499, -3.2365),
-        (12, 1.644, -5.3750),
-    ],
+    ("naca4415", 1e6): (
+        [-8, -4, 0, 4, 8, 12, 16],
+        [-0.367, 0.045, 0.446, 0.937, 1.234, 1.443, 1.543],
+        [-3.2969, -1.4356, -0.8493, -1.3615, -2.4069, -4.0067, -5.6885],
+    ),
+    ("naca63424", 3e6): (
+        [-8, -4, 0, 4, 8, 12, 16],
+        [-0.633, -0.166, 0.328, 0.818, 1.280, 1.473, 1.532],
+        [-2.0985, -1.0316, -1.0853, -1.4718, -2.1109, -3.2779, -4.5975],
+    ),
+    ("naca63815", 1e6): (
+        [-8, -4, 0, 4, 8, 12],
+        [-0.243, 0.222, 0.700, 1.155, 1.499, 1.644],
+        [-3.8266, -1.2280, -0.9701, -1.3750, -3.2365, -5.3750],
+    ),
 }
 
 
@@ -156,7 +144,7 @@ XFOIL = {
 def test_agreement_with_viscous_flow_by_xfoil(case):
     """By XFOIL's lift, and by that of the shipped polars: 3 % from -4 to 8 deg, else 6 %."""
     name, reynolds = case
-    alpha, lift, pressure = np.array(XFOIL[case]).T
+    alpha, lift, pressure = np.array(XFOIL[case])
     table = next(table for table in read_polars(name) if table.reynolds == reynolds)
     shipped = np.interp(alpha, np.rad2deg(table.alpha), -table.smallest_pressure.min(axis=0))
     by_its_lift = potential_suction(Outline.from_file(name), np.deg2rad(alpha), lift).max(axis=0)
@@ -168,17 +156,13 @@ def test_agreement_with_viscous_flow_by_xfoil(case):
 
 def test_velocities_of_neuralfoil_agree_where_they_see_the_peak():
     """They begin at 1/64 of the chord: a flat suction side is seen, a peak at the nose is not."""
-    neuralfoil = pytest.importorskip("neuralfoil")
+    neuralfoil, alpha = pytest.importorskip("neuralfoil"), np.array([0.0, 2.0, 14.0])
     for name, reynolds in (("naca4415", 1e6), ("naca63424", 3e6), ("naca63815", 1e6)):
         outline = Outline.from_file(name)
-        found = neuralfoil.get_aero_from_coordinates(
-            np.column_stack((outline.x, outline.y)),
-            alpha=np.array([0.0, 2.0, 14.0]),
-            Re=reynolds,
-            n_crit=9.0,
-        )
+        points, about = np.column_stack((outline.x, outline.y)), {"Re": reynolds, "n_crit": 9.0}
+        found = neuralfoil.get_aero_from_coordinates(points, alpha=alpha, **about)
         speed = np.array([found[f"upper_bl_ue/vinf_{i}"] for i in range(32)])
         seen = np.max(speed**2, axis=0) - 1.0
-        suction, _ = potential_suction(outline, np.deg2rad([0.0, 2.0, 14.0]), found["CL"])
+        suction, _ = potential_suction(outline, np.deg2rad(alpha), found["CL"])
         assert np.allclose(seen[:2], suction[:2], rtol=0.03)
         assert seen[2] < 0.9 * suction[2]

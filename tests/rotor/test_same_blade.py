@@ -1,7 +1,5 @@
 """One blade as CSV, AeroDyn 15 blade file and windIO turbine: one power curve, also by WISDEM."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import yaml
@@ -29,9 +27,7 @@ ROTORS = {
 
 def full_circle(name):
     """Return angle (deg), lift and drag of a shipped polar, Viterna's extension written out."""
-    alpha = np.concatenate(
-        [np.arange(-180, -30, 5), np.arange(-30, 30, 0.5), np.arange(30, 181, 5)]
-    ).astype(float)
+    alpha = np.r_[-180.0:-30.0:5.0, -30.0:30.0:0.5, 30.0:181.0:5.0]
     lift, drag = PolarFamily.from_file(name).polars[0].evaluate(np.deg2rad(alpha))
     lift[-1], drag[-1] = lift[0], drag[0]
     return alpha, lift, drag
@@ -52,30 +48,17 @@ class Source:
         self.names = list(sections)
         self.polars = {name: full_circle(polar) for name, (_, polar) in sections.items()}
         self.number = np.minimum((self.s * len(sections)).astype(int), len(sections) - 1)
-        self.thickness = np.array([sections[self.names[number]][0] for number in self.number])
+        self.section = [self.names[number] for number in self.number]
+        self.thickness = np.array([sections[name][0] for name in self.section])
 
     def csv(self, path):
-        write_blade_csv(
-            path,
-            SimpleNamespace(
-                r=self.r,
-                chord=self.chord,
-                twist=self.twist,
-                section=[self.names[number] for number in self.number],
-            ),
-            ["The same blade as in the other files."],
-        )
+        write_blade_csv(path, self, ["The same blade as in the other files."])
 
     def aerodyn(self, path):
+        columns = self.span, np.rad2deg(self.twist), self.chord, self.number + 1
         rows = "\n".join(
-            f"{span!r} 0 0 0 {twist!r} {chord!r} {number + 1}"
-            for span, twist, chord, number in zip(
-                self.span.tolist(),
-                np.rad2deg(self.twist).tolist(),
-                self.chord.tolist(),
-                self.number.tolist(),
-                strict=True,
-            )
+            f"{span!r} 0 0 0 {twist!r} {chord!r} {number}"
+            for span, twist, chord, number in zip(*(x.tolist() for x in columns), strict=True)
         )
         path.write_text(
             "------- AERODYN v15.00.* BLADE DEFINITION INPUT FILE -------\nThe same blade\n"
@@ -94,35 +77,24 @@ class Source:
 
         ends = np.flatnonzero(np.diff(self.number))
         rows = np.unique(np.concatenate(([0], ends, ends + 1, [self.r.size - 1])))
-        labels = [self.names[self.number[row]] for row in rows]
-        axis = {
-            name: along([0.0, length], [0.0, 1.0])
-            for name, length in (("x", 0.0), ("y", 0.0), ("z", TIP - HUB))
-        }
+        labels = [self.section[row] for row in rows]
+        lengths = {"x": 0.0, "y": 0.0, "z": TIP - HUB}
+        axis = {name: along([0.0, length], [0.0, 1.0]) for name, length in lengths.items()}
         shape = {"chord": along(self.chord), "rthick": along(self.thickness)}
         airfoils = [self.airfoil(name, version) for name in self.names]
         hub = {"diameter": 2.0 * HUB, "cone_angle": 0.0, "cd": 0.5}
         if version == 1:
-            shape |= {
-                "twist": along(self.twist),
-                "reference_axis": axis,
-                "airfoil_position": {"grid": self.s[rows].tolist(), "labels": labels},
-            }
+            shape |= {"twist": along(self.twist), "reference_axis": axis}
+            shape["airfoil_position"] = {"grid": self.s[rows].tolist(), "labels": labels}
             blade = {"outer_shape_bem": shape}
         else:
-            shape |= {
-                "twist": along(np.rad2deg(self.twist)),
-                "section_offset_y": along(0.3 * self.chord),
-                "airfoils": [
-                    {
-                        "name": name,
-                        "spanwise_position": float(s),
-                        "configuration": ["clean"],
-                        "weight": [1.0],
-                    }
-                    for name, s in zip(labels, self.s[rows], strict=True)
-                ],
-            }
+            shape |= {"twist": along(np.rad2deg(self.twist))}
+            shape |= {"section_offset_y": along(0.3 * self.chord)}
+            clean = {"configuration": ["clean"], "weight": [1.0]}
+            shape["airfoils"] = [
+                {"name": name, "spanwise_position": float(s)} | clean
+                for name, s in zip(labels, self.s[rows], strict=True)
+            ]
             nothing = {"anchors": [], "layers": [], "webs": []}
             blade = {"reference_axis": axis, "outer_shape": shape, "structure": nothing}
         turbine = {
@@ -141,23 +113,14 @@ class Source:
         grid = alpha.tolist() if version == 2 else np.deg2rad(alpha).tolist()
         tables = {"l": lift, "d": drag, "m": np.zeros(alpha.size)}
         turn = np.linspace(0.0, 2.0 * np.pi, 81)
-        found = {
-            "name": name,
-            "aerodynamic_center": 0.25,
-            "coordinates": {
-                "x": (0.5 * (1.0 + np.cos(turn))).tolist(),
-                "y": (0.5 * thickness * np.sin(turn)).tolist(),
-            },
-        }
-        if version == 1:
-            polar = {f"c_{key}": {"grid": grid, "values": v.tolist()} for key, v in tables.items()}
-            found["relative_thickness"] = thickness
-            found["polars"] = [{"configuration": "clean", "re": REYNOLDS} | polar]
-        else:
-            polar = {f"c{key}": {"grid": grid, "values": v.tolist()} for key, v in tables.items()}
-            found["rthick"] = thickness
-            found["polars"] = [{"configuration": "clean", "re_sets": [{"re": REYNOLDS} | polar]}]
-        return found
+        x, y = 0.5 * (1.0 + np.cos(turn)), 0.5 * thickness * np.sin(turn)
+        coordinates = {"x": x.tolist(), "y": y.tolist()}
+        prefix, thick = ("c_", "relative_thickness") if version == 1 else ("c", "rthick")
+        polar = {prefix + key: {"grid": grid, "values": v.tolist()} for key, v in tables.items()}
+        polar["re"] = REYNOLDS
+        polars = {"configuration": "clean"} | (polar if version == 1 else {"re_sets": [polar]})
+        about = {"name": name, "aerodynamic_center": 0.25, thick: thickness}
+        return about | {"coordinates": coordinates, "polars": [polars]}
 
     def polar_of(self, name):
         alpha, lift, drag = self.polars[name]
@@ -201,9 +164,8 @@ def read(source, tmp_path_factory):
         assert table.tip_radius == pytest.approx(TIP, rel=1e-15)
         assert (table.hub_radius, table.blade_count, table.cone) == (HUB, BLADES, 0.0)
         held = {section.name: section for section in table.sections}
-        assert {name: each.thickness for name, each in held.items()} == {
-            name: thickness for name, (thickness, _) in source.sections.items()
-        }
+        thickness = {name: each.thickness for name, each in held.items()}
+        assert thickness == {name: each for name, (each, _) in source.sections.items()}
         found[f"windIO {version}"] = rotor(
             table, lambda name, held=held: Polar.from_polar_table(held[name].polars[0])
         )
@@ -254,11 +216,8 @@ def wisdem_blade(path):
     shape = turbine["components"]["blade"]["outer_shape"]
     names = [airfoil["name"] for airfoil in shape["airfoils"]]
     # gc_LoadInputs: half of the angles within 30 degrees
-    aoa = np.unique(
-        np.concatenate(
-            [np.linspace(-180, -30, 51), np.linspace(-30, 30, 100), np.linspace(30, 180, 51)]
-        )
-    )
+    parts = np.linspace(-180, -30, 51), np.linspace(-30, 30, 100), np.linspace(30, 180, 51)
+    aoa = np.unique(np.concatenate(parts))
     options = {
         "n_span": N_SPAN,
         "nd_span": np.linspace(0.0, 1.0, N_SPAN),
@@ -272,30 +231,22 @@ def wisdem_blade(path):
         "n_xy": 100,
     }
     modeling = {"WISDEM": {"RotorSE": options}}
-    values = {
-        "blade.outer_shape.af_position": np.zeros(len(names)),
-        "blade.opt_var.af_position": np.zeros(len(names)),
-    }
+    places = "blade.outer_shape.af_position", "blade.opt_var.af_position"
+    values = {name: np.zeros(len(names)) for name in places}
     assign_outer_shape_values(values, modeling, {"af_positions": {"flag": False}}, shape)
     assign_airfoil_values(values, modeling, shape["airfoils"], turbine["airfoils"])
+    sections = Blade_Interp_Airfoils(rotorse_options=options)
     problem = om.Problem(reports=False)
-    problem.model.add_subsystem(
-        "sections", Blade_Interp_Airfoils(rotorse_options=options), promotes=["*"]
-    )
+    problem.model.add_subsystem("sections", sections, promotes=["*"])
     problem.setup()
     for name in ("cl", "cd", "cm", "aoa", "ac", "coord_xy", "rthick_master"):
         problem[name] = values[f"airfoils.{name}"]
     for name in ("af_position", "s", "rthick_yaml"):
         problem[name] = values[f"blade.outer_shape.{name}"]
     problem.run_model()
-    return (
-        HUB + options["nd_span"] * (TIP - HUB),
-        values["blade.outer_shape.chord"],
-        values["blade.outer_shape.twist"],
-        aoa,
-        problem["cl_interp"][:, :, 0],
-        problem["cd_interp"][:, :, 0],
-    )
+    r = HUB + options["nd_span"] * (TIP - HUB)
+    chord, twist = (values[f"blade.outer_shape.{name}"] for name in ("chord", "twist"))
+    return r, chord, twist, aoa, *(problem[name][:, :, 0] for name in ("cl_interp", "cd_interp"))
 
 
 def wisdem_power(r, chord, twist, sections):
@@ -320,8 +271,8 @@ def test_wisdem_reading_the_file_in_its_own_way_agrees(read):
     rotors, folder = read
     r, chord, twist, aoa, lift, drag = wisdem_blade(folder / "version2.yaml")
     sections = [
-        Polar.from_polar_table(polar_table(aoa, one_lift, one_drag))
-        for one_lift, one_drag in zip(lift, drag, strict=True)
+        Polar.from_polar_table(polar_table(aoa, *coefficients))
+        for coefficients in zip(lift, drag, strict=True)
     ]
     # 4.8e-4 at the lowest tip speed ratios; 2.1e-4 with 800 stations in place of 400
     theirs = wisdem_power(r, chord, twist, sections)

@@ -21,9 +21,7 @@ def test_spline_basis_is_a_partition_of_unity_and_reproduces_straight_lines(poin
     assert np.all(basis >= 0.0)
     np.testing.assert_allclose(basis.sum(axis=1), 1.0, rtol=1e-14)
     degree = min(3, points - 1)
-    knots = np.concatenate(
-        ([0.2] * degree, np.linspace(0.2, 1.4, points - degree + 1), [1.4] * degree)
-    )
+    knots = np.r_[[0.2] * degree, np.linspace(0.2, 1.4, points - degree + 1), [1.4] * degree]
     greville = np.array([knots[i + 1 : i + degree + 1].mean() for i in range(points)])
     np.testing.assert_allclose(basis @ greville, position, rtol=1e-13)
 
@@ -53,11 +51,8 @@ def test_a_fixed_blade_is_scaled_with_its_radius_and_keeps_its_power(blade, pola
     assert large.rotor_radius == pytest.approx(1.7, rel=1e-15)
     assert large.hub_radius / large.tip_radius == pytest.approx(0.125, rel=1e-14)
     ratio = np.linspace(3.0, 10.0, 9)
-    np.testing.assert_allclose(
-        bem.rotor_coefficients(large, polar, ratio).power,
-        bem.rotor_coefficients(blade, polar, ratio).power,
-        rtol=1e-11,
-    )
+    scaled, own = (bem.rotor_coefficients(each, polar, ratio).power for each in (large, blade))
+    np.testing.assert_allclose(scaled, own, rtol=1e-11)
 
 
 def thick(blade):
@@ -65,12 +60,10 @@ def thick(blade):
 
 
 def test_thickness_begins_within_its_bounds(blade):
-    bounds = {"thickness_points": 3, "thickness_bounds": (0.12, 0.24)}
-    made = Shape.designed(thick(blade), 5, 5, CHORDS, TWISTS, **bounds).blade
+    bounds, about = {"thickness_bounds": (0.12, 0.24)}, (CHORDS, TWISTS)
+    made = Shape.designed(thick(blade), 5, 5, *about, thickness_points=3, **bounds).blade
     assert made.thickness.max() <= 0.24
-    free = Shape.designed(
-        thick(blade), None, None, CHORDS, TWISTS, **bounds | {"thickness_points": 99}
-    )
+    free = Shape.designed(thick(blade), None, None, *about, thickness_points=99, **bounds)
     assert free.points == dict.fromkeys(("chord", "twist", "thickness"), blade.r.size)
 
 
@@ -81,9 +74,7 @@ def test_thickness_begins_within_its_bounds(blade):
         lambda blade: Shape.designed(blade, 5, 4, CHORDS, TWISTS, (1.0, 2.0)),
         lambda blade: Shape.designed(blade, 5, None, CHORDS, TWISTS),
         lambda blade: Shape.designed(
-            *(thick(blade), 5, None, CHORDS, TWISTS),
-            thickness_points=4,
-            thickness_bounds=(0.12, 0.24),
+            thick(blade), 5, None, CHORDS, TWISTS, thickness_points=4, thickness_bounds=(0.12, 0.24)
         ),
         lambda blade: Shape.fixed(blade),
         lambda blade: Shape.fixed(blade, 0.1, (-0.2, 0.3), (1.0, 2.0)),

@@ -61,9 +61,6 @@ def test_hollow_ellipse(height):
     found = Structure.of(ellipse(height), 1000.0, wall=wall)
     assert found.area[0] == pytest.approx(area, rel=1e-3)
     assert [found.xx[0], found.yy[0]] == pytest.approx(moments[:2], rel=2e-3)
-    if height == 1.0:
-        ring = 0.25 * np.pi * (0.5**4 - (0.5 - wall) ** 4)
-        assert found.xx[0] == pytest.approx(ring, rel=2e-3)
 
 
 def test_thin_wall_tends_to_the_integral_along_the_outline(naca):
@@ -79,11 +76,6 @@ def test_thin_wall_tends_to_the_integral_along_the_outline(naca):
     assert found.yy[0] == pytest.approx(wall * np.sum(length * x**2), rel=0.02)
     small = 0.01 * np.sqrt(found.xx[0] * found.yy[0])  # both sides' products nearly cancel
     assert found.xy[0] == pytest.approx(wall * np.sum(length * x * y), abs=small)
-
-
-def test_section_whose_walls_meet_is_solid(naca):
-    solid, thick = Structure.of(naca, 1000.0), Structure.of(naca, 1000.0, wall=0.2)
-    assert (thick.area[0], thick.xx[0]) == (solid.area[0], solid.xx[0])
 
 
 def test_default_section_has_its_published_proportions(naca):
@@ -151,9 +143,8 @@ def test_places_hold_the_stations_and_values_are_linear_between(n):
     assert len(weights) >= max(PLACES, 3 * (n - 1))
     assert (weights @ values)[stations] == pytest.approx(values, rel=1e-14)
     assert np.sum(weights, axis=1) == pytest.approx(1.0, rel=1e-14)
-    assert weights @ (2.0 + 3.0 * np.arange(n)) == pytest.approx(
-        np.linspace(2.0, 3.0 * n - 1.0, len(weights)), rel=1e-13
-    )
+    line = np.linspace(2.0, 3.0 * n - 1.0, len(weights))
+    assert weights @ (2.0 + 3.0 * np.arange(n)) == pytest.approx(line, rel=1e-13)
 
 
 def test_stretched_sections_along_the_span_have_powers_of_the_thickness(naca):

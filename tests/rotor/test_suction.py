@@ -10,8 +10,8 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar_table import SURFACES, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, shipped_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
-from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.suction import section_suction, split_at_kink
+from tests.rotor.test_airfoil import assert_smooth
 
 ALPHA = np.arange(-12.0, 16.5, 0.5)  # deg
 
@@ -39,13 +39,7 @@ def polar(request):
 
 
 def test_curves_and_two_derivatives_are_continuous_everywhere(polar):
-    step = 2.0 * np.pi / polar.suction.shape[0]
-    for block in (polar.suction[:, :4], polar.suction[:, 4:]):
-        c0, c1, c2, c3 = block.T
-        following = np.roll(block, -1, axis=0)
-        assert np.allclose(c0 + step * (c1 + step * (c2 + step * c3)), following[:, 0], atol=1e-11)
-        assert np.allclose(c1 + step * (2.0 * c2 + step * 3.0 * c3), following[:, 1], atol=1e-9)
-        assert np.allclose(2.0 * c2 + 6.0 * step * c3, 2.0 * following[:, 2], atol=1e-6)
+    assert_smooth(polar.suction, 1e-11)
 
 
 def test_slopes_are_those_of_the_values_at_angles_of_any_shape(polar):
@@ -134,13 +128,7 @@ def test_blend_is_linear_and_needs_both():
     assert one.blend(without, 0.5).suction is without.blend(one, 0.5).suction is None
 
 
-@pytest.fixture(scope="module")
-def blade():
-    r = np.array([0.3, 0.6, 0.9])
-    return Blade(r, np.array([0.2, 0.15, 0.1]), np.array([0.2, 0.1, 0.05]), 0.1, 1.0, 3)
-
-
-def test_along_a_blade_every_station_has_its_own_polar(blade):
+def test_along_a_blade_every_station_has_its_own_polar():
     family = PolarFamily.from_file("naca63815").polars
     angle = np.deg2rad(np.linspace(-4.0, 12.0, 12)).reshape(4, 3)
     for polar in (family[0], family[:3], list(family[:3])):
@@ -154,7 +142,7 @@ def test_along_a_blade_every_station_has_its_own_polar(blade):
     assert np.allclose(by_angle, complex_step, rtol=1e-12, atol=1e-12)
 
 
-def test_polar_without_suction_is_refused_with_the_remedy(blade):
+def test_polar_without_suction_is_refused_with_the_remedy():
     without = Polar.from_polar_table(table(None))
     known = PolarFamily.from_file("naca63815")
     for polar in (without, (known.polars[0], without, known.polars[0])):

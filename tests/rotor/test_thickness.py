@@ -45,10 +45,9 @@ def outlines():
 
 def model_of(family, **changes):
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
-    return replace(
-        LoadModel(Hydrodynamics(family), 1000.0, structure, Cavitation(family.suction_at, 3.0)),
-        **changes,
-    )
+    cavitation = Cavitation(family.suction_at, 3.0)
+    model = LoadModel(Hydrodynamics(family), 1000.0, structure, cavitation)
+    return replace(model, **changes)
 
 
 def slope(function, size=1e-4):
@@ -80,10 +79,8 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
     for mine, its in zip(found[:-1], single[:-1], strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
     angle = np.deg2rad(np.linspace(-5.0, 12.0, 30)).reshape(6, 5)
-    mine, its = (
-        family.suction_at(angle, same.thickness[:5]),
-        section_suction(sections[place], angle),
-    )
+    mine = family.suction_at(angle, same.thickness[:5])
+    its = section_suction(sections[place], angle)
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
 
@@ -130,9 +127,8 @@ def test_derivatives_of_sections_by_thickness(thick, family, cone):
 
     def at(step):
         moved = bem.sections(replace(thick, thickness=thick.thickness + step), family, RATIO)
-        return np.stack(
-            (moved.tangential_load, moved.normal_load, moved.inflow_angle, moved.relative_speed)
-        )
+        names = "tangential_load", "normal_load", "inflow_angle", "relative_speed"
+        return np.stack([getattr(moved, name) for name in names])
 
     expected = slope(at)
     scale = np.abs(expected).max(axis=(1, 2), keepdims=True)
@@ -175,14 +171,10 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
 
 
 def test_more_freedom_of_the_thickness_never_lowers_the_steady_optimum(thick, family, sections):
-    fixed = [
-        best_rotor(thick, Hydrodynamics(each), CHORDS, TWISTS).power_coefficient
-        for each in sections
-    ]
-    narrow, wide = (
-        best_rotor(thick, Hydrodynamics(replace(family, bounds=bounds)), CHORDS, TWISTS)
-        for bounds in ((0.14, 0.2), (0.12, 0.24))
+    families = [replace(family, bounds=bounds) for bounds in ((0.14, 0.2), (0.12, 0.24))]
+    *fixed, narrow, wide = (
+        best_rotor(thick, Hydrodynamics(each), CHORDS, TWISTS) for each in (*sections, *families)
     )
-    assert max(fixed) <= wide.power_coefficient + 1e-8
+    assert max(each.power_coefficient for each in fixed) <= wide.power_coefficient + 1e-8
     assert narrow.power_coefficient <= wide.power_coefficient + 1e-8
     assert np.all((narrow.blade.thickness >= 0.14) & (narrow.blade.thickness <= 0.2))

@@ -1,18 +1,11 @@
-"""The spline over tip speed ratio and the component that fills its table."""
+"""The spline over tip speed ratio: closed forms and derivatives."""
 
 import numpy as np
-import openmdao.api as om
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials
 
-from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.components import TablesComp
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
-NODES = np.unique(
-    np.concatenate((np.arange(1.0, 4.0, 0.5), np.arange(4.0, 11.0, 0.25), [12.0, 14.0]))
-)
+NODES = np.concatenate((np.arange(1.0, 4.0, 0.5), np.arange(4.0, 11.0, 0.25), [12.0, 14.0]))
 
 
 @pytest.fixture(scope="module")
@@ -43,19 +36,3 @@ def test_derivatives_are_exact(spline):
     inside = points[(points > 1.1) & (points < 13.9)]
     second = (spline.basis(inside + step, 1) - spline.basis(inside - step, 1)) / (2.0 * step)
     assert np.allclose(second, spline.basis(inside, 2), atol=1e-4)
-
-
-# The component
-
-
-def test_table_is_the_torque_coefficient_and_its_partials_are_right(blade, polar):
-    problem = om.Problem()
-    component = TablesComp(blade=blade, rotor=Hydrodynamics(polar), nodes=NODES)
-    problem.model.add_subsystem("table", component, promotes=["*"])
-    problem.setup()
-    problem.run_model()
-    assert np.array_equal(
-        problem["torque_coefficient_table"], bem.rotor_coefficients(blade, polar, NODES).torque
-    )
-    found = problem.check_partials(method="fd", form="central", step=1e-6, out_stream=None)
-    assert_check_partials(found, atol=1e-6, rtol=1e-6)

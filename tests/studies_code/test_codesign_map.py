@@ -20,12 +20,9 @@ def test_lines_are_those_of_the_equation_of_motion(study):
         flow = mean * (1.0 + swing * np.sin(frequency * time))
         turning = speed * flow / mean
         needed = torque * (flow / mean) ** 2 - inertia * np.gradient(turning, time)
-        for limit, value, at_mean in (
-            ("torque", needed, torque),
-            ("power", needed * turning, torque * speed),
-        ):
-            most = np.max(value) / at_mean
-            assert study.limit_that_binds(limit, beta) == pytest.approx(most, rel=1e-4)
+        most, power = np.max(needed) / torque, np.max(needed * turning) / (torque * speed)
+        assert study.limit_that_binds("torque", beta) == pytest.approx(most, rel=1e-4)
+        assert study.limit_that_binds("power", beta) == pytest.approx(power, rel=1e-4)
         assert (np.min(needed) < 0.0) == (beta > study.slowest())
     assert study.limit_that_binds("torque", 0.0) == pytest.approx((1.0 + swing) ** 2)
     assert study.limit_that_binds("power", 0.0) == pytest.approx((1.0 + swing) ** 3)
@@ -61,9 +58,8 @@ def test_refined_points_lie_where_the_answer_changes(study):
     for number in range(study.ROUNDS):
         for share, beta in study.chosen("torque", known, study.POINTS, number):
             gain = max(0.0, 1.44 - share)
-            known[share, beta] = {
-                "verified": "yes", "sequential_J": "1", "codesign_J": str(1.0 + gain)
-            }  # fmt: skip
+            energies = {"sequential_J": "1", "codesign_J": str(1.0 + gain)}
+            known[share, beta] = {"verified": "yes"} | energies
     later = [share for share, _ in [*known][study.FIRST**2 :]]
     assert len(known) == study.POINTS
     assert np.mean([abs(share - 1.44) < 0.27 for share in later]) > 0.7

@@ -41,9 +41,8 @@ def test_the_designs_of_the_data_are_those_that_the_command_finds(script):
 def test_a_year_of_a_case_costs_what_the_table_says(script, tmp_path, monkeypatch, capsys):
     """Another way to the same: a resource, its checks and losses, of RM1's own blade."""
     page = (ROOT / "docs" / "studies" / "cost.md").read_text(encoding="utf-8")
-    (code,) = (
-        text for text in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "year" in text
-    )
+    codes = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    (code,) = (text for text in codes if "year" in text)
     monkeypatch.chdir(tmp_path)
     exec(code, {"cost_of_energy": script.cost_of_energy})
     energy, cost = re.search(r"(.*) GWh, .*\n(.*) USD", capsys.readouterr().out).groups()

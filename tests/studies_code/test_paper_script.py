@@ -1,51 +1,12 @@
-"""The reproduction's report and its bookkeeping; the reproduction itself is `scripts/paper.py`."""
+"""The reproduction's bookkeeping; the reproduction itself is `scripts/paper.py`."""
 
 from concurrent.futures import Future
 
 import paper
 import pytest
-from paper_report import FLOWS, SENSORS, ensemble_key, write_report
-from study_common import LAWS, SCENARIOS
+from study_common import LAWS
 
 from hkt_mdo.errors import InputError
-
-
-@pytest.fixture(scope="module")
-def small_paper(solve):
-    """All of the paper's slots, filled from four real results: the shape is right."""
-    limited = {law: solve(f"sine_limited_{law}", "driver.optimizer=IPOPT") for law in LAWS}
-    solutions = {f"{scenario}_{law}": limited[law] for scenario in SCENARIOS for law in LAWS}
-    solutions["sine_baseline_oloc"] = solve("sine_baseline_oloc")
-    series = {
-        key: limited["oloc"].simulation[key].tolist()
-        for key in ("time_s", "rotor_speed_rad_s", "control_torque_Nm", "hydrodynamic_torque_Nm")
-    }
-    energy = limited["linear"].summary["simulated_energy_J"]
-    noisy = {
-        "repeats": 3, "stalled": 0, "energy_J": energy, "spread_J": 5.0, "worst_J": energy - 9.0,
-        "noise_deviation_rad_s": 0.1, "torque_error": 1e-9, "series": series,
-    }  # fmt: skip
-    ensembles = {"oloc_A_quiet": {"energy_J": energy, "stopped_at_s": None, "series": series}}
-    for flow in "BC":
-        ensembles[f"oloc_{flow}_quiet"] = {"energy_J": None, "stopped_at_s": 21.3, "series": series}
-    for law in LAWS[1:]:
-        for flow in FLOWS:
-            ensembles[f"{law}_{flow}_quiet"] = {"energy_J": energy, "stopped_at_s": None}
-            for sensor in SENSORS:
-                ensembles[ensemble_key(law, flow, sensor)] = noisy
-    lost = {"stalled": 3, "energy_J": None, "spread_J": None, "worst_J": None}
-    ensembles[ensemble_key("linear", "C")] = noisy | lost
-    for law in LAWS:
-        for scenario in ("sine", "sine_limited"):
-            solutions[f"{scenario}_sequential_{law}"] = limited[law]
-    solutions |= {f"redesigned_{flow}": limited["oloc"] for flow in FLOWS}
-    return solutions, ensembles
-
-
-@pytest.fixture(scope="module")
-def report(small_paper, tmp_path_factory):
-    out = tmp_path_factory.mktemp("paper")
-    return out, write_report(*small_paper, out, lambda line: None)
 
 
 def test_an_ensemble_is_computed_once(solve, tmp_path, monkeypatch):

@@ -12,19 +12,15 @@ _HEAD = "\n".join(AERODYN.splitlines()[:5])
 _BILLION = "l0: &l0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
 for _level in range(1, 20):
     _BILLION += f"l{_level}: &l{_level} [{', '.join([f'*l{_level - 1}'] * 9)}]\n"
-_BILLION += (
-    "components: {hub: {diameter: 1}, blade: {outer_shape: {}, reference_axis: {z: *l19}}}\n"
-)
+_BLADE = "{outer_shape: {}, reference_axis: {z: *l19}}"
+_BILLION += f"components: {{hub: {{diameter: 1}}, blade: {_BLADE}}}\n"
 
 # whole files, where no change of the sound one would do
 _WHOLE = {
     "csv: empty": (b"", "is empty"),
     "csv: one row": (b"r_m,chord_m,twist_deg\n0.5,0.1,3\n", "line 2, column r_m = '0.5'"),
     "csv: no header": (b"0.2,0.18,20\n0.6,0.12,9\n", "line 1 = '0.2,0.18,20': has a number where"),
-    "csv: beyond the tip": (
-        b"r_over_R,c_over_R,pitch_deg\n0.2,0.1,15\n1.4,1,0\n",
-        "beyond the tip",
-    ),
+    "csv: beyond the tip": (b"r_over_R,c_over_R,pitch_deg\n0.2,0.1,15\n1.4,1,0\n", "beyond the t"),
     "dat: primary file": (b"--- AERODYN INPUT FILE ---\nA turbine\nTrue Echo\n", "`19 NumBlNds`"),
     "dat: ends after the names": (_HEAD.encode(), "line of units"),
     "yaml: deep": (b"components: " + b"[" * 100_000, "nested deeper"),
@@ -38,10 +34,8 @@ def _broken():
         sound = (DATA / f"blade.{suffix}").read_text()
         for name, old, new, told in flaws:
             assert old in sound, name
-            yield (
-                f"{suffix}: {name}",
-                (f"blade.{suffix}", sound.replace(old, new, 1).encode(), told),
-            )
+            content = sound.replace(old, new, 1).encode()
+            yield f"{suffix}: {name}", (f"blade.{suffix}", content, told)
     for name, (content, told) in _WHOLE.items():
         yield name, (f"blade.{name.partition(':')[0]}", content, told)
 

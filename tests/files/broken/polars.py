@@ -31,22 +31,18 @@ def _spoiled(kind):
 
 
 POLARS, OUTLINES = _spoiled("polars"), _spoiled("outlines")
-_TABLES = (DATA / "sections.dat").read_bytes()
+_XFOIL, _TABLES = ((DATA / name).read_bytes() for name in ("section.pol", "sections.dat"))
+_MORE, _FEWER = (_TABLES.replace(b"25  ", count) for count in (b"26  ", b"24  "))
+_NO_ROW = "line 41 = '1.000 Re': has 2 numbers where the table has 4 columns"
+_A_ROW = "line 39 = '16.00  1.9000  0.03560  -0.0800': comes where a value with its name"
 POLARS |= {
-    "AeroDyn polar: NumAlf too large before a table": (
-        "NumAlf_too_large_before_a_table.dat",
-        _TABLES.replace(b"25  ", b"26  "),
-        "line 41 = '1.000 Re': has 2 numbers where the table has 4 columns",
-    ),
-    "AeroDyn polar: NumAlf too small before a table": (
-        "NumAlf_too_small_before_a_table.dat",
-        _TABLES.replace(b"25  ", b"24  "),
-        "line 39 = '16.00  1.9000  0.03560  -0.0800': comes where a value with its name",
-    ),
-    "XFOIL polar: same Re twice": (
-        "same_Re_twice.pol",
-        2 * (DATA / "section.pol").read_bytes(),
-        "Reynolds number = 200000.0",
-    ),
+    "AeroDyn polar: NumAlf too large before a table": ("large.dat", _MORE, _NO_ROW),
+    "AeroDyn polar: NumAlf too small before a table": ("small.dat", _FEWER, _A_ROW),
+    "XFOIL polar: same Re twice": ("twice.pol", 2 * _XFOIL, "Reynolds number = 200000.0"),
 }
-OUTLINES["outline: too many points"] = ("too many points.dat", b"0.5 0.1\n" * 5001, "5001 points")
+_HEADER = b"x_over_c,y_over_c\n"
+OUTLINES |= {
+    "outline: too many points": ("too many points.dat", b"0.5 0.1\n" * 5001, "5001 points"),
+    "outline: a cell missing": ("cell.csv", _HEADER + b"1,2\n3\n", "line 3 = '3': has 1 cells"),
+    "outline: too large": ("large.csv", _HEADER + b"#" * 16 * 1024**2, "larger than 16 MiB"),
+}

@@ -36,11 +36,12 @@ def _dates(zone=lambda i: "") -> list[str]:
     ]
 
 
-def _rows(value, time=lambda t: f"{t}") -> bytes:
-    """Return a record of the sound times and other speeds or times."""
-    return _csv([f"{time(t)},{value(t, v)}" for t, v in zip(TIMES, SPEEDS, strict=True)])
+def _speeds(value) -> bytes:
+    """Return a record of the sound times and other speeds."""
+    return _csv([f"{t},{value(t, v)}" for t, v in zip(TIMES, SPEEDS, strict=True)])
 
 
+_THREE = [f"{row},3" for row in ROWS]
 _DISCHARGE = 'time_s,"Discharge, cubic feet per second"'
 _MARKS = {line: f"{0.5 * line - 1:.1f},-9999" for line in range(40, 60)}
 _BAD_DATE = [row.replace("05-01T12:00:30.0", "05-32T12:00:30.0") for row in _dates()]
@@ -50,33 +51,19 @@ _CSV: dict[str, tuple[bytes, str]] = {
     "header only": (_csv([]), "has no samples"),
     "no header": (_csv(ROWS[1:], ROWS[0]), "line 1 = '0.0,1.5"),
     "one column": (_csv(["1.5"] * 60, "speed_m_s"), "has no columns besides the time"),
-    "three columns": (
-        _csv([f"{row},3" for row in ROWS], f"{HEADER},temperature"),
-        "give speed_column: of speed_m_s, temperature",
-    ),
+    "three columns": (_csv(_THREE, f"{HEADER},temperature"), "give speed_column: of speed_m_s, "),
     "no unit of time": (_csv(header="time,speed_m_s"), "column time: has no unit that is known"),
     "a discharge": (_csv(header=_DISCHARGE), "is a discharge in ft3/s, not a speed; give area"),
-    "centimetres": (_rows(lambda t, v: f"{100 * v:.2f}"), "is faster than any river"),
+    "centimetres": (_speeds(lambda t, v: f"{100 * v:.2f}"), "is faster than any river"),
     "a word": (_changed({40: "19.0,calm"}), "line 40, column speed_m_s = 'calm': must be a finite"),
     "NaN": (_changed({40: "19.0,NaN"}), "line 40, column speed_m_s: is missing; give"),
-    "empty cells": (
-        _changed({40: "19.0,", 41: "19.5,", 90: "44.0,"}),
-        "line 40, column speed_m_s: is missing, as are 2 more",
-    ),
     "a gap at the end": (_changed({121: "59.5,"}), "line 121, column speed_m_s: is missing"),
     "the same time twice": (_changed({40: "18.5,1.5"}), "is also the time of line 39"),
-    "time goes back": (
-        _changed({40: "3.0,1.5"}),
-        "line 40, column time_s = '3 s since the first': is before line 39",
-    ),
-    "uneven": (
-        _rows(lambda t, v: f"{v:.4f}", lambda t: f"{t + 0.1 * math.sin(t):.3f}"),
-        "off an even spacing of 0.5",
-    ),
+    "time goes back": (_changed({40: "3.0,1.5"}), "time_s = '3 s since the first': is before line"),
     "absurd times": (_changed({2: "-1e308,1.5", 121: "1e308,1.5"}), "'inf s since the first'"),
     "a spike": (_changed({40: "19.0,4.5"}), "line 40, column speed_m_s = '4.5 m/s': differs from"),
     "marks of missing samples": (_changed(_MARKS), "line 40, column speed_m_s = '-9999 m/s': is"),
-    "flow that turns": (_rows(lambda t, v: f"{math.cos(0.1 * t):.4f}"), "stops or reverses"),
+    "flow that turns": (_speeds(lambda t, v: f"{math.cos(0.1 * t):.4f}"), "stops or reverses"),
     "too short": (_csv(ROWS[:9]), "has 9 samples; give 16 at least"),
     "a date that is none": (_csv(_BAD_DATE), "line 62, column time_s = '2024-05-32T12:00:30.0'"),
     "zones now and then": (
@@ -98,12 +85,9 @@ _CSV_NAMES = {
 }
 
 BROKEN: Broken = {
-    **{
-        f"CSV: {flaw}": (f"{flaw.replace(' ', '_')}.csv", content, told)
-        for flaw, (content, told) in _CSV.items()
-    },
-    **{f"ending: {name}": (name, content, told) for name, (content, told) in _CSV_NAMES.items()},
+    f"CSV: {flaw}": (f"{flaw.replace(' ', '_')}.csv", *broken) for flaw, broken in _CSV.items()
 }
+BROKEN |= {f"ending: {name}": (name, *broken) for name, broken in _CSV_NAMES.items()}
 
 SOUND = ("sound.csv", _csv())
 """The file before it was spoiled."""
@@ -130,22 +114,15 @@ def _netcdf() -> Broken:
 
     old, at_40 = content(form="NETCDF3_64BIT"), np.arange(len(TIMES)) == 40
     no_date = np.where(at_40, np.datetime64("NaT"), dates)
+    hole, endless = (np.where(at_40, value, speed) for value in (np.nan, np.inf))
     return {
         "NetCDF: empty": ("empty.nc", b"", "is not NetCDF"),
         "NetCDF: cut": ("cut.nc", content()[:60], "cannot be read as NetCDF"),
         "NetCDF: old, cut": ("old.nc", old[: len(old) // 2], "cannot be read as NetCDF"),
         "NetCDF: no time": ("no_time.nc", content(without=["time"]), "nothing that is clearly the"),
         "NetCDF: texts": ("texts.nc", content(speed.astype(str)), "holds no numbers"),
-        "NetCDF: NaN": (
-            "nan.nc",
-            content(np.where(at_40, np.nan, speed)),
-            "row 41, column speed: is missing",
-        ),
-        "NetCDF: infinity": (
-            "infinity.nc",
-            content(np.where(at_40, np.inf, speed)),
-            "row 41, column speed = inf: must be a finite",
-        ),
+        "NetCDF: NaN": ("nan.nc", content(hole), "row 41, column speed: is missing"),
+        "NetCDF: infinity": ("infinity.nc", content(endless), "row 41, column speed = inf: must"),
         "NetCDF: no date": ("date.nc", content(time=no_date), "row 41, column time: is no time"),
     }
 
