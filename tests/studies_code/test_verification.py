@@ -137,3 +137,13 @@ def test_the_optimum_that_a_random_turbine_had_missed_is_found(tmp_path):
     start = start_of_case(load_case(turbines.write(tmp_path, "open_loop", turbine)))[1].start
     assert start.excess <= START_EXCESS
     assert start.objective == pytest.approx(104_824.0, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_segment_nearer_to_stall_than_its_nodes_is_divided(tmp_path):
+    """On the first mesh the rotor misses a quarter of the torque that recovers it."""
+    turbine = turbines.draw(np.random.default_rng([0, 4]))
+    case = load_case(turbines.write(tmp_path, "rated", turbine))
+    solution = run_case(case, tmp_path / "result", figures=False, records=False)
+    assert solution.success
+    assert solution.summary.passes[0].why == "1 segment is too coarse"
