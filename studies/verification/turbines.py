@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 import yaml
@@ -46,8 +47,7 @@ def turbines(study) -> list[str]:
     which is ended after 300 s of processor time; times are those of the processor. Goals: 95 %
     verified, the median below a minute, no run over five; open loop never more than 1e-4 below a
     law. They are compared over closed cycles, by delivered energy: a law is simulated in its flow
-    once more, from the speed at which it ended, and stored energy is subtracted. An open loop of
-    electrical energy ends at its first speed, as one of captured energy that would store much does.
+    once more, from the speed at which it ended, and stored energy is subtracted.
     """
     tasks = []
     for i in range(study.count):
@@ -159,7 +159,8 @@ def table(runs) -> list[str]:
             if over > BELOW:
                 below.append(f"- `{run.folder.parent.name}`: {run.folder.name} is {over:.2e} above")
     failed = [
-        f"- `{run.folder.parent.name}/{run.folder.name}`, {run.seconds:.0f} s: {run.message}"
+        f"- `{run.folder.parent.name}/{run.folder.name}`, {run.seconds:.0f} s: "
+        + shorten(run.message, 64, placeholder=" …")
         for run in runs
         if not run.verified
     ]
