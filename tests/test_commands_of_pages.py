@@ -25,25 +25,18 @@ PAGES = [
 PROGRAMS = r"(?:hkt|make|python3?|pip|conda|openmdao|aerodyn_driver|\.venv/bin/\w+) "
 
 NOT_RUN = {
-    r"make (run|test|check|docs|fuzz|lint|newest)": "continuous integration calls test and "
-    "check; the others are the commands below, or tests that run longer",
+    r"make (run|test|check|docs|fuzz|lint|newest)": "the commands below, or longer tests",
     r"python3 -m venv|\.venv/bin/": "what `make` does; tests/test_wheel.py installs and runs",
     r"python studies/not_modelled.py": "needs results of the study of limits, which takes an hour",
-    r"hkt polar": "needs the extra neuralfoil, of tens of MB; tests/cli/test_hkt_polar.py has "
-    "the command with an invented network",
-    r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; tests/test_examples.py has the "
-    "case, and studies/example_cases.py runs it",
+    r"hkt polar": "needs tens of MB; tests/cli/test_hkt_polar.py has an invented network",
+    r"hkt run cases/examples/rm1_turbulent.yaml": "half a minute; studies/example_cases.py runs it",
     r"hkt \w+ (cases/examples|results)/river_year": "a minute; the tests of years run shorter ones",
-    r"hkt resource (usgs_discharge.csv|s08010.json)": "tests/dynamics/test_long_record.py runs it "
-    "on such files",
+    r"hkt resource (usgs_discharge.csv|s08010.json)": "tests/dynamics/test_long_record.py does",
     r"hkt report results/mine results/other": "tests/report/test_page.py compares results",
     r"python studies/example_cases.py": "minutes; it writes the tables of docs/studies/examples.md",
-    r"hkt (sweep|plot results/torque)": "tests/run/test_sweep.py and "
-    "tests/report/test_sweep_page.py run both",
-    r"aerodyn_driver": "OpenFAST is not on PyPI; tests/exports/test_openfast.py runs it if it is "
-    "installed",
-    r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py runs "
-    "both",
+    r"hkt (sweep|plot results/torque)": "tests/run/test_sweep.py, tests/report/test_sweep_page.py",
+    r"aerodyn_driver": "is not on PyPI; tests/exports/test_openfast.py runs it if it is installed",
+    r"hkt simulate results/mine .*(seed: 3|--strict)": "tests/studies/test_other_flows.py does",
 }
 """Commands of code blocks that no test of this file runs, and why."""
 

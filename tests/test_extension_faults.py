@@ -35,30 +35,36 @@ phase: {duration: 5, segments: 5}
 """
 
 
-def written(folder, kind, *, fault="factor = 1.0", unit=None):
-    """Return the arguments of a command line with an extension and a case that names its kind."""
-    text, own_unit, case, method = (KINDS[kind][key] for key in ("text", "unit", "case", "method"))
-    text = text.replace("{fault}", fault).replace("{unit}", unit or own_unit)
-    (folder / "own.py").write_text(HEAD + text)
-    key = case.partition(":")[0]
-    lines = [line for line in CASE.splitlines() if not line.startswith(f"{key}:")]
-    (folder / "case.yaml").write_text("\n".join([*lines, case]))
-    return ["--extend", str(folder / "own.py")], str(folder / "case.yaml"), method
+@pytest.fixture
+def told(tmp_path, capsys):
+    """Return a function that tells what a command says of a fault of a kind, after its place."""
+
+    def run(command, kind, fault="factor = 1.0", unit=None, place=None):
+        about = KINDS[kind]
+        text = about["text"].replace("{fault}", fault).replace("{unit}", unit or about["unit"])
+        (tmp_path / "own.py").write_text(HEAD + text)
+        key = about["case"].partition(":")[0]
+        lines = [line for line in CASE.splitlines() if not line.startswith(f"{key}:")]
+        (tmp_path / "case.yaml").write_text("\n".join([*lines, about["case"]]))
+        own, case, out = (str(tmp_path / name) for name in ("own.py", "case.yaml", "out"))
+        assert main(["--extend", own, command, case, "--out", out, "--no-figures"]) == 2
+        begin = f"{own}: {place or 'Own.' + about['method']}: "
+        _, found, said = capsys.readouterr().err.partition(begin)
+        assert found
+        return said
+
+    return run
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_fault_is_reported_with_its_place(tmp_path, capsys, kind, fault):
+def test_a_fault_is_reported_with_its_place(told, kind, fault):
     code, words = FAULTS[fault]
     if (kind, fault) == ("limit of the design", "has a wrong shape"):
         pytest.skip("a value of the design may be an array of any size")
-    extend, case, method = written(tmp_path, kind, fault=code)
-    out = str(tmp_path / "out")
-    assert main([*extend, "run", case, "--out", out, "--no-figures"]) == 2
-    error = capsys.readouterr().err
-    assert re.search(words, error), error
-    assert f"{tmp_path / 'own.py'}: Own.{method}: " in error
-    assert "error of this program" not in error
+    said = told("run", kind, code)
+    assert re.search(words, said), said
+    assert "error of this program" not in said
 
 
 ARGUMENTS = {"limit": "rotor_radius", "law": "speed", "flow": "time", "aggregate": "rates"}
@@ -74,17 +80,13 @@ ARGUMENTS |= {"limit of the design": "mass", "objective": "generator_power"}
     ],
     ids=["abs", "float"],
 )
-def test_a_method_without_derivatives_is_refused(tmp_path, capsys, kind, argument, code, words):
+def test_a_method_without_derivatives_is_refused(told, kind, argument, code, words):
     """By `hkt check`, without an optimizer."""
-    fault = f"factor, {argument} = 1.0, {code.format(argument)}"
-    extend, case, method = written(tmp_path, kind, fault=fault)
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("error", np.exceptions.ComplexWarning)
-        assert main([*extend, "check", case]) == 2
-    error = capsys.readouterr().err
-    assert f"{tmp_path / 'own.py'}: Own.{method}: " in error
-    assert re.search(words.format(argument), error), error
-    assert "np.sqrt(x * x) for np.abs(x)" in error
+        said = told("check", kind, f"factor, {argument} = 1.0, {code.format(argument)}")
+    assert re.search(words.format(argument), said), said
+    assert "np.sqrt(x * x) for np.abs(x)" in said
 
 
 @pytest.mark.parametrize(
@@ -94,13 +96,11 @@ def test_a_method_without_derivatives_is_refused(tmp_path, capsys, kind, argumen
         ("objective", "generator_power = np.cumsum(generator_power)"),
     ],
 )
-def test_a_formula_that_mixes_instants_is_refused(tmp_path, capsys, kind, code):
+def test_a_formula_that_mixes_instants_is_refused(told, kind, code):
     """A mean over time would be taken for a value at every instant, its derivatives for those."""
-    extend, case, method = written(tmp_path, kind, fault=f"factor = 1.0; {code}")
-    assert main([*extend, "check", case]) == 2
-    error = capsys.readouterr().err
-    assert f"{tmp_path / 'own.py'}: Own.{method}: mixes instants" in error
-    assert "without sums or means" in error
+    said = told("check", kind, f"factor = 1.0; {code}")
+    assert said.startswith("mixes instants")
+    assert "without sums or means" in said
 
 
 def test_kinks_and_absolute_values_that_keep_derivatives_are_accepted():
@@ -117,11 +117,9 @@ def test_kinks_and_absolute_values_that_keep_derivatives_are_accepted():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_an_unknown_unit_is_reported(tmp_path, capsys, kind):
-    extend, case, _ = written(tmp_path, kind, unit="furlong")
-    assert main([*extend, "check", case]) == 2
-    error = capsys.readouterr().err
-    assert f"{tmp_path / 'own.py'}: Own: has the unknown unit 'furlong'" in error
+def test_an_unknown_unit_is_reported(told, kind):
+    said = told("check", kind, unit="furlong", place="Own")
+    assert said.startswith("has the unknown unit 'furlong'")
 
 
 @pytest.mark.parametrize(

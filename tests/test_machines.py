@@ -8,22 +8,18 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-CASES = Path(__file__).parents[1] / "cases" / "limits"
 KERNELS = "Haswell", "Sandybridge"
 
 
 def ran(name, kernel, folder):
     """Return the summary of a case that was run with a kernel."""
     environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "hkt_mdo", "run", str(CASES / f"{name}.yaml")]
-    options = ["--out", str(folder / kernel), "--quiet", "--no-figures"]
-    done = subprocess.run(
-        command + options, env=environment, check=False, capture_output=True, text=True
-    )
+    command = [sys.executable, "-m", "hkt_mdo", "run", name, "--out", folder / kernel]
+    command += ["--quiet", "--no-figures"]
+    done = subprocess.run(command, env=environment, check=False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return json.loads((folder / kernel / "summary.json").read_text(encoding="utf-8"))
 

@@ -48,11 +48,6 @@ def test_thrust_of_the_baseline(tabulated_blade, polar):
 
 def test_scaling_keeps_the_power_coefficient(measured, polar):
     """The 3.5:1 model and the original have one curve (Reynolds invariance, paper Sec. II-A)."""
-    small, large = (
-        build_turbine(Rotor(radius=radius), Fluid(), 1.0).blade for radius in (0.4, 1.4)
-    )
-    np.testing.assert_allclose(
-        bem.rotor_coefficients(small, polar, measured["TSR"]).power,
-        bem.rotor_coefficients(large, polar, measured["TSR"]).power,
-        rtol=1e-12,
-    )
+    blades = (build_turbine(Rotor(radius=radius), Fluid(), 1.0).blade for radius in (0.4, 1.4))
+    small, large = (bem.rotor_coefficients(each, polar, measured["TSR"]).power for each in blades)
+    np.testing.assert_allclose(small, large, rtol=1e-12)

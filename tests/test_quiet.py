@@ -12,14 +12,9 @@ ROOT = Path(__file__).parent.parent
 
 def test_a_program_of_the_user_meets_no_warning_of_a_library():
     code = "from hkt_mdo import build_problem, load_case, run_case, TurbineGroup"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={key: x for key, x in os.environ.items() if key != "PYTHONWARNINGS"}
-        | {"PYTHONPATH": str(ROOT)},
-    )
+    usual = {key: value for key, value in os.environ.items() if key != "PYTHONWARNINGS"}
+    about = {"env": usual | {"PYTHONPATH": str(ROOT)}, "capture_output": True, "text": True}
+    done = subprocess.run([sys.executable, "-c", code], check=True, **about)
     assert done.stderr == ""
 
 

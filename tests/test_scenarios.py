@@ -4,16 +4,12 @@ One blade and one controller are designed for all flows of `scenarios`. Weights 
 the objective is the mean power, the sum of weight times mean power, times the case's duration.
 """
 
-import json
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from hkt_mdo.case import load_case, read_case
+from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete, physics
@@ -26,6 +22,11 @@ from hkt_mdo.run.run import run_case
 SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
 FAST = {"name": "fast", "inflow": "sine", "weight": 0.5}
 TIGHT = {"tolerance": 1e-10}
+ENERGIES = {
+    "simulated_energy_J": "hydrodynamic_power_W",
+    "generator_energy_J": "generator_power_W",
+    "electrical_energy_J": "electrical_power_W",
+}
 # the search for a start takes most of a short run
 QUICK = {"start": {"method": "blade"}}
 
@@ -43,15 +44,6 @@ def case(law="quadratic", *scenarios, duration=8.0, segments=6, **sections):
 
 def run(out, data, **options):
     return run_case(load_case(data), out, figures=False, records=False, **options)
-
-
-def hkt(*arguments):
-    return subprocess.Popen(
-        [sys.executable, "-m", "hkt_mdo", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +68,8 @@ def solution(request, tmp_path_factory):
         return request.getfixturevalue("two")
     flows = SLOW, FAST | {"limits": {"thrust": "6 kN"}}
     sections = {"limits": {"power": "5 kW"}, "rotor": {"station_count": 24}}
-    data = case(request.param, *flows, **sections)
-    return run(tmp_path_factory.mktemp("scenarios") / request.param, data)
+    out = tmp_path_factory.mktemp("scenarios") / request.param
+    return run(out, case(request.param, *flows, **sections))
 
 
 # Results of two flows -----------------------------------------------------------------------------
@@ -91,12 +83,8 @@ def test_energies_are_integrals_and_the_total_is_the_mean_power_times_the_durati
     power = 0.0
     for name, share in shares.items():
         own, table = summary.scenarios[name], solution.to_pandas("simulation", name)
-        for key, column in (
-            ("simulated_energy_J", "hydrodynamic_power_W"),
-            ("generator_energy_J", "generator_power_W"),
-            ("electrical_energy_J", "electrical_power_W"),
-        ):
-            energy = np.trapezoid(table[column], table["time_s"])
+        for key, power_of in ENERGIES.items():
+            energy = np.trapezoid(table[power_of], table["time_s"])
             assert getattr(own, key) == pytest.approx(energy, rel=1e-5), (name, key)
         assert own.energy_J == pytest.approx(own.simulated_energy_J, rel=2e-4)
         assert own.mean_power_W == pytest.approx(own.simulated_energy_J / own.duration_s, rel=1e-5)
@@ -131,10 +119,7 @@ def test_two_of_one_flow_are_two_and_intervals_are_one():
     (one,) = physics(load_case(case())).scenarios
     same = [replace(one, name="a"), replace(one, name="b")]
     assert by_scenario(same) == {"a": [0], "b": [1]}
-    parts = [
-        replace(one, name=f"a_interval_{n}", interval_of="a", edges=np.array(ends))
-        for n, ends in ((1, [0.0, 2.0]), (2, [3.0, 4.0]))
-    ]
+    parts = [replace(one, name=f"a_interval_{n}", interval_of="a") for n in (1, 2)]
     assert by_scenario([*parts, same[1]]) == {"a": [0, 1], "b": [2]}
 
 
@@ -166,9 +151,7 @@ def test_a_result_gives_each_flow_and_one_design(solution, capsys):
 
 def test_the_case_of_a_run_is_that_case(two):
     """`case.yaml` has every default of every scenario, and means the same."""
-    text = (two.folder / "case.yaml").read_text(encoding="utf-8")
-    assert "\nscenarios:\n- name: slow\n  inflow:\n    profile: sine\n    mean: 1.1\n" in text
-    again = read_case(text)
+    again = load_case(two.folder / "case.yaml")
     assert again == two.case == complete(again)
     assert [each.duration for each in again.scenarios] == [6.0, 8.0]
     ours, theirs = physics(again), physics(two.case)
@@ -178,41 +161,14 @@ def test_the_case_of_a_run_is_that_case(two):
 
 
 @pytest.mark.slow
-def test_a_killed_run_of_two_flows_is_resumed(two, tmp_path):
-    folder, file = tmp_path / "out", tmp_path / "case.yaml"
-    file.write_text(two.case.to_yaml(), encoding="utf-8")
-    process = hkt("run", file, "--out", folder, "--quiet", "--no-figures")
-    while not (folder / "iterate.json").exists() and process.poll() is None:
-        time.sleep(0.01)
-    process.kill()
-    process.communicate()
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    assert not summary["success"]
-    assert main(["show", str(folder)]) == 0
-    process = hkt("run", "--resume", folder, "--quiet", "--no-figures")
-    said, _ = process.communicate()
-    assert process.returncode == 0, said
-    resumed = Solution.load(folder)
-    assert resumed.scenarios == ("slow", "fast")
-    assert resumed.energy == pytest.approx(two.energy, rel=1e-6)
-
-
-@pytest.mark.slow
 def test_force_leaves_no_table_of_the_run_before(tmp_path):
     out, quick = tmp_path / "out", {"driver": {"max_iterations": 2}}
-    data = {"one": case(**quick), "two": case("quadratic", SLOW, FAST, **quick)}
-    tables = {
-        "one": {"simulation.csv", "trajectory.csv", "loads.csv"},
-        "two": {
-            f"{table}_{name}.csv"
-            for table in ("simulation", "trajectory", "loads")
-            for name in ("slow", "fast")
-        },
-    }
-    shared = {"blade.csv", "coefficients.csv", "convergence.csv"}
-    for name in ("two", "one", "two"):
-        run(out, data[name], force=True)
-        assert {path.name for path in out.glob("*.csv")} == tables[name] | shared
+    one, two = case(**quick), case("quadratic", SLOW, FAST, **quick)
+    for data, names in ((two, ("_slow", "_fast")), (one, ("",)), (two, ("_slow", "_fast"))):
+        run(out, data, force=True)
+        tables = {f"{x}{name}.csv" for x in ("simulation", "trajectory", "loads") for name in names}
+        shared = {"blade.csv", "coefficients.csv", "convergence.csv"}
+        assert {path.name for path in out.glob("*.csv")} == tables | shared
     assert Solution.load(out).scenarios == ("slow", "fast")
 
 
@@ -223,10 +179,8 @@ def same_design(found, expected, rel, rel_design=None):
     assert found.success, found.message
     assert found.energy == pytest.approx(expected.energy, rel=rel)
     for key in ("chord_m", "twist_deg"):
-        largest = np.max(np.abs(expected.summary[key]))
-        np.testing.assert_allclose(
-            found.summary[key], expected.summary[key], rtol=0.0, atol=(rel_design or rel) * largest
-        )
+        here, there = (np.array(each.summary[key]) for each in (found, expected))
+        assert np.max(np.abs(here - there)) <= (rel_design or rel) * np.max(np.abs(there))
     if expected.gain is not None:
         assert found.gain == pytest.approx(expected.gain, rel=rel_design or rel)
 
@@ -234,22 +188,19 @@ def same_design(found, expected, rel, rel_design=None):
 @pytest.mark.parametrize("weight", [pytest.param(0.5, marks=pytest.mark.slow), 2.0])
 def test_two_equal_flows_are_one(one, tmp_path, weight):
     flows = [{"name": name, "inflow": "sine", "weight": weight} for name in ("a", "b")]
+    two = run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT))
     # the energy is flat at the optimum, which the two approach from different starts
-    same_design(
-        run(tmp_path / "out", case("quadratic", *flows, driver=TIGHT)), one, 1e-8, rel_design=1e-5
-    )
+    same_design(two, one, 1e-8, rel_design=1e-5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["quadratic", "open_loop"])
 def test_the_order_of_the_flows_does_not_matter(law, tmp_path):
     flows = SLOW | {"weight": 0.3}, FAST
-    found = [
-        run(tmp_path / str(number), case(law, *order))
-        for number, order in enumerate((flows, flows[::-1]))
-    ]
-    same_design(found[1], found[0], 1e-6)
-    assert found[1].scenarios == ("fast", "slow")
+    found = run(tmp_path / "one", case(law, *flows))
+    other = run(tmp_path / "other", case(law, *flows[::-1]))
+    same_design(other, found, 1e-6)
+    assert other.scenarios == ("fast", "slow")
 
 
 @pytest.mark.slow
@@ -265,7 +216,6 @@ def test_a_flow_of_weight_0_counts_in_no_energy_and_keeps_its_limits(one, tmp_pa
     own = kept.summary.scenarios
     assert kept.summary.simulated_energy_J == own["fast"].simulated_energy_J
     assert own["gust"].limits["thrust"].value <= 0.97 * thrust * (1.0 + 1e-4)
-    assert 0.0 <= own["gust"].limits["thrust"].share_of_time <= 1.0
     assert kept.summary.limits["thrust"].scenario == "gust"
     assert kept.summary.limits["thrust"].binding
     assert own["gust"].share == 0.0
@@ -286,9 +236,8 @@ def test_one_of_two_flows_is_cut(tmp_path):
     assert own["fast"].operation.standstill_s == pytest.approx(still, rel=1e-9)
     table = found.table("simulation", "fast")
     assert table["inflow_speed_m_s"].max() <= 1.65 * (1.0 + 1e-9)
-    energies = [own[name].simulated_energy_J for name in ("slow", "fast")]
-    assert found.summary.simulated_energy_J == pytest.approx(sum(energies) / 2.0, rel=1e-12)
-    assert found.scenarios == ("slow", "fast")
+    mean = 0.5 * (own["slow"].simulated_energy_J + own["fast"].simulated_energy_J)
+    assert found.summary.simulated_energy_J == pytest.approx(mean, rel=1e-12)
     rows = texts(found.summary.rows(found.case))
     assert "fast: operation" in rows
     assert main(["plot", str(found.folder), "--out", str(tmp_path / "figures")]) == 0
@@ -297,19 +246,10 @@ def test_one_of_two_flows_is_cut(tmp_path):
 # Cases --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scenarios", [[], [{"weight": 2.0}], [{}, FAST]])
-def test_a_flow_must_be_given_somewhere(scenarios):
-    data = case() | {"scenarios": scenarios}
-    del data["inflow"]
-    with pytest.raises(InputError, match=r"inflow: is missing; give inflow: \{profile: \.\.\.\}"):
-        load_case(data)
-
-
 def test_what_a_scenario_does_not_say_is_the_case_s(tmp_path):
     record = tmp_path / "flow.csv"
-    times = np.linspace(0.0, 20.0, 201)
-    rows = "\n".join(f"{t:.2f},{1.4 + 0.1 * np.sin(t):.6f}" for t in times)
-    record.write_text(f"time_s,speed_m_s\n{rows}\n", encoding="utf-8")
+    rows = [f"{t:.2f},{1.4 + 0.1 * np.sin(t):.6f}" for t in np.linspace(0.0, 20.0, 201)]
+    record.write_text("\n".join(["time_s,speed_m_s", *rows]), encoding="utf-8")
     flow = {"profile": "record", "file": str(record)}
     scenarios = [{"inflow": flow}, {"duration": 12.0}, {"segments": 9}]
     data = {"inflow": "sine", "control": "quadratic", "scenarios": scenarios}

@@ -64,14 +64,8 @@ def hkt(installed, tmp_path):
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
     def run(*arguments):
-        done = subprocess.run(
-            [programs / "hkt", *map(str, arguments)],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        how = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True}
+        done = subprocess.run([programs / "hkt", *arguments], check=False, **how)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
 
@@ -113,15 +107,10 @@ def test_new_case_is_checked(hkt, tmp_path):
 
 @of_the_wheel
 def test_shipped_case_runs_by_its_bare_name(hkt, tmp_path):
-    hkt(
-        "run", "sine_oloc", "--set", "phase={duration: 20, segments: 20}", "--quiet", "--no-figures"
-    )
+    short = "--set", "phase={duration: 20, segments: 20}"
+    hkt("run", "sine_oloc", *short, "--quiet", "--no-figures")
     summary = json.loads((tmp_path / "results" / "sine_oloc" / "summary.json").read_text())
     assert summary["success"]
     assert hkt("report", "results/sine_oloc", "--out", "report.html") == "report.html\n"
     assert "own_files" in hkt("check", "own_files")
-
-
-@of_the_wheel
-def test_page_of_the_schema(hkt):
     assert hkt("schema", "--markdown").startswith("# The case file")

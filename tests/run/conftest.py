@@ -43,6 +43,16 @@ class Solved:
         parts = self.physics, self.optimum, self.reference, self.result, self.verifications
         return {check.name: check for check in checks_of(*parts)}
 
+    def failed(self) -> list[str]:
+        """Return the names of the checks that refuse."""
+        return [name for name, check in self.checks().items() if not check.passed]
+
+    @property
+    def verification(self) -> Verification:
+        """Return the verification of the only scenario."""
+        (verification,) = self.verifications
+        return verification
+
     def finished(self) -> Finished:
         """Return what a summary and the tables are made of."""
         parts = self.physics, self.optimum, self.start, [], self.result, self.verifications

@@ -1,6 +1,5 @@
 """Many cases: finished results are reused, anything else is run again."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from hkt_mdo.results.nesting import allows, dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import begun, finished_result, run_batch
 from hkt_mdo.run.digest import digest
-from tests.conftest import NINE
+from tests.conftest import NINE, edit_summary
 from tests.exports.made import made
 
 CASE = """
@@ -24,7 +23,6 @@ phase: {segments: 10, duration: 10}
 """
 
 
-ROOT = Path(__file__).parents[2]
 EXTENSION = Path(__file__).parents[1] / "data" / "extension.py"
 
 
@@ -53,9 +51,8 @@ def test_every_case_is_run_and_reported(batch):
     assert list(found) == list(cases)
     assert found[folder / "broken"] is None
     assert "flow.csv" in told.pop(folder / "broken")
-    names = "first", "second", "own"
-    assert told == {folder / name: "ok" for name in names}
-    for name in names:
+    assert told == {folder / name: "ok" for name in ("first", "second", "own")}
+    for name in ("first", "second", "own"):
         assert found[folder / name].success
         assert found[folder / name].folder == folder / name
         assert not (folder / name / "history.db").exists()
@@ -73,9 +70,8 @@ def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
     }
     told = {}
     again = run_batch(changed, 1, told.__setitem__, records=False)
-    assert told == {
-        folder / "first": "reused", folder / "own": "reused", folder / "second": "ok"
-    }  # fmt: skip
+    words = {"first": "reused", "own": "reused", "second": "ok"}
+    assert told == {folder / name: word for name, word in words.items()}
     assert again[folder / "own"].case.limits.tip_acceleration.bound == 100.0
     assert (folder / "first" / "summary.json").read_bytes() == first
     before, after = (each[folder / "second"].summary for each in (found, again))
@@ -101,18 +97,11 @@ def test_an_equal_case_is_finished(finished):
 
 @pytest.mark.parametrize(
     "change",
-    [
-        lambda summary: summary.pop("checks"),
-        lambda summary: summary.update(digest="0"),
-        lambda summary: summary.pop("digest"),
-    ],
+    [{"checks": None}, {"digest": "0"}, {"digest": None}],
     ids=["interrupted", "other code", "no digest"],
 )
 def test_another_summary_is_not_finished(finished, change):
-    path = finished / "summary.json"
-    summary = json.loads(path.read_text(encoding="utf-8"))
-    change(summary)
-    path.write_text(json.dumps(summary), encoding="utf-8")
+    edit_summary(finished, **change)
     assert not finished_result(finished, case())
 
 
@@ -194,31 +183,23 @@ def nested(tmp_path_factory):
 
 def test_a_case_allows_what_asks_more_of_its_turbine(nested):
     allowed = {
-        (own, other)
+        own: {each for each in nested if each != own and allows(result, nested[each])}
         for own, result in nested.items()
-        for other, theirs in nested.items()
-        if own != other and allows(result, theirs)
     }
-    assert allowed == {
-        ("power_law", "quadratic"),
-        ("open_loop", "quadratic"),
-        ("open_loop", "limited"),
-        ("open_loop", "power_law"),
-        ("designed", "quadratic"),
-        ("designed", "open_loop"),
-        ("designed", "limited"),
-        ("designed", "power_law"),
+    assert {own: others for own, others in allowed.items() if others} == {
+        "power_law": {"quadratic"},
+        "open_loop": {"quadratic", "limited", "power_law"},
+        "designed": {"quadratic", "limited", "power_law", "open_loop"},
     }
 
 
 def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
     assert dominated(nested.values()) == []
     best, other = nested["open_loop"], nested["quadratic"]
-    objective = best.summary.objective.model_copy(
-        update={"simulated": 0.99 * other.summary.objective.simulated}
-    )
-    worse = best.summary.model_copy(update={"objective": objective})
-    (found,) = dominated([replace(best, summary=worse), other])
+    less = {"simulated": 0.99 * other.summary.objective.simulated}
+    less = {"objective": best.summary.objective.model_copy(update=less)}
+    worse = replace(best, summary=best.summary.model_copy(update=less))
+    (found,) = dominated([worse, other])
     assert found.by is other
     assert found.gain == pytest.approx(0.01)
     refused = replace(best, summary=best.summary.model_copy(update={"success": False}))
@@ -230,25 +211,21 @@ def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
 @pytest.mark.slow
 def test_a_batch_passes_a_better_design_on(tmp_path):
     """From the given blade alone a law ends far below what the search for a start finds."""
-    case = ROOT / "cases" / "limits" / "power_quadratic.yaml"
     short = ["phase.duration=15", "phase.segments=15", f"rotor.stations={NINE}"]
-    cases = {
-        tmp_path / "searched": load_case(case, [*short, "control.torque_limit=650"]),
-        tmp_path / "local": load_case(
-            case, [*short, "control.torque_limit=650", "start.method=blade"]
-        ),
-    }
+    searched = load_case("power_quadratic", [*short, "control.torque_limit=650"])
+    local = searched.with_overrides("start.method=blade")
+    cases = {tmp_path / "searched": searched, tmp_path / "local": local}
     first = run_batch(cases, 2, records=False)
     told = []
-    second = run_batch(cases, 2, lambda folder, word: told.append((folder.name, word)),
-                       records=False, pass_on=True)  # fmt: skip
+    about = {"records": False, "pass_on": True}
+    second = run_batch(cases, 2, lambda folder, word: told.append(word), **about)
     assert dominated(second.values()) == []
     for folder, each in second.items():
         before, after = (x.summary.objective.simulated for x in (first[folder], each))
         assert each.success
         assert after >= before or not first[folder].success
     if dominated(first.values()):
-        assert any(word == "better from another's design" for _, word in told)
+        assert "better from another's design" in told
     assert [word for _, word in told if word == "reused"] == ["reused"] * 2
     # what was begun from another's design is the case's result
     again = []

@@ -29,13 +29,8 @@ def _certified(world):
 
 def _simulated(world, blade, torque, speed):
     """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
-    plant = Plant(
-        blade,
-        world.rotor.polar,
-        world.mass_and_inertia(blade)[1],
-        world.density,
-        bem.rotor_coefficients,
-    )
+    about = world.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
+    plant = Plant(blade, world.rotor.polar, *about)
     return simulate(plant, world.inflow, torque, speed, 60.0, samples=601, max_step=1.0).energy
 
 
@@ -77,11 +72,7 @@ def test_no_torque_history_captures_more():
     optimum, _, certified = _certified(world)
     rng = np.random.default_rng(4)
     for _ in range(12):
-        level, swing, rate = (
-            rng.uniform(500.0, 700.0),
-            rng.uniform(0.0, 80.0),
-            rng.uniform(0.2, 2.0),
-        )
+        level, swing, rate = rng.uniform([500.0, 0.0, 0.2], [700.0, 80.0, 2.0])
 
         def torque(time, speed, level=level, swing=swing, rate=rate):
             wanted = level + swing * np.sin(rate * time) + 150.0 * (speed - 8.0)

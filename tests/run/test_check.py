@@ -1,7 +1,6 @@
 """`hkt check`: its figures held to closed forms, its counts to the problem that a run builds."""
 
 import os
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -53,21 +52,18 @@ def warnings(report: CheckReport) -> list[str]:
 # Theory -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "polar",
-    [[], ["rotor={polar: naca63815, reynolds: local}"]],
-    ids=["one polar", "local Reynolds numbers"],
-)
-def test_torque_at_the_rated_speed_is_the_limit(polar: list[str]) -> None:
-    found = check("control.torque_limit=700", *polar).findings
-    ratio, radius = found.best.tip_speed_ratio, found.physics.blade.rotor_radius
-    assert isinstance(found.physics.rotor.polar, LocalReynolds) == bool(polar)
-    told = rows(check("control.torque_limit=700", *polar), "Optimization")
-    assert ("torque: at every node" in told) == bool(polar)
-    torque = found.torque(ratio * found.rated_speed / radius, found.rated_speed)
+@pytest.mark.parametrize("reynolds", ["invariant", "local"])
+def test_torque_at_the_rated_speed_is_the_limit(reynolds: str) -> None:
+    local = reynolds == "local"
+    polar = ["rotor={polar: naca63815, reynolds: local}"] if local else []
+    report = check("control.torque_limit=700", *polar)
+    found = report.findings
+    assert isinstance(found.physics.rotor.polar, LocalReynolds) == local
+    assert ("torque: at every node" in rows(report, "Optimization")) == local
+    speed = found.best.tip_speed_ratio * found.rated_speed / found.physics.blade.rotor_radius
+    torque = found.torque(speed, found.rated_speed)
     assert torque == pytest.approx(700.0, rel=1e-9)
-    power = f"{torque * ratio * found.rated_speed / radius / 1e3:.4g} kW, at"
-    assert power in rows(check("control.torque_limit=700", *polar), "Starting blade")
+    assert f"{torque * speed / 1e3:.4g} kW, at" in rows(report, "Starting blade")
 
 
 def test_time_constant_at_the_best_tip_speed_ratio() -> None:
@@ -128,13 +124,9 @@ def test_spectrum_has_the_variance() -> None:
 
 
 def test_polars_of_another_reynolds_number_are_a_note() -> None:
-    def told(radius: float) -> bool:
-        return any(
-            "polars are those of Re 2e5" in x.value for x in check(f"rotor.radius={radius}").notes
-        )
-
-    assert told(5.0)
-    assert not told(0.6)
+    for radius, told in ((5.0, True), (0.6, False)):
+        notes = " ".join(map(str, check(f"rotor.radius={radius}").notes))
+        assert ("polars are those of Re 2e5" in notes) == told
 
 
 def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
@@ -184,9 +176,8 @@ def test_a_limit_next_to_zero_is_refused(key: str) -> None:
 @pytest.mark.parametrize("law", ["quadratic", "open_loop"])
 def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
     report = check(f"control={{law: {law}, torque_limit: 1e6}}")
-    assert any(
-        "torque_limit = 1e+06 N m is out of reach of any blade" in x for x in map(str, report.notes)
-    )
+    told = " ".join(map(str, report.notes))
+    assert "torque_limit = 1e+06 N m is out of reach of any blade" in told
     world = report.findings.physics
     assert world.law.torque_limit is None
     assert np.isinf(world.limits[0].upper)
@@ -195,12 +186,12 @@ def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
 
 def test_a_mesh_that_does_not_resolve_the_flow_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     case = read_case(BASE, ["phase.segments=20", TURBULENCE])
+    words = "segments leave the integral of v³ uncertain by 0.0", "flow's speed is missed between"
     told = " ".join(warnings(check_case(case)))
-    assert not any(word in told for word in ("integral of v³", "missed"))
+    assert not any(each in told for each in words)
     monkeypatch.setattr("hkt_mdo.problem.scenario.MOST_SEGMENTS", 20)
-    told = warnings(check_case(case))
-    assert "20 segments leave the integral of v³ uncertain by 0.0" in " ".join(told)
-    assert "% of the flow's speed is missed between the instants at which" in " ".join(told)
+    told = " ".join(warnings(check_case(case)))
+    assert all(each in told for each in words)
 
 
 def test_a_gust_of_seconds_in_a_season_is_reported() -> None:
@@ -241,7 +232,7 @@ def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
     )
     report = check_case(load_case(tmp_path / "a.yaml"))
     told = "design.radius_bounds: broken at the start, at least 2 and at most 3 m; 1.4 m with the"
-    assert any(told in line for line in warnings(report))
+    assert told in " ".join(warnings(report))
     assert "thick, thin" in rows(report, "Turbine")
     assert "polars for 1e6" in rows(report, "Turbine")
 
@@ -252,10 +243,8 @@ def test_notes_of_files(tmp_path: Path) -> None:
     lines = [f"{t:g},{v:.3f}" for t, v in zip(time, speed, strict=True)]
     lines[40] = "20,"
     (tmp_path / "river.csv").write_text("\n".join(["time_s,speed [cm/s]", *lines]))
-    (tmp_path / "a.yaml").write_text(
-        "inflow: {profile: record, file: river.csv, gaps: interpolate}\ncontrol: {law: linear}\n"
-    )
-    report = check_case(load_case(tmp_path / "a.yaml"))
+    flow = {"profile": "record", "file": "river.csv", "gaps": "interpolate"}
+    report = check_case(load_case({"inflow": flow, "control": "linear"}))
     assert any("1 gap interpolated" in str(note) for note in report.notes)
     assert "river.csv" in rows(report, "Flow")
     assert "the length of the flow's data" in rows(report, "Flow")
@@ -265,11 +254,11 @@ def test_notes_of_files(tmp_path: Path) -> None:
 # The command --------------------------------------------------------------------------------------
 
 
-def folders(path: Path) -> Iterator[str]:
-    return (str(each.relative_to(path)) for each in sorted(path.rglob("*")) if each.is_file())
+def files(path: Path) -> list[str]:
+    return [str(each.relative_to(path)) for each in sorted(path.rglob("*")) if each.is_file()]
 
 
-def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_command(tmp_path, capsys) -> None:
     case = str(CASES / "sine_limited_quadratic.yaml")
     assert main(["check", case, "--set", "design.chord_bounds=[0.01,0.1]"]) == 0
     out, err = capsys.readouterr()
@@ -277,33 +266,26 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for title in ("Turbine", "Flow", "Control", "Starting blade", "Optimization", "Warnings"):
         assert f"\n{title}\n" in out
     assert out.endswith("sine_limited_quadratic can be run, with 1 warning.\n")
-    assert not list(folders(tmp_path))
+    assert files(tmp_path) == []
 
 
-def test_command_draws_only_where_a_folder_is_given(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_draws_only_where_a_folder_is_given(tmp_path, capsys) -> None:
     (tmp_path / "a.yaml").write_text(
         f"rotor: {{blade: river}}\n{TURBULENCE.replace('=', ': ')}\n"
         "control: {law: open_loop, torque_limit: 700}\ndesign: {chord_points: 6, twist_points: 5}\n"
     )
     assert main(["check", "a.yaml", "--out", "b", "--no-figures"]) == 0  # an option of 0.1
-    assert list(folders(tmp_path)) == ["a.yaml"]
+    assert files(tmp_path) == ["a.yaml"]
     assert main(["check", "a.yaml", "--out", "b"]) == 0
     names = ("blade", "coefficients", "inflow", "polar")
-    assert list(folders(tmp_path)) == ["a.yaml", *(f"b/{name}.png" for name in names)]
+    assert files(tmp_path) == ["a.yaml", *(f"b/{name}.png" for name in names)]
     assert (tmp_path / "b" / "polar.png").stat().st_size > 10_000
-    assert "a can be run" in capsys.readouterr().out
     assert main(["check", "a.yaml", "--out", "a.yaml"]) == 2
     assert "a.yaml" in capsys.readouterr().err
 
 
-def test_a_missing_optimizer_is_reported(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_optimizer_is_reported(capsys, monkeypatch) -> None:
     monkeypatch.setattr("hkt_mdo.solve.drivers._is_usable", lambda *_: False)
     case = str(CASES / "sine_oloc.yaml")
     assert main(["check", case]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith(f"error: {case}: driver.optimizer = 'IPOPT': IPOPT is not installed; ")
+    assert f"{case}: driver.optimizer = 'IPOPT': IPOPT is not" in capsys.readouterr().err

@@ -32,12 +32,18 @@ def summary(folder):
     return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
 
 
-def interrupted(folder, *overrides, after=5, how=None):
-    """Run a case that is interrupted at an evaluation."""
+def energy(solution):
+    """Return the energy of a success, to five digits."""
+    assert solution.success, solution.message
+    return pytest.approx(solution.summary.simulated_energy_J, rel=1e-5)
+
+
+def interrupted(folder, *overrides, number=signal.SIGINT):
+    """Run a case that is interrupted by a signal at its fifth evaluation."""
 
     def progress(count, energy, infeasibility):
-        if count == after:
-            (how or (lambda: signal.raise_signal(signal.SIGINT)))()
+        if count == 5:
+            signal.raise_signal(number)
 
     with pytest.raises(KeyboardInterrupt):
         run.run_case(case("sine_limited_quadratic", *overrides), folder, progress=progress)
@@ -45,13 +51,9 @@ def interrupted(folder, *overrides, after=5, how=None):
 
 
 def hkt(*arguments, **options):
-    return subprocess.Popen(
-        [sys.executable, "-m", "hkt_mdo", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        **options,
-    )
+    command = [sys.executable, "-m", "hkt_mdo", *map(str, arguments)]
+    said = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    return subprocess.Popen(command, **said, **options)
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +65,7 @@ def undisturbed(tmp_path_factory):
 @pytest.mark.parametrize("optimizer", ["IPOPT", "SLSQP"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_an_interrupted_run_says_so(tmp_path, optimizer, number):
-    folder = interrupted(
-        tmp_path / "out", f"driver.optimizer={optimizer}", how=lambda: signal.raise_signal(number)
-    )
+    folder = interrupted(tmp_path / "out", f"driver.optimizer={optimizer}", number=number)
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     assert summary(folder)["success"] is False
     assert "--resume" in summary(folder)["message"]
@@ -94,15 +94,11 @@ def test_an_interrupt_in_compiled_code_is_one(tmp_path, monkeypatch, where):
         assert "--resume" in summary(tmp_path / "out")["message"]
 
 
-@pytest.mark.parametrize("command", [["run"], ["check"]])
-def test_an_interrupt_in_compiled_code_ends_a_command_with_its_code(
-    tmp_path, monkeypatch, capsys, command
-):
-    for module, name in ((run, "make_physics"), (check, "physics")):
-        monkeypatch.setattr(module, name, compiled_code_interrupted)
-    path = tmp_path / "case.yaml"
-    path.write_text(case().to_yaml())
-    assert main([*command, str(path)]) == 130
+@pytest.mark.parametrize(("command", "name"), [("run", "make_physics"), ("check", "physics")])
+def test_an_interrupt_in_compiled_code_ends_a_command(monkeypatch, capsys, command, name):
+    module = {"run": run, "check": check}[command]
+    monkeypatch.setattr(module, name, compiled_code_interrupted)
+    assert main([command, "sine_oloc", "--out", "nowhere"]) == 130
     assert "interrupted: nothing was saved" in capsys.readouterr().err
 
 
@@ -111,10 +107,7 @@ def test_an_interrupted_run_is_resumed(tmp_path, undisturbed, optimizer):
     folder = interrupted(tmp_path / "out", f"driver.optimizer={optimizer}")
     evaluations = Solution.load(folder).convergence["evaluation"].size
     resumed = run.resume_case(folder, figures=False)
-    assert resumed.success, resumed.message
-    assert resumed.summary["simulated_energy_J"] == pytest.approx(
-        undisturbed.summary["simulated_energy_J"], rel=1e-5
-    )
+    assert energy(resumed) == undisturbed.summary.simulated_energy_J
     assert resumed.convergence["evaluation"].size > evaluations
     assert resumed.summary["starts"] == undisturbed.summary["starts"]
     assert not (folder / "lock").exists()
@@ -127,8 +120,6 @@ def test_resuming_a_success_changes_nothing(undisturbed):
 
 
 def test_resume_takes_no_other_setting(tmp_path, capsys):
-    from hkt_mdo.cli import main
-
     assert main(["run", "--resume", str(tmp_path), "--segments", "10"]) == 2
     assert main(["run"]) == 2
     assert main(["run", "--resume", str(tmp_path)]) == 2
@@ -138,18 +129,12 @@ def test_resume_takes_no_other_setting(tmp_path, capsys):
 @pytest.mark.slow
 def test_a_run_that_gave_up_is_resumed(tmp_path, undisturbed):
     folder = tmp_path / "out"
-    few = run.run_case(
-        case("sine_limited_quadratic", "driver.max_iterations=3", "start.method=quasi_steady"),
-        folder,
-    )
+    few = ("driver.max_iterations=3", "start.method=quasi_steady")
+    few = run.run_case(case("sine_limited_quadratic", *few), folder)
     assert not few.success
     assert "driver.max_iterations" in few.message
     (folder / "case.yaml").write_text(undisturbed.case.to_yaml(), encoding="utf-8")
-    more = run.resume_case(folder, figures=False)
-    assert more.success, more.message
-    assert more.summary["simulated_energy_J"] == pytest.approx(
-        undisturbed.summary["simulated_energy_J"], rel=1e-5
-    )
+    assert energy(run.resume_case(folder, figures=False)) == undisturbed.summary.simulated_energy_J
 
 
 @pytest.mark.parametrize(
@@ -198,9 +183,7 @@ def test_a_full_disk_is_reported(tmp_path, size):
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
     folder = tmp_path / "out"
-    process = hkt(
-        "run", CASES / "sine_limited_oloc.yaml", "--out", folder, *QUIET, preexec_fn=limit
-    )
+    process = hkt("run", "sine_limited_oloc", "--out", folder, *QUIET, preexec_fn=limit)
     said, _ = process.communicate()
     assert process.returncode == 2, said
     assert said.startswith("error: ")
@@ -239,7 +222,7 @@ def test_a_read_only_folder_is_reported(tmp_path):
 @pytest.mark.parametrize("written", ["case.yaml", "iterate.json"], ids=["no start", "a start"])
 def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
     folder = tmp_path / "out"
-    process = hkt("run", CASES / "sine_limited_quadratic.yaml", "--out", folder, *QUIET)
+    process = hkt("run", "sine_limited_quadratic", "--out", folder, *QUIET)
     while not (folder / written).exists() and process.poll() is None:
         time.sleep(0.01)
     process.kill()
@@ -248,9 +231,7 @@ def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
     process = hkt("run", "--resume", folder, "--quiet", "--no-figures")
     said, _ = process.communicate()
     assert process.returncode == 0, said
-    assert summary(folder)["simulated_energy_J"] == pytest.approx(
-        undisturbed.summary["simulated_energy_J"], rel=1e-5
-    )
+    assert energy(Solution.load(folder)) == undisturbed.summary.simulated_energy_J
 
 
 def test_a_folder_that_is_taken_away_is_not_made_anew(tmp_path, monkeypatch):

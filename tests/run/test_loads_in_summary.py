@@ -22,6 +22,11 @@ SHORT = PLAIN | {
 }
 
 
+COLUMNS = {"thrust": "thrust_N", "root_moment": "root_moment_Nm", "stress": "stress_Pa"}
+COLUMNS |= {"cavitation": "cavitation", "power": "generator_power_W"}
+COLUMNS |= {"rotor_speed": "rotor_speed_rad_s"}
+
+
 def trajectory(world, count=40):
     """Return quantities of an invented trajectory with all loads."""
     time = np.linspace(0.0, 25.0, count)
@@ -122,13 +127,8 @@ def test_the_tables_have_the_loads(result):
         assert set(table) == set(TABLES["trajectory"])
         q = 0.5 * world.density * table["inflow_speed_m_s"] ** 2
         model = world.rotor.loads.coefficients(found, table["tip_speed_ratio"])
-        for name, column in (
-            ("thrust", "thrust_N"),
-            ("root_moment", "root_moment_Nm"),
-            ("stress", "stress_Pa"),
-            ("cavitation", "cavitation"),
-        ):
-            np.testing.assert_allclose(table[column], q * model[name].largest, rtol=1e-8)
+        for name, load in model.items():
+            np.testing.assert_allclose(table[COLUMNS[name]], q * load.largest, rtol=1e-8)
     span, simulation = result.loads, result.simulation
     assert set(span) == set(TABLES["loads"])
     np.testing.assert_allclose(span["r_over_R"] * 1.4, span["r_m"], rtol=1e-9)
@@ -138,19 +138,13 @@ def test_the_tables_have_the_loads(result):
 
 def test_the_summary_tells_the_same(result):
     simulation, told = result.simulation, result.summary.loads
-    for name, column in (
-        ("thrust", "thrust_N"),
-        ("stress", "stress_Pa"),
-        ("cavitation", "cavitation"),
-        ("power", "generator_power_W"),
-        ("rotor_speed", "rotor_speed_rad_s"),
-    ):
+    for name, column in COLUMNS.items():
         worst = np.argmax(simulation[column])
         assert told[name].value == pytest.approx(simulation[column][worst], rel=1e-8)
         assert told[name].time_s == pytest.approx(simulation["time_s"][worst], abs=1e-9)
     assert told["tip_speed"].value == pytest.approx(1.4 * told["rotor_speed"].value, rel=1e-9)
-    for name, column in (("stress", "stress_Pa"), ("cavitation", "cavitation")):
-        place = result.loads["r_m"][np.argmax(result.loads[column])]
+    for name in ("stress", "cavitation"):
+        place = result.loads["r_m"][np.argmax(result.loads[COLUMNS[name]])]
         assert told[name].r_m == pytest.approx(place, rel=1e-9)
     assert told["thrust"].r_m is None
     summary = result.summary

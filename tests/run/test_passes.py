@@ -11,11 +11,8 @@ from hkt_mdo.run.passes import FOLLOW_UPS
 from hkt_mdo.run.run import run_case
 from hkt_mdo.run.summary import _branches
 
-OPEN_LOOP = {  # the baseline blade in sinusoidal flow, without a limit
-    "inflow": {"profile": "sine"},
-    "control": {"law": "open_loop"},
-    "design": {"blade": "fixed"},
-}
+# the baseline blade in sinusoidal flow, without a limit
+OPEN_LOOP = {"inflow": "sine", "control": "open_loop", "design": {"blade": "fixed"}}
 LIMITED = OPEN_LOOP | {"control": {"law": "open_loop", "torque_limit": 600}}
 SHORT = {"phase": {"segments": 15, "duration": 15}}
 
@@ -32,13 +29,13 @@ def test_the_mesh_is_divided_where_it_is_too_coarse(solve_physics):
 
 
 def test_the_branch_that_is_taken_is_that_of_the_result():
-    sides = {"overspeed": True, "underspeed": False}
     starts = [
-        StartRecord("best blade", x, 1e5, 0.0, (), kept=kept, side=x) for x, kept in sides.items()
+        StartRecord("best blade", side, 1e5, 0.0, (), kept=side == "overspeed", side=side)
+        for side in ("overspeed", "underspeed")
     ]
-    first, second = _branches(SimpleNamespace(branch="underspeed", starts=starts))
-    assert (first["name"], first["taken"]) == ("underspeed", True)
-    assert (second["name"], second["taken"]) == ("overspeed", False)
+    found = _branches(SimpleNamespace(branch="underspeed", starts=starts))
+    taken = [(each["name"], each["taken"]) for each in found]
+    assert taken == [("underspeed", True), ("overspeed", False)]
 
 
 def test_an_optimizer_that_gives_up_begins_again_once_from_its_last_iterate(solve_physics):
@@ -51,8 +48,8 @@ def test_an_optimizer_that_gives_up_begins_again_once_from_its_last_iterate(solv
 
 
 def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
-    law = {"control": {"law": "quadratic"}}
-    assert [each.remedy for each in solve_physics(OPEN_LOOP | SHORT | law).passes] == [""]
+    (only,) = solve_physics(OPEN_LOOP | SHORT | {"control": "quadratic"}).passes
+    assert only.remedy == ""
 
 
 def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
@@ -63,9 +60,8 @@ def test_passes_are_reported_and_written_while_a_run_works(tmp_path):
         summary = json.loads((tmp_path / "out" / "summary.json").read_text())
         written.append((summary["success"], len(summary["passes"])))
 
-    case = load_case(LIMITED)
     how = {"on_pass": on_pass, "on_start": starts.append, "figures": False, "records": False}
-    solution = run_case(case, tmp_path / "out", **how)
+    solution = run_case(load_case(LIMITED), tmp_path / "out", **how)
     assert written == [(False, count + 1) for count in range(len(told))]
     assert solution.summary.passes == told
     assert len(told) > 1

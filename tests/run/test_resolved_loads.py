@@ -7,8 +7,8 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.evaluation import loads_along
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.run import loads
+from tests.conftest import NINE
 
-NINE = [0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.999]
 LIMITS = {"thrust": "6 kN", "stress": "100 MPa", "cavitation": {"depth": 3}}
 CASE = {"inflow": "sine", "control": "quadratic", "limits": LIMITS}
 KNOWN = {

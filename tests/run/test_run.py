@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from hkt_mdo.case import load_case, read_case
+from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
@@ -35,8 +35,11 @@ def short_case(name, *overrides):
 def run(solve):
     """Run a shipped case over one period of its flow, once per session."""
 
-    def over_a_period(name, *overrides):
-        return solve(name, *PERIOD, *overrides)
+    def over_a_period(name, optimizer="IPOPT"):
+        solution = solve(name, *PERIOD, f"driver.optimizer={optimizer}")
+        assert solution.success, solution.message
+        assert solution.summary.optimizer == optimizer
+        return solution
 
     return over_a_period
 
@@ -46,51 +49,34 @@ def run(solve):
 
 @pytest.mark.parametrize("name", PAPER)
 def test_both_optimizers_succeed_and_agree(run, name):
-    found = {o: run(name, f"driver.optimizer={o}") for o in ("IPOPT", "SLSQP")}
-    for optimizer, solution in found.items():
-        assert solution.success, solution.summary["message"]
-        assert solution.summary["optimizer"] == optimizer
-    ipopt, slsqp = (each.summary["energy_J"] for each in found.values())
+    ipopt, slsqp = (run(name, optimizer).energy for optimizer in ("IPOPT", "SLSQP"))
     assert slsqp == pytest.approx(ipopt, rel=2e-4)
 
 
 def test_unlimited_open_loop_reaches_the_bound_at_constant_tip_speed_ratio(run):
-    summary = run("sine_oloc", "driver.optimizer=IPOPT").summary
+    summary = run("sine_oloc").summary
     assert 0.9995 <= summary["simulated_energy_J"] / summary["energy_bound_J"] <= 1.0 + 1e-5
     assert summary["tip_speed_ratio"]["max"] - summary["tip_speed_ratio"]["min"] < 0.1
 
 
 def test_quadratic_feedback_is_open_loop_without_a_limit(run):
     """K2 = 0.5 rho pi R^5 Cp / tsr^3 at the Cp maximum of its blade."""
-    loop, feedback = (
-        run("sine_oloc", "driver.optimizer=IPOPT"),
-        run("sine_quadratic", "driver.optimizer=IPOPT"),
-    )
-    summary = feedback.summary
-    assert summary["simulated_energy_J"] == pytest.approx(
-        loop.summary["simulated_energy_J"], rel=2e-4
-    )
+    summary, energy = run("sine_quadratic").summary, run("sine_oloc").summary.simulated_energy_J
+    assert summary.simulated_energy_J == pytest.approx(energy, rel=2e-4)
     ratio = summary["tip_speed_ratio_at_power_coefficient_max"]
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * summary["power_coefficient_max"] / ratio**3
     assert summary["gain"] == pytest.approx(gain, rel=5e-3)
 
 
 def test_ranking_under_a_torque_limit(run):
-    energy = {
-        law: run(f"sine_limited_{law}", "driver.optimizer=IPOPT").summary["simulated_energy_J"]
-        for law in ("oloc", "linear", "quadratic")
-    }
+    found = {law: run(f"sine_limited_{law}") for law in ("oloc", "linear", "quadratic")}
+    for solution in found.values():
+        for columns in (solution.trajectory, solution.simulation):
+            assert np.max(columns["control_torque_Nm"]) <= 700.0 * (1.0 + 1e-6)
+    energy = {law: solution.summary.simulated_energy_J for law, solution in found.items()}
     assert energy["linear"] < energy["quadratic"] <= energy["oloc"] * (1.0 + 2e-5)
     assert 0.001 < 1.0 - energy["linear"] / energy["oloc"] < 0.015
-    unlimited = run("sine_oloc", "driver.optimizer=IPOPT").summary["simulated_energy_J"]
-    assert max(energy.values()) < unlimited
-
-
-@pytest.mark.parametrize("law", ["oloc", "linear", "quadratic"])
-def test_torque_never_exceeds_its_limit(run, law):
-    solution = run(f"sine_limited_{law}", "driver.optimizer=IPOPT")
-    for columns in (solution.trajectory, solution.simulation):
-        assert np.max(columns["control_torque_Nm"]) <= 700.0 * (1.0 + 1e-6)
+    assert max(energy.values()) < run("sine_oloc").summary.simulated_energy_J
 
 
 @pytest.mark.parametrize(
@@ -105,10 +91,9 @@ def test_torque_never_exceeds_its_limit(run, law):
 def test_other_formulations_find_the_same_optimum(solve, override, blade):
     case = "sine_limited_oloc", *SHORT, f"design.blade={blade}"
     reference, other = solve(*case), solve(*case, override)
-    assert other.success, other.summary["message"]
-    assert other.summary["simulated_energy_J"] == pytest.approx(
-        reference.summary["simulated_energy_J"], rel=2e-5
-    )
+    assert other.success, other.message
+    expected = reference.summary.simulated_energy_J
+    assert other.summary.simulated_energy_J == pytest.approx(expected, rel=2e-5)
 
 
 # What a run leaves --------------------------------------------------------------------------------
@@ -141,17 +126,12 @@ def test_the_case_of_a_result_reruns_identically(short, tmp_path):
 def test_the_case_of_a_result_takes_overrides(short, tmp_path):
     """As the case that was run, with the same override, would."""
     override = "control.torque_limit=0.6 kN*m"
-    expected = run_case(
-        short_case("sine_limited_quadratic", "driver.optimizer=SLSQP", override),
-        tmp_path / "expected",
-        figures=False,
-        records=False,
-    )
+    case = short_case("sine_limited_quadratic", "driver.optimizer=SLSQP", override)
+    expected = run_case(case, tmp_path / "expected", figures=False, records=False)
     assert short.case.with_overrides(override) == expected.case
-    out = tmp_path / "again"
-    arguments = ["--out", str(out), "--quiet", "--no-figures", "--set", override]
-    assert main(["run", str(short.folder / "case.yaml"), *arguments]) == 0
-    found = Solution.load(out)
+    command = ["run", str(short.folder / "case.yaml"), "--out", str(tmp_path / "again")]
+    assert main([*command, "--quiet", "--no-figures", "--set", override]) == 0
+    found = Solution.load(tmp_path / "again")
     assert found.summary["control_torque_max_Nm"] == pytest.approx(600.0, rel=0.01)
     for key in RESULTS:
         assert found.summary[key] == expected.summary[key], key
@@ -194,13 +174,9 @@ def test_existing_folder_is_kept_without_force(tmp_path, capsys):
 
 
 def test_bad_files_are_reported_before_anything_is_written(tmp_path):
-    polar = tmp_path / "polar.csv"
-    polar.write_text(
-        "alpha_deg,cl,cd\n" + "\n".join(f"{a},0.1,0.01" for a in (0, 1, 3, 2, 4, 5, 6, 7, 8))
-    )
-    case = read_case(
-        f"inflow: {{profile: sine}}\ncontrol: {{law: linear}}\nrotor: {{polar: {polar}}}\n"
-    )
+    polar, rows = tmp_path / "polar.csv", [f"{a},0.1,0.01" for a in (0, 1, 3, 2, 4, 5, 6, 7, 8)]
+    polar.write_text("\n".join(["alpha_deg,cl,cd", *rows]))
+    case = load_case({"inflow": "sine", "control": "linear", "rotor": {"polar": str(polar)}})
     with pytest.raises(InputError, match=r"polar\.csv.*alpha_deg"):
         run_case(case, tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -234,9 +210,8 @@ def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
         assert solution.success, solution.message
         for key in RESULTS:
             assert solution.summary[key] == alone.summary[key], (name, key)
-        np.testing.assert_array_equal(
-            solution.simulation["rotor_speed_rad_s"], alone.simulation["rotor_speed_rad_s"]
-        )
+        speeds = [each.simulation["rotor_speed_rad_s"] for each in (solution, alone)]
+        np.testing.assert_array_equal(*speeds)
 
 
 def test_the_last_of_several_runs_lifts_the_limit_of_threads():
@@ -257,13 +232,11 @@ def test_the_last_of_several_runs_lifts_the_limit_of_threads():
 
 def test_a_change_of_the_current_folder_does_not_move_a_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "elsewhere").mkdir()
-    case = short_case("sine_baseline_oloc")
-    solution = run_case(
-        case, "out", progress=lambda *_: monkeypatch.chdir(tmp_path / "elsewhere"), figures=False
-    )
-    assert solution.success
-    assert not list((tmp_path / "elsewhere").iterdir())
+    elsewhere, case = tmp_path / "elsewhere", short_case("sine_baseline_oloc")
+    elsewhere.mkdir()
+    move = {"progress": lambda *_: monkeypatch.chdir(elsewhere)}
+    assert run_case(case, "out", figures=False, **move).success
+    assert not list(elsewhere.iterdir())
 
 
 def test_a_second_run_on_one_folder_is_refused(tmp_path):

@@ -21,10 +21,8 @@ def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refuse
     known = {"tip_speed_ratio": np.array([7.0, 8.0]), "wake_ratio": np.array([7.0, 7.5])}
 
     def checks(table, direction=1.0, **changes):
-        problem = SimpleNamespace(get_val=lambda name: table)
-        setup = SimpleNamespace(nodes=nodes)
-        trajectories = [known | changes]
-        result = SimpleNamespace(setup=setup, trajectories=trajectories, problem=problem)
+        problem, setup = SimpleNamespace(get_val=lambda name: table), SimpleNamespace(nodes=nodes)
+        result = SimpleNamespace(setup=setup, trajectories=[known | changes], problem=problem)
         band = SimpleNamespace(direction=direction)
         return {name: value for name, value, *_ in _of_tables(band, result)}
 
@@ -89,9 +87,9 @@ def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_phy
     case |= {"rotor": {"stations": NINE}, "limits": {"thrust": 8200}}
     case |= {"phase": {"duration": 20, "segments": 20}}
     found = solve_physics(case)
-    assert [name for name, each in found.checks().items() if not each.passed] == []
+    assert found.failed() == []
     assert not any("coarse" in each.why for each in found.passes)
-    (verification,) = found.verifications
+    verification = found.verification
     gap = found.checks()["two_filters_energy"].value
     assert verification.energy_error < 0.2 * gap < 2e-4
     table = found.result.problem.get_val("loads_phase.thrust").ravel()

@@ -1,5 +1,7 @@
 """Quasi-steady operation against formulas."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -24,16 +26,6 @@ RUBS = Generator(shaft_friction=40.0, shaft_friction_slope=5.0)
 
 def quasi_steady(law, shaft=LOSSLESS):
     return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law, shaft)
-
-
-class _Constant:
-    """A torque that does not depend on the speed."""
-
-    def __init__(self, torque):
-        self._torque = torque
-
-    def torque(self, speed, gains):
-        return np.full(np.shape(speed), self._torque)
 
 
 @pytest.fixture(scope="module")
@@ -67,8 +59,9 @@ def test_a_rotor_near_its_largest_torque_does_not_recover(table):
     assert problem.recovers(table, gains, operation)
     peak = SPLINE.nodes[np.argmax(table)]
     stalled = problem.held(table, 0.98 * peak * FLOW / RADIUS)
-    held = quasi_steady(_Constant(np.min(stalled.hydrodynamic_torque)))
-    assert not held.recovers(table, [], stalled)
+    torque = np.min(stalled.hydrodynamic_torque)
+    constant = SimpleNamespace(torque=lambda speed, gains: np.full(np.shape(speed), torque))
+    assert not quasi_steady(constant).recovers(table, [], stalled)
 
 
 def test_an_excessive_gain_is_not_running(table):

@@ -32,26 +32,30 @@ def start(law="open_loop", **limits):
     return find_start(case, steady_optimum(case, case.blade))
 
 
+def from_another_blade(case, seed):
+    """Return the objective of the start from a random blade."""
+    other = physics(random_start(case.case, np.random.default_rng(seed)))
+    return find_start(other, steady_optimum(other, other.blade)).branches[0].objective
+
+
 # Theory
 
 
 def test_power_is_kept_by_turning_faster_or_slower():
-    (known,) = on_start(world(power="5 kW"), start(power="5 kW"))
-    kept = known["generator_power"]
-    assert start(power="5 kW").excess < 1e-4
-    assert np.max(kept) == pytest.approx(5000.0, rel=2e-4)
-    names = [each.branch for each in start(power="5 kW").branches]
-    assert sorted(names) == ["overspeed", "underspeed"]
-    assert start(power="5 kW").tried == 2 + 1  # blades on the first and on the second branch
-    (kept,) = (each for each in start(power="5 kW").starts if each.kept)
-    assert kept.objective == start(power="5 kW").branches[0].objective
+    case, found = world(power="5 kW"), start(power="5 kW")
+    (known,) = on_start(case, found)
+    assert found.excess < 1e-4
+    assert np.max(known["generator_power"]) == pytest.approx(5000.0, rel=2e-4)
+    branches = {each.branch: each for each in found.branches}
+    assert set(branches) == {"overspeed", "underspeed"}
+    assert sorted(each.side for each in found.starts if each.side) == sorted(branches)
+    assert found.tried == 2 + 1  # blades on the first and on the second branch
+    (kept,) = (each for each in found.starts if each.kept)
+    assert kept.objective == found.branches[0].objective
     assert kept.exceeds == ()
     assert kept.excess < 1e-5
-    sides = [each.side for each in start(power="5 kW").starts if each.side]
-    assert sorted(sides) == sorted(names)
     for branch, sign in (("overspeed", 1.0), ("underspeed", -1.0)):
-        side = next(x for x in start(power="5 kW").branches if x.branch == branch)
-        (known,) = on_start(world(power="5 kW"), side)
+        (known,) = on_start(case, branches[branch])
         order = np.argsort(known["inflow_speed"])
         change = np.diff(known["tip_speed_ratio"][order[[0, -1]]])
         assert change[0] * sign > 1.0
@@ -97,11 +101,7 @@ def test_feedback_keeps_a_limit_at_a_loss(law):
 @pytest.mark.slow
 def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
     """From most blades alone it comes to others, up to 0.6 % lower."""
-    given = load_case(
-        SINE | {"control": {"law": "quadratic", "torque_limit": 700.0}, "limits": {"power": "5 kW"}}
-    )
-    other = physics(random_start(given, np.random.default_rng(0)))
-    found = find_start(other, steady_optimum(other, other.blade)).branches[0].objective
+    found = from_another_blade(world("quadratic", power="5 kW"), 0)
     best = start("quadratic", power="5 kW").branches[0].objective
     assert found == pytest.approx(best, rel=1e-5)
     assert best > 246.4e3
@@ -110,12 +110,7 @@ def test_a_law_under_a_power_limit_reaches_one_optimum_from_any_blade():
 @pytest.mark.slow
 def test_a_given_blade_that_keeps_its_limit_best_at_first_does_not_lead_astray():
     """This one's own search ends 0.7 % lower, with its tip turned the other way."""
-    given = load_case(
-        SINE
-        | {"control": {"law": "open_loop", "torque_limit": 700.0}, "limits": {"thrust": "6 kN"}}
-    )
-    other = physics(random_start(given, np.random.default_rng([0, 4, 12])))
-    found = find_start(other, steady_optimum(other, other.blade)).branches[0].objective
+    found = from_another_blade(world(thrust="6 kN"), [0, 4, 12])
     assert found == pytest.approx(start(thrust="6 kN").branches[0].objective, rel=1e-5)
 
 
@@ -139,17 +134,8 @@ def test_partials_of_the_loads_in_the_problem():
     case, found = world(stress="100 MPa"), start(stress="100 MPa")
     problem = assemble(case, Setup(found, curve_nodes(case, found)))
     problem.run_model()
-    checked = problem.check_partials(
-        includes=["operation.loads_phase"],
-        method="fd",
-        form="central",
-        step=1e-4,
-        step_calc="rel_avg",
-        out_stream=None,
-    )
-    for pair, each in checked["operation.loads_phase"].items():
+    name, how = "operation.loads_phase", {"form": "central", "step": 1e-4, "step_calc": "rel_avg"}
+    checked = problem.check_partials(includes=[name], method="fd", out_stream=None, **how)
+    for pair, each in checked[name].items():
         size = np.max(np.abs(each["J_fd"])) or 1.0
         assert np.max(np.abs(each["J_fwd"] - each["J_fd"])) < 1e-5 * size, pair
-
-
-# Bad input

@@ -38,11 +38,9 @@ def test_co_design_reaches_the_steady_optimum(law, optimum):
 def test_the_optimum_of_one_blade_is_start_enough(optimum):
     """The candidates are improved from any blade, not from the steady optimum alone."""
     case = world(limit=700.0)
-    energy = [
-        find_start(case, each).operation.energy
-        for each in (optimum, best_operation(case.blade, Hydrodynamics(case.rotor.polar)))
-    ]
-    assert energy[1] == pytest.approx(energy[0], rel=1e-5)
+    own = best_operation(case.blade, Hydrodynamics(case.rotor.polar))
+    best, found = (find_start(case, each).operation.energy for each in (optimum, own))
+    assert found == pytest.approx(best, rel=1e-5)
 
 
 def test_a_fixed_blade_is_kept():
@@ -69,8 +67,8 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
 
 @pytest.mark.slow
 def test_it_reports_the_outcome_of_each_candidate():
-    case = load_case({"inflow": "sine", "control": "quadratic", "limits": {"rotor_speed": 11}})
-    case = physics(case)
+    limits = {"rotor_speed": 11}
+    case = physics(load_case({"inflow": "sine", "control": "quadratic", "limits": limits}))
     start = find_start(case, steady_optimum(case, case.blade))
     names = [record.strategy for record in start.starts]
     assert names == ["best blade", "best blade of a slower rotor", "blade as given"]
@@ -82,8 +80,8 @@ def test_it_reports_the_outcome_of_each_candidate():
 
 
 def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
-    case = load_case({"inflow": "sine", "control": "open_loop", "start": {"method": "blade"}})
-    case = physics(case)
+    given = {"inflow": "sine", "control": "open_loop", "start": {"method": "blade"}}
+    case = physics(load_case(given))
     start = find_start(case, optimum)
     assert start.messages == (LOCAL,)
     assert [(record.strategy, record.kept) for record in start.starts] == [("blade as given", True)]
