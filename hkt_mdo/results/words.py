@@ -145,10 +145,10 @@ def amounts(values: Any, units: Any, digits: int = 5) -> str:
     shared = groupby(zip_longest(values, units), key=itemgetter(1))
     texts = []
     for unit, row in shared:
-        *others, last = (value for value, _ in row)
-        one = f"{number(last, digits)} {plain_unit(unit or '')}".rstrip()
-        one = one if others else measured(last, unit or "", digits)
-        texts.append(", ".join([*(number(value, digits) for value in others), one]))
+        several = [value for value, _ in row]
+        text = ", ".join(number(value, digits) for value in several)
+        text = f"{text} {plain_unit(unit or '')}".rstrip()
+        texts.append(text if len(several) > 1 else measured(several[0], unit or "", digits))
     return "; ".join(texts)
 
 

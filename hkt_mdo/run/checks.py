@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 
 from hkt_mdo.dynamics.generator import BEYOND
-from hkt_mdo.dynamics.limits import BETWEEN, LEAST, SLOWED, TYPICAL, Limit, TorqueLimit, settled
+from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.model import Physics
@@ -21,7 +21,7 @@ from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.band import FACTORS
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.scales import power_scale, torque_scale
+from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run import loads
@@ -179,7 +179,7 @@ def _of_design(physics, optimum, reference, result, verifications):
         change = "change of the objective on a finer mesh, as far as it is known"
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
-        yield from _recovery(physics, result, verifications)
+        yield from _recovery(physics, verifications)
     if physics.case.generator.table is not None:
         beyond, nodes = physics.case.generator.beyond_table, [x.trajectory for x in verifications]
         off = max(beyond(each["control_torque"], each["rotor_speed"]) for each in nodes)
@@ -195,7 +195,7 @@ def _of_design(physics, optimum, reference, result, verifications):
     yield from _bounds(physics, optimum, verifications)
     captured = isinstance(physics.objective, CapturedEnergy)
     if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
-        stored = total(verifications, lambda verification: _stored(physics, result, verification))
+        stored = total(verifications, lambda verification: _stored(physics, verification))
         energy = max(abs(total(verifications, attrgetter("simulation.energy"))), 1e-9)
         word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
         yield "stored_energy", stored / energy, STORED, word
@@ -276,7 +276,7 @@ def _resolved(physics, result, verifications):
         yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
 
 
-def _stored(physics, result, verification) -> float:
+def _stored(physics, verification) -> float:
     """Return the kinetic energy that the optimizer stores in a rotor at the end, J.
 
     Open loop chooses the last speed. Under feedback that follows from the flow: only what is gained
@@ -288,16 +288,16 @@ def _stored(physics, result, verification) -> float:
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
     if not physics.law.is_feedback:
         return abs(change)
-    net, slowed = (each[-1] for each in _net_torques(physics, result, verification))
+    net, slowed = (each[-1] for each in verification.net_torques)
     slope = (slowed - net) / (SLOWED * speed[-1])
     # without a slope no speed near the last one is a stable equilibrium
     beyond = -inertia * speed[-1] * net / slope if slope > 0.0 else change
     return max(min(change, beyond), 0.0)
 
 
-def _recovery(physics, result, verifications):
+def _recovery(physics, verifications):
     """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
-    shares = [short_of_recovery(physics, result, verification) for verification in verifications]
+    shares = [verification.short_of_recovery for verification in verifications]
     worst = [int(np.argmax(each)) for each in shares]
     share, when = max(
         (each[place], verification.scenario.when(verification.simulation.time[place]))
@@ -307,39 +307,6 @@ def _recovery(physics, result, verifications):
     # without a torque curve no distance is required, only that the rotor recovers
     if np.isfinite(share):
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
-
-
-def short_of_recovery(
-    physics: Physics, result: Optimized, verification: Verification
-) -> np.ndarray:
-    """Return how far the recovery torque of `DistanceFromStall` falls short of its least.
-
-    By direct BEM at the times of the integration, as a share of the least: 1 where a slowed rotor
-    does not recover, at most 0 where all is well. It is checked where the rotor is `settled`, else
-    -inf: in a gust that is faster than the rotor, the integration shows whether it recovers.
-    """
-    simulated, radius = verification.simulation, verification.scalars["rotor_radius"]
-    water = physics.rotor_in(verification.scenario).water_density
-    unit = TYPICAL * torque_scale(water, radius, simulated.inflow_speed)
-    net, slowed = _net_torques(physics, result, verification)
-    recovery = (slowed - net) / unit
-    known = settled(verification.integrated | verification.scalars)
-    return np.where(known, 1.0 - recovery / LEAST, -np.inf)
-
-
-def _net_torques(physics, result, verification):
-    """Return the net torque on a rotor under feedback, N*m, (n_times,), at its speed and slowed.
-
-    Slowed is a loss of `SLOWED` of its speed; flow and states of the law are those of its
-    integration.
-    """
-    simulated, law = verification.simulation, physics.law_in(verification.scenario)
-
-    def net(speed):
-        held = verification.plant.generator_torque(speed, simulated.inflow_speed)
-        return held - law.torque(speed, result.point.gains, *simulated.states)
-
-    return net(simulated.rotor_speed), net((1.0 - SLOWED) * simulated.rotor_speed)
 
 
 def _closed_loop(verifications):

@@ -160,7 +160,7 @@ def division(
     if len(before) < MOST_DIVISIONS:
         for marks, verification in zip(coarse, verifications, strict=True):
             marks |= _exceeded_between(physics, verification, result.energy)
-            marks |= _near_stall(physics, result, verification)
+            marks |= _near_stall(physics, verification)
     if not physics.law.is_feedback:
         error = _open_loop(physics, result, verifications, coarse, before)
     if not any(map(np.any, coarse)):
@@ -215,12 +215,12 @@ def _exceeded_between(physics, verification, energy) -> np.ndarray:
     return found
 
 
-def _near_stall(physics, result, verification) -> np.ndarray:
+def _near_stall(physics, verification) -> np.ndarray:
     """Return the segments in which a rotor under feedback is closer to stall than at the nodes."""
     scenario = verification.scenario
     found = np.zeros(scenario.segments, dtype=bool)
     if physics.law.is_feedback and physics.has_curve and not scenario.steady:
-        near = checks.short_of_recovery(physics, result, verification) > checks.RECOVERY_ERROR
+        near = verification.short_of_recovery > checks.RECOVERY_ERROR
         place = np.searchsorted(scenario.edges, verification.simulation.time[near]) - 1
         found[np.maximum(place, 0)] = True
     return found

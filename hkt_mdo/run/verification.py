@@ -17,7 +17,7 @@ from scipy.integrate import simpson, trapezoid
 
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, Limit, settled
 from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
@@ -40,6 +40,7 @@ from hkt_mdo.problem.wake import band_of
 from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
+from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve.drivers import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
@@ -193,12 +194,42 @@ class Verification(SimulatedDesign):
         nodes = self.trajectory
         return np.abs(self.of_model.simulation.speed_at(nodes["time"]) / nodes["rotor_speed"] - 1.0)
 
-    @property
+    @cached_property
     def growth(self) -> np.ndarray:
         """Growth of a small change of speed and states under feedback, 1/s."""
         run = self.simulation
         known = self.plant, run.rotor_speed, run.inflow_speed, *run.states
         return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
+
+    @cached_property
+    def net_torques(self) -> tuple[np.ndarray, np.ndarray]:
+        """Net torque on a rotor under feedback, N*m, (n_times,), at its speed and slowed.
+
+        Slowed is a loss of `SLOWED` of its speed; flow and states of the law are those of the
+        integration.
+        """
+        run, law, gains = self.simulation, self.controller.law, self.controller.gains
+
+        def net(speed):
+            held = self.plant.generator_torque(speed, run.inflow_speed)
+            return held - law.torque(speed, gains, *run.states)
+
+        return net(run.rotor_speed), net((1.0 - SLOWED) * run.rotor_speed)
+
+    @cached_property
+    def short_of_recovery(self) -> np.ndarray:
+        """How far the recovery torque of `DistanceFromStall` falls short of its least, (n_times,).
+
+        By direct BEM at the times of the integration, as a share of the least: 1 where a slowed
+        rotor does not recover, at most 0 where all is well. It is checked where the rotor is
+        `settled`, else -inf: in a gust that is faster than the rotor, the integration shows whether
+        it recovers.
+        """
+        flow, radius = self.simulation.inflow_speed, self.scalars["rotor_radius"]
+        unit = TYPICAL * torque_scale(self.rotor.water_density, radius, flow)
+        net, slowed = self.net_torques
+        known = settled(self.integrated | self.scalars)
+        return np.where(known, 1.0 - (slowed - net) / unit / LEAST, -np.inf)
 
     def integral(self, values: np.ndarray) -> float:
         """Return the integral of values along the integration."""

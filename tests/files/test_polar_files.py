@@ -150,26 +150,26 @@ def test_every_format_may_have_the_smallest_pressure(tmp_path, name):
         check(table, reynolds, with_moment=name != "aerodyn")
 
 
-def airfoil_tools_text():
-    text = "Xfoil polar. Reynolds number fixed. Mach  number fixed\n"
-    text += "Polar key,xf-naca2408-il-50000\nAirfoil,naca2408-il\nReynolds number,50000\nNcrit,9\n"
-    text += "Mach,0\nMax Cl/Cd,37.4214\n\nAlpha,Cl,Cd,Cdp,Cm,Top_Xtr,Bot_Xtr\n"
-    for a, cl, cd, cm in rows(ALPHA, 5e4):
-        text += f"{a:.3f},{cl},{cd},0.004,{cm},1.0,0.2\n"
-    return text
+def text_of(head, row):
+    """Return a polar's head, and its rows in a format."""
+    return head + "".join(row.format(*values) for values in rows(ALPHA, 5e4))
 
 
-def xflr5_text():
-    """Return a polar as XFLR5 6.61 has it, with two numbers more than names."""
-    text = "xflr5 v6.61\n\n Calculated polar for: NACA 0012\n\n Mach = 0.000 Re = 0.050 e 6\n\n"
-    text += "  alpha     CL        CD       CDp       Cm    Top Xtr Bot Xtr   Cpmin    Chinge"
-    text += "    XCp\n ------- -------- ---------\n"
-    for a, cl, cd, cm in rows(ALPHA, 5e4):
-        text += f" {a:.3f} {cl} {cd} 0.003 {cm} 1.0 0.1 -1.5 0.0 0.0 0.0 0.3\n"
-    return text
+AIRFOIL_TOOLS = text_of(
+    "Xfoil polar. Reynolds number fixed. Mach  number fixed\n"
+    "Polar key,xf-naca2408-il-50000\nAirfoil,naca2408-il\nReynolds number,50000\nNcrit,9\n"
+    "Mach,0\nMax Cl/Cd,37.4214\n\nAlpha,Cl,Cd,Cdp,Cm,Top_Xtr,Bot_Xtr\n",
+    "{:.3f},{},{},0.004,{},1.0,0.2\n",
+)
+XFLR5 = text_of(  # version 6.61, with two numbers more than names
+    "xflr5 v6.61\n\n Calculated polar for: NACA 0012\n\n Mach = 0.000 Re = 0.050 e 6\n\n"
+    "  alpha     CL        CD       CDp       Cm    Top Xtr Bot Xtr   Cpmin    Chinge"
+    "    XCp\n ------- -------- ---------\n",
+    " {:.3f} {} {} 0.003 {} 1.0 0.1 -1.5 0.0 0.0 0.0 0.3\n",
+)
 
 
-@pytest.mark.parametrize("text", [airfoil_tools_text(), xflr5_text()], ids=["tools", "xflr5"])
+@pytest.mark.parametrize("text", [AIRFOIL_TOOLS, XFLR5], ids=["tools", "xflr5"])
 def test_polars_of_airfoil_tools_and_xflr5(tmp_path, text):
     (table,) = read_polars(write(tmp_path, text))
     check(table, 5e4)
@@ -186,7 +186,7 @@ def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(tmp_path)
 
 
 def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
-    text = airfoil_tools_text().replace("number,50000", "number,fast")
+    text = AIRFOIL_TOOLS.replace("number,50000", "number,fast")
     with pytest.raises(InputError, match=r"line 4, Reynolds number = 'fast': is no Reynolds"):
         read_polars(write(tmp_path, text))
 

@@ -9,10 +9,11 @@ from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
-from hkt_mdo.dynamics.objectives import CapturedEnergy, GeneratorEnergy, Objective
+from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy, GeneratorEnergy, Objective
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import PowerLawFeedback
 from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, IntegralComp
+from hkt_mdo.quantities import names
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -116,6 +117,10 @@ def test_excess_is_counted_in_bounds():
     torque = np.array([-50.0, 0.0, 250.0, 500.0, 600.0])
     over = limit.excess({"control_torque": torque})
     np.testing.assert_allclose(over, [0.1, 0.0, -0.5, 0.0, 0.2], atol=1e-15)
+
+
+def test_every_quantity_of_the_whole_result_has_an_integrand():
+    assert tuple(INTEGRALS) == names(over="result")
 
 
 def test_integrals_are_weighted_sums_over_all_scenarios():
