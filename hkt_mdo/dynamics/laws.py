@@ -60,6 +60,8 @@ class Law(Section):
     """Whether the optimizer chooses the torque over time."""
     estimates_flow: ClassVar[bool] = False
     """Whether the flow speed that a law with states uses is estimated from speed and torque."""
+    simpler: ClassVar[Law | None] = None
+    """A law of fewer gains, from whose optimum under limits the search for a start begins."""
 
     @property
     def is_static(self) -> bool:

@@ -15,6 +15,7 @@ LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 STEEPEST = 20.0  # exponent between neighbouring knots: a torque that doubles within 3.5 % of speed
 SLOWER, FASTER = 2.0, -1.0  # least exponents of a curve below its first and above its last knot
+BEND = 0.1  # of the speed's logarithm, beyond these knots, within which it comes to them
 STILL = 1e-3  # rad/s, slower than any rotor turns
 
 
@@ -179,6 +180,12 @@ class CurveFeedback(FeedbackLaw):
         """The speeds of the knots, then their torques."""
         return ("rad/s",) * self.knots + ("N*m",) * self.knots
 
+    @property
+    def simpler(self):  # type: ignore[override]
+        """Of the same limit of the torque: a curve can follow it closely."""
+        kept = {name: getattr(self, name) for name in ("torque_limit", "cut_out", "smoothing")}
+        return RatedFeedback(**kept)
+
     def starting_gains(self):
         if self._begins is None and self.knot_speeds is not None:
             return np.array((*self.knot_speeds, *self.knot_torques), dtype=float)
@@ -186,19 +193,27 @@ class CurveFeedback(FeedbackLaw):
 
     def demand(self, speed, gains):
         place, height = np.log(gains).reshape(2, -1)
-        at, (below, above) = np.log(_forward(speed)), self.beyond(gains)
-        slower, faster = np.real(at) < place[0].real, np.real(at) > place[-1].real
-        inside = np.where(slower, place[0], np.where(faster, place[-1], at))
-        outside = np.where(slower, below, above) * (at - inside)
+        at, outside = np.log(_forward(speed)), 0.0
+        inside = at
+        for end, sign, exponent, more in zip((0, -1), (-1, 1), *self.beyond(gains), strict=True):
+            past = sign * (at - place[end])
+            past = np.where(past.real > 0.0, past, 0.0)
+            bent = np.where(past.real < BEND, past, BEND)
+            inside = inside - sign * past
+            outside += sign * (exponent * past + more * (past - bent + bent**2 / (2.0 * BEND)))
         return np.exp(_natural_spline(place, inside) @ height + outside)
 
     def beyond(self, gains):
-        """Return the exponents of the torque below the first knot and above the last one."""
+        """Return the exponents of the torque at the first and the last knot, and their changes.
+
+        Beyond a knot the exponent changes by so much within `BEND` of the speed's logarithm, so
+        that the torque has no kink at which an optimization would stop.
+        """
         place, height = np.log(gains).reshape(2, -1)
         ends = place[[0, 0, -1, -1]] + np.array([-1.0, 0.0, 0.0, 1.0])
         exponents = np.diff(_natural_spline(place, ends) @ height)[::2]
         least = np.array([SLOWER, FASTER])
-        return np.where(exponents.real < least, least, exponents)
+        return exponents, np.where(exponents.real < least, least - exponents, 0.0)
 
     def fit(self, speed, torque):
         from scipy.optimize import lsq_linear  # reading a case does not need SciPy

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.tracking import Tracking
-from hkt_mdo.dynamics.wide_laws import STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
+from hkt_mdo.dynamics.wide_laws import BEND, STILL, CurveFeedback, PowerLawFeedback, RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.results.design import Design
@@ -142,9 +142,15 @@ def _curve(design: Design) -> Code:
     place, height = np.log(design.gains).reshape(2, -1)
     constants = {"STILL": (STILL, "slowest speed that counts, rad/s")}
     steps = (("demand", "exp(curve(log(fmax(w, STILL))))"),)
-    curve, (below, above) = CubicSpline(place, height, bc_type="natural"), law.beyond(design.gains)
-    curve.extend(np.array([[0.0], [0.0], [below], [height[0] - below]]), place[:1] - 1.0)
-    curve.extend(np.array([[0.0], [0.0], [above], height[-1:]]), place[-1:] + 1.0)
+    curve = CubicSpline(place, height, bc_type="natural")
+    # beyond each end a parabola over BEND, then a line
+    (below, above), (less, more) = law.beyond(design.gains)
+    at, slope = height[0] - (below + 0.5 * less) * BEND, below + less
+    pieces = [[0.0, 0.0], [0.0, -0.5 * less / BEND], [slope, slope], [at - slope, at]]
+    curve.extend(np.array(pieces), place[0] - BEND - np.array([1.0, 0.0]))
+    at, slope = height[-1] + (above + 0.5 * more) * BEND, above + more
+    pieces = [[0.0, 0.0], [0.5 * more / BEND, 0.0], [above, slope], [height[-1], at]]
+    curve.extend(np.array(pieces), place[-1] + BEND + np.array([0.0, 1.0]))
     return Code(constants, steps, {"curve": curve})
 
 

@@ -97,7 +97,7 @@ def co_designed(
         With objective and excess; it has the branch and the strategy of the point.
     """
     for _ in range(ROUNDS):
-        end, given_up = _optimized(steady, point, scratch, rival)
+        end, given_up = optimized(steady, point, scratch, rival)
         error = _curve_error(steady, end)
         if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
             break
@@ -105,9 +105,14 @@ def co_designed(
     return replace(end, excess=max(end.excess, error))
 
 
-def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
-    """Return the end of one optimization by the point's torque curve, and if it was given up."""
-    count, sign = sum(each.segments for each in steady.scenarios), steady.objective.sign
+def optimized(
+    physics: Physics, point: StartingPoint, scratch: str, rival: float = -np.inf
+) -> tuple[StartingPoint, bool]:
+    """Return the end of one optimization by the point's torque curve, and if it was given up.
+
+    The parameters are those of `co_designed`; the physics may have time.
+    """
+    count, sign = sum(each.segments for each in physics.scenarios), physics.objective.sign
 
     def progress(iteration, objective, violation):
         if iteration >= PATIENCE and sign * objective < rival - BEHIND * abs(rival):
@@ -117,13 +122,13 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         *("casadi", "IPOPT", TOLERANCE, ITERATIONS),
         barrier=BARRIER / count,
         # a law of one gain has better optima far from its start (rm1_turbulent_limits)
-        cautious=steady.rotor.several_sections and len(steady.law.gain_units) != 1,
+        cautious=physics.rotor.several_sections and len(physics.law.gain_units) != 1,
         progress=progress,
     )
     # without equations, corrections for their curvature only cost time
-    if not steady.law.is_feedback:
+    if not physics.law.is_feedback:
         driver.opt_settings["max_soc"] = 0
-    problem = assemble(steady, Setup(point, curve_nodes(steady, point), MOVES), driver, scratch)
+    problem = assemble(physics, Setup(point, curve_nodes(physics, point), MOVES), driver, scratch)
     given_up = False
     try:
         problem.run_model()
@@ -132,8 +137,8 @@ def _optimized(steady, point, scratch, rival) -> tuple[StartingPoint, bool]:
         given_up = True
     finally:
         problem.cleanup()
-    end, excess = point_of(steady, problem), driver.violation()
-    exceeds = [name for name, over in excesses(steady, end).items() if over > KEPT_EXCESS]
+    end, excess = point_of(physics, problem), driver.violation()
+    exceeds = [name for name, over in excesses(physics, end).items() if over > KEPT_EXCESS]
     if excess > KEPT_EXCESS and not exceeds:
         exceeds = ["balance_of_torques"]
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}

@@ -8,6 +8,7 @@ from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.wide_laws import (
+    BEND,
     STEEPEST,
     STILL,
     CurveFeedback,
@@ -84,13 +85,19 @@ def test_a_curve_is_a_natural_spline_of_the_logarithms():
     ("torques", "least"), [(TORQUES, (None, None)), ([900.0, 600.0, 500.0, 80.0, 20.0], (2, -1))]
 )
 def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
-    """With the spline's exponents, at least 2 in slower flow and -1, constant power, in faster."""
+    """With the spline's exponents, at least 2 in slower flow and -1 in faster, without a kink."""
     law, gains = CurveFeedback(knots=5), np.append(KNOTS, torques)
     spline = CubicSpline(np.log(KNOTS), np.log(torques), bc_type="natural")
-    for end, beyond, fixed in zip((0, -1), ([0.5, 3.0], [13.0, 40.0]), least, strict=True):
-        exponent = spline(np.log(KNOTS[end]), 1) if fixed is None else fixed
-        expected = torques[end] * (np.array(beyond) / KNOTS[end]) ** exponent
+    for end, beyond, fixed in zip((0, -1), ([0.5, 3.0], [13.5, 40.0]), least, strict=True):
+        at_end = spline(np.log(KNOTS[end]), 1)
+        exponent = at_end if fixed is None else fixed
+        # within BEND the mean of both exponents holds
+        reached = np.exp(0.5 * (at_end - exponent) * BEND * (1 if end else -1))
+        expected = reached * torques[end] * (np.array(beyond) / KNOTS[end]) ** exponent
         np.testing.assert_allclose(law.torque(np.array(beyond), gains), expected, rtol=1e-11)
+        for place in KNOTS[end] * np.array([1.0, np.exp(BEND if end else -BEND)]):
+            slopes = law.torque_by_speed(place * (1.0 + np.array([-1e-7, 1e-7])), gains)
+            assert slopes[0] == pytest.approx(slopes[1], rel=1e-4)
 
 
 def test_neighbouring_knots_stay_within_the_steepest_exponent():
