@@ -251,11 +251,11 @@ def compare(rotor, derivatives=False):
             by = gradients["dCQ"]
             pairs = (
                 (
-                    ours.torque_by_tip_speed_ratio,
+                    ours.torque_table.by_tip_speed_ratio,
                     np.diag(by["dOmega"]) * 30.0 / (np.pi * blade.tip_radius),
                 ),
-                (ours.torque_by_chord, by["dchord"]),
-                (ours.torque_by_twist, np.rad2deg(by["dtheta"])),
+                (ours.torque_table.by_chord, by["dchord"]),
+                (ours.torque_table.by_twist, np.rad2deg(by["dtheta"])),
             )
             for mine, theirs in pairs:
                 difference = np.abs(mine - theirs)[same]

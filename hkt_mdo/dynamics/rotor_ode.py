@@ -213,15 +213,16 @@ class CoefficientComp(_NodeComp):
         blade = self.options["blade"].with_rotor_radius(radius[0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
         found = self.options["coefficients"](blade, polar, here, derivatives)
+        table = found.torque_table
         if not derivatives:
-            return lambda *_: found.torque, {}
+            return lambda *_: table.values, {}
 
         def near(ratio, flow, radius):
-            along = found.torque_by_tip_speed_ratio * (ratio - ratio.real)
+            along = table.by_tip_speed_ratio * (ratio - ratio.real)
             along = along + found.torque_by_log_reynolds * (flow / flow.real - 1.0)
-            return found.torque + along + found.torque_by_rotor_radius * (radius - radius.real)
+            return table.values + along + table.by_rotor_radius * (radius - radius.real)
 
-        return near, {"chord": found.torque_by_chord, "twist": found.torque_by_twist}
+        return near, {"chord": table.by_chord, "twist": table.by_twist}
 
     def formula(self, rotor_speed, inflow_speed, rotor_radius, **_):
         ratio = rotor_speed * rotor_radius / inflow_speed

@@ -99,35 +99,27 @@ class Coefficients(NamedTuple):
     """Rotor coefficients at n operating points, and the torque coefficient's derivatives.
 
     torque = Q / (0.5 rho V² pi R³), power = P / (0.5 rho V³ pi R²), thrust = T / (0.5 rho V² pi
-    R²), R the radius of the disc, each of shape (n,). Derivatives are empty unless requested:
-    torque_by_tip_speed_ratio (n,); torque_by_chord (1/m), torque_by_twist (1/rad) and
-    torque_by_thickness (over the chord; zero where polars do not follow it) of shape
-    (n, n_stations); torque_by_rotor_radius (1/m, shape (n,)), where hub, stations and tip move with
-    the disc at constant chord and twist; torque_by_log_reynolds (n,), where the Reynolds numbers of
-    all stations grow by one factor, as with the speed of the flow.
+    R²), R the radius of the disc, each of shape (n,). torque_table is the torque coefficient with
+    its derivatives (by_thickness is zero where polars do not follow it); torque_by_log_reynolds
+    (n,), empty unless requested, is that by the Reynolds numbers of all stations, if they grow by
+    one factor, as with the speed of the flow.
     """
 
-    torque: np.ndarray
+    torque_table: Table
     power: np.ndarray
     thrust: np.ndarray
-    torque_by_tip_speed_ratio: np.ndarray = np.empty(0)
-    torque_by_chord: np.ndarray = np.empty(0)
-    torque_by_twist: np.ndarray = np.empty(0)
-    torque_by_rotor_radius: np.ndarray = np.empty(0)
     torque_by_log_reynolds: np.ndarray = np.empty(0)
-    torque_by_thickness: np.ndarray = np.empty(0)
 
     @property
-    def torque_table(self):
-        """The torque coefficient with its derivatives.
+    def torque(self):
+        """The torque coefficient.
 
         Returns
         -------
-        Table
-            Of n tip speed ratios.
+        ndarray of shape (n,)
+            At the operating points.
         """
-        names = (f"torque_{name}" for name in Table._fields[1:])
-        return Table(self.torque, *(getattr(self, name) for name in names))
+        return self.torque_table.values
 
 
 @compiled(error_model="numpy")
@@ -210,37 +202,30 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
 
 @compiled(error_model="numpy")
-def _derivatives(terms, tip_speed_ratio, chord, r, tip_radius, by_followed, out):
-    """Fill out[n_outputs, n_inputs]: total derivatives at a root, by `INPUTS`; see `Sections`.
+def _derivatives(terms, lambda_r, chord, r, tip_radius, by_followed, out):
+    """Fill out[4, 4]: total derivatives at a root, by `INPUTS`; see `Sections`.
 
     dphi/dx = -f_x / f_phi by the implicit function theorem. by_followed holds the derivatives of
     the tangential and the normal force coefficient by the other variable of the polars.
     """
     (s, c, s_phi, c_phi), forces, (k, m, k_unit, m_unit, s_k) = terms
-    lambda_r = tip_speed_ratio * r / tip_radius
     f_phi = s_phi - c_phi / lambda_r
     chord_load = chord / (s * s)
-    for i in range(out.shape[1]):
-        # Changes at constant phi: of f by the speed ratio, of ln(chord), and of the forces
-        f_ratio = by_chord = tangential_x = normal_x = 0.0
-        if i == 0:
-            f_ratio = c / (lambda_r * lambda_r) * r / tip_radius
-        elif i == 1:
-            by_chord = 1.0 / chord
-        elif i == 2:
-            tangential_x, normal_x = -forces[4], -forces[5]
-        else:
-            tangential_x, normal_x = by_followed
+    changes = (  # at constant phi: of f by the speed ratio, of ln(chord), and of the forces
+        (c / (lambda_r * lambda_r) * r / tip_radius, 0.0, 0.0, 0.0),
+        (0.0, 1.0 / chord, 0.0, 0.0),
+        (0.0, 0.0, -forces[4], -forces[5]),
+        (0.0, 0.0, by_followed[0], by_followed[1]),
+    )
+    for i, (f_ratio, by_chord, tangential_x, normal_x) in enumerate(changes):
         s_x = s_k * (k_unit * normal_x + k * by_chord)
         m_x = m_unit * tangential_x + m * by_chord
         phi_x = -(s_x + m_x / lambda_r + f_ratio) / f_phi
         s_x += s_phi * phi_x
-        if out.shape[0] > 2:
-            out[2, i] = phi_x
-            out[3, i] = -s_x / (s * s)
-        for load in range(min(out.shape[0], 2)):
-            force_x = (normal_x if load else tangential_x) + forces[2 + load] * phi_x
-            out[load, i] = chord_load * (force_x + forces[load] * (by_chord - 2.0 * s_x / s))
+        out[2, i], out[3, i] = phi_x, -s_x / (s * s)
+        for load, force_x in enumerate((tangential_x, normal_x)):
+            by_force = force_x + forces[2 + load] * phi_x
+            out[load, i] = chord_load * (by_force + forces[load] * (by_chord - 2.0 * s_x / s))
 
 
 @compiled(error_model="numpy")
@@ -440,14 +425,13 @@ def _mixed_force(phi, twist, polars, weights):
 @compiled(error_model="numpy")
 def _solve(
     tip_speed_ratio, r, chord, twist, hub_radius, tip_radius, blade_count,
-    polars, section, mixture, n_outputs, n_inputs,
+    polars, section, mixture, with_derivatives,
 ):  # fmt: skip
     """Solve all stations at all points. Arrays are station-major, so that writes are in order.
 
     Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
     times the weights mixture[0, j, i], whose derivatives by the other variable are mixture[1, j,
-    i];
-    mixture[:, j, 0] where all points have the same.
+    i]; mixture[:, j, 0] where all points have the same.
 
     Raises
     ------
@@ -462,8 +446,7 @@ def _solve(
         raise ValueError("stations must lie strictly between hub and tip")
     state = np.zeros((8, n_stations, n_points))
     branch = np.empty((n_stations, n_points), dtype=np.int8)
-    derivatives = np.zeros((n_outputs, n_inputs, n_stations, n_points))
-    gradient = np.empty((n_outputs, n_inputs))
+    derivatives = np.zeros((4, 4 * with_derivatives, n_stations, n_points))
     knots, n_knots = np.empty((7, MOST_KNOTS)), 0
     mixed, by_followed = np.empty_like(polars[0]), (0.0, 0.0)
     for j in range(n_stations):
@@ -480,14 +463,12 @@ def _solve(
                 n_knots = _curve(np.min(tip_speed_ratio) * r[j] / tip_radius, station, knots)
             phi, terms = _first_root(lambda_r, knots, n_knots, station)
             branch[j, i] = _store(phi, terms, lambda_r, chord[j], twist[j], (j, i), state)
-            if n_inputs and branch[j, i] >= 0:
+            if with_derivatives and branch[j, i] >= 0:
                 if n_mixed:
                     slopes = mixture[1, j, min(i, last)]
                     by_followed = _mixed_force(phi, twist[j], station_polars, slopes)
-                _derivatives(
-                    terms, tip_speed_ratio[i], chord[j], r[j], tip_radius, by_followed, gradient
-                )
-                derivatives[:, :, j, i] = gradient
+                out = derivatives[:, :, j, i]
+                _derivatives(terms, lambda_r, chord[j], r[j], tip_radius, by_followed, out)
     return state, branch, derivatives
 
 
@@ -593,8 +574,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
         Where one of the conditions above does not hold.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    n_inputs = len(INPUTS) if derivatives else 0
-    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), 4, n_inputs)
+    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), derivatives)
     return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
 
 
@@ -768,32 +748,28 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
         As `sections`.
     """
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    along = points / float(np.cos(blade.cone))
-    # Only the derivatives of the tangential load by tip speed ratio, chord and twist are needed.
-    follows = isinstance(polar, LocalReynolds | ByThickness)
-    n_inputs = (len(INPUTS) if follows else 3) if derivatives else 0
     if flow is None:
-        state, branch, gradient = _solve(along, *_arguments(blade, polar, along), 1, n_inputs)
-    else:
-        state, branch = [values.T for values in flow[:8]], flow.branch.T
-        gradient = flow.derivatives.swapaxes(-1, -2) if derivatives else None
-    if np.min(branch) < 0:
+        flow = sections(blade, polar, points / float(np.cos(blade.cone)), derivatives)
+    if np.min(flow.branch) < 0:
         warnings.warn(
-            f"no root at {np.count_nonzero(branch < 0)} of {branch.size} sections: their loads are "
-            "set to zero",
+            f"no root at {np.count_nonzero(flow.branch < 0)} of {flow.branch.size} sections: their "
+            "loads are set to zero",
             RuntimeWarning,
             stacklevel=2,
         )
     weights = torque_weights(blade)
-    torque = weights @ state[6]
-    thrust = (weights * blade.rotor_radius / blade.r) @ state[5]
-    by = _torque_derivatives(blade, polar, points, gradient[0]) if derivatives else ()
-    return Coefficients(torque, torque * points, thrust, *by)
+    torque = weights @ flow.tangential_load.T
+    thrust = (weights * blade.rotor_radius / blade.r) @ flow.normal_load.T
+    if not derivatives:
+        return Coefficients(Table(torque), torque * points, thrust)
+    by, by_reynolds = _torque_derivatives(blade, polar, points, flow.derivatives[0])
+    return Coefficients(Table(torque, *by), torque * points, thrust, by_reynolds)
 
 
 def _torque_derivatives(blade, polar, points, gradient):
-    """Return the derivatives that `Coefficients` has, of gradient[n_inputs, n_stations, n]."""
+    """Return the torque's slopes as `Table` has them, and those by the Reynolds number."""
     weights, cosine = torque_weights(blade), float(np.cos(blade.cone))
+    gradient = gradient.swapaxes(-1, -2)
     by_ratio = weights @ gradient[0] / cosine
     by_chord, by_twist = (gradient[1:3] * weights[:, None]).transpose(0, 2, 1)
     by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
@@ -807,4 +783,4 @@ def _torque_derivatives(blade, polar, points, gradient):
         by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
         by_chord = by_chord + by_number / blade.chord
         by_reynolds = np.sum(by_number, axis=1)
-    return by_ratio, by_chord, by_twist, by_radius, by_reynolds, by_thickness
+    return (by_ratio, by_chord, by_twist, by_thickness, by_radius), by_reynolds

@@ -6,7 +6,7 @@ WISDEM is imported only when a function is called: its import takes seconds.
 import numpy as np
 
 from hkt_mdo.errors import needed
-from hkt_mdo.rotor.bem import Coefficients, polar_at
+from hkt_mdo.rotor.bem import Coefficients, Table, polar_at
 
 
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
@@ -44,18 +44,18 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         outputs, gradients = rotor.evaluate(
             np.ones(points.size), points * rpm_per_ratio, np.zeros(points.size), coefficients=True
         )
-    coefficients = Coefficients(outputs["CQ"], outputs["CP"], outputs["CT"])
-    if not derivatives:
-        return coefficients
-    by = gradients["dCQ"]
-    return coefficients._replace(
-        torque_by_tip_speed_ratio=np.diag(by["dOmega"]) * rpm_per_ratio,
-        torque_by_chord=by["dchord"],
-        torque_by_twist=np.rad2deg(by["dtheta"]),
-        torque_by_rotor_radius=-(by["dchord"] @ blade.chord) / blade.rotor_radius,
-        torque_by_log_reynolds=np.zeros(points.size),
-        torque_by_thickness=np.zeros(by["dchord"].shape),
-    )
+    torque = Table(outputs["CQ"])
+    if derivatives:
+        by = gradients["dCQ"]
+        torque = Table(
+            outputs["CQ"],
+            np.diag(by["dOmega"]) * rpm_per_ratio,
+            by["dchord"],
+            np.rad2deg(by["dtheta"]),
+            np.zeros(by["dchord"].shape),
+            -(by["dchord"] @ blade.chord) / blade.rotor_radius,
+        )
+    return Coefficients(torque, outputs["CP"], outputs["CT"], np.zeros(points.size))
 
 
 def ccblade(blade, polar, derivatives=False):

@@ -23,15 +23,15 @@ from hkt_mdo.dynamics.simulation import (
     simulate,
 )
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.bem import Coefficients
+from hkt_mdo.rotor.bem import Coefficients, Table
 
 DENSITY = 1000.0
 
 
 def constant_torque_coefficient(value):
     def coefficients(blade, polar, ratio, derivatives=False):
-        ratio, empty = np.atleast_1d(ratio), np.empty(0)
-        return Coefficients(np.full(ratio.shape, value), ratio * value, *[empty] * 6)
+        ratio = np.atleast_1d(ratio)
+        return Coefficients(Table(np.full(ratio.shape, value)), ratio * value, np.empty(0))
 
     return coefficients
 
