@@ -218,16 +218,12 @@ def _state_scales(physics, start):
 def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     """Declare the design variables; return them, and the quantities that are not designed."""
     start, bounds = setup.start, setup.moves.bounds(physics, setup.start)
-    chord, twist, thickness = physics.shape.within(start.blade)  # but for the last digit, they are
+    control = physics.shape.within(start.blade)  # but for the last digit, they are
     radius, designed, kept = start.blade.rotor_radius, {}, {}
-    for name, value, units, ref in (
-        ("rotor_radius", np.atleast_1d(radius), "m", radius),
-        ("chord_control", chord, "m", chord),
-        ("twist_control", twist, "rad", TWIST_UNIT),
-        ("thickness_control", thickness, None, THICKNESS_UNIT),
-    ):
-        if not value.size:
-            continue
+    refs = {"rotor_radius": radius, "twist": TWIST_UNIT, "thickness": THICKNESS_UNIT}
+    for quantity, value in {"rotor_radius": np.atleast_1d(radius), **control}.items():
+        name = f"{quantity}_control" if quantity in control else quantity
+        units, ref = QUANTITIES[quantity].unit, refs.get(quantity, value)
         about = {"val": value, "units": units, "desc": DESIGNED[name]}
         if name == "rotor_radius" and physics.shape.radius_bounds is None:
             kept[name] = about
@@ -246,7 +242,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         name = named("density", physics.variant(scenario))
         kept[name] = {"val": physics.rotor_in(scenario).water_density, **QUANTITIES["density"].meta}
     kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
-    if not thickness.size and physics.asks_for("thickness"):
+    if "thickness" not in control and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.turbine.thickness, start.blade.r.shape)
         kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
     for i, units in enumerate(physics.law.gain_units):

@@ -383,17 +383,12 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
             None if bounds is None else tuple(np.deg2rad(bounds)),
             radius_bounds,
         )
-    return Shape.designed(
-        blade,
-        design.chord_points,
-        design.twist_points,
-        design.chord_bounds,
-        tuple(np.deg2rad(design.twist_bounds)),
-        radius_bounds,
-        several_sections=flow.several_sections,
-        thickness_points=design.thickness_points,
-        thickness_bounds=flow.thickness_bounds,
-    )
+    points = {"chord": design.chord_points, "twist": design.twist_points}
+    bounds = {"chord": design.chord_bounds, "twist": tuple(np.deg2rad(design.twist_bounds))}
+    if design.thickness_points:
+        points["thickness"] = design.thickness_points
+        bounds["thickness"] = flow.thickness_bounds
+    return Shape.designed(blade, points, bounds, radius_bounds, flow.several_sections)
 
 
 def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
@@ -401,13 +396,9 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
 
     A generator whose table ends at a speed has a limit of the speed there.
     """
-    bounds = {}
-    if case.design.blade == "optimized":
-        bounds |= {"chord": shape.chord_bounds, "twist": shape.twist_bounds}
-        if shape.designs_thickness:
-            bounds["thickness"] = shape.thickness_bounds
-    elif case.design.set_angle_bounds is not None:
-        bounds["set_angle"] = shape.twist_bounds
+    bounds = dict(shape.bounds)
+    if shape.designs_set_angle:
+        bounds = {"set_angle": shape.bounds["twist"]}
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     bounds["hub_inertia"] = case.design.hub_inertia_bounds
     given = [limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given]

@@ -40,11 +40,9 @@ class MoveLimits:
         gains = physics.law.moves(start.gains, self.gain)
         found = {
             "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
-            "chord_control": shape.chord_bounds,
-            "twist_control": shape.twist_bounds,
-            "thickness_control": shape.thickness_bounds,
             "gain": np.clip(gains, *gain_bounds(physics)),
         }
+        found |= {f"{name}_control": ends for name, ends in shape.bounds.items()}
         if shape.radius_bounds is not None:
             ends = radius / self.radius, radius * self.radius
             found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)

@@ -89,27 +89,21 @@ class ShapeComp(om.ExplicitComponent):
 
     def setup(self):
         shape = self.options["shape"]
+        for name, offset in shape.offsets.items():
+            self.add_output(name, shape=offset.shape, **QUANTITIES[name].meta)
         for name, basis in shape.bases.items():
-            if name == "thickness" and not basis.size:
-                continue
-            self.add_output(name, shape=basis.shape[0], **QUANTITIES[name].meta)
-            if basis.size:
-                control, (rows, cols) = f"{name}_control", np.nonzero(basis)
-                meta = QUANTITIES[name].meta | {"desc": f"control points of the {name}"}
-                self.add_input(control, shape=basis.shape[1], **meta)
-                self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
+            control, (rows, cols) = f"{name}_control", np.nonzero(basis)
+            meta = QUANTITIES[name].meta | {"desc": f"control points of the {name}"}
+            self.add_input(control, shape=basis.shape[1], **meta)
+            self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
         if not shape.designs_chord:
             self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
-            by_radius = shape.chord_offset / shape.blade.rotor_radius
+            by_radius = shape.offsets["chord"] / shape.blade.rotor_radius
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
 
     def compute(self, inputs, outputs):
         shape = self.options["shape"]
-        control = [
-            inputs[f"{name}_control"] if points else np.empty(0)
-            for name, points in shape.points.items()
-        ]
-        values = dict(zip(shape.bases, shape.stations(*control), strict=False))
+        values = shape.stations({name: inputs[f"{name}_control"] for name in shape.bases})
         if not shape.designs_chord:
             values["chord"] = values["chord"] * shape.stretch(inputs["rotor_radius"])
         for name, value in values.items():
@@ -356,9 +350,8 @@ class BladeGroup(om.Group):
         self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
         if shape is not None:
             self.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
-            for name, values in zip(shape.bases, shape.within(blade), strict=True):
-                if values.size:
-                    self.set_input_defaults(f"{name}_control", values)
+            for name, values in shape.within(blade).items():
+                self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
         if torque or loads or band is not None:

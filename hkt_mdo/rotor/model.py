@@ -206,7 +206,7 @@ class RotorModel(Hydrodynamics):
             The best blade, where it works, and its power coefficient.
         """
         if shape.designs_chord:
-            bounds = shape.chord_bounds, shape.twist_bounds
+            bounds = shape.bounds["chord"], shape.bounds["twist"]
             return steady_optimum.best_rotor(blade, self, *bounds)
         if shape.designs_set_angle:
             return steady_optimum.best_set_angle(shape, blade, self)
@@ -231,7 +231,7 @@ class RotorModel(Hydrodynamics):
         SteadyOptimum
             The best blade and its power coefficient.
         """
-        bounds = shape.chord_bounds, shape.twist_bounds
+        bounds = shape.bounds["chord"], shape.bounds["twist"]
         return steady_optimum.best_blade(
             shape.blade, self, tip_speed_ratio, *bounds, start, tolerance
         )

@@ -1,6 +1,6 @@
 """The design variables of a blade: values at its stations, or control points of splines."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -48,94 +48,71 @@ def spline_basis(points, position, low, high):
 class Shape:
     """The family of blades that a design chooses from.
 
-        chord = stretch (chord_offset + chord_basis @ chord_control),
-        twist = twist_offset + twist_basis @ twist_control,
-        thickness over chord = thickness_basis @ thickness_control,
+    chord (m), twist (rad) and thickness over the chord at the stations are
 
-    where stretch is the rotor's radius over that of the given blade if the chord is not designed
-    (the whole blade is then scaled), and one if it is.
+        offset + basis @ control,
 
-    The blade is as given, or the nearest one to it where these are splines; its thickness is None
-    where it is not designed. Bases have
-    the shape (n_stations, n_control), without columns where nothing is designed. Bounds (m, rad)
-    are those of the control points, and so of the blade; radius_bounds (m) those of the disc's
-    radius, None if it is not designed. Thickness is only designed along with chord and twist.
+    the chord times the rotor's radius over that of the given blade if it is not designed (the whole
+    blade is then scaled). The thickness is only designed along with chord and twist.
+
+    Attributes
+    ----------
+    blade : Blade
+        As given, or the nearest one to it where chord and twist are splines.
+    offsets : dict of str to ndarray
+        By the names chord, twist and, where it is designed, thickness; (n_stations,) each.
+    bases : dict of str to ndarray
+        Of what is designed, (n_stations, n_control) each.
+    bounds : dict of str to tuple of float
+        Of what is designed: smallest and largest value of the control points, and so of the blade.
+    radius_bounds : tuple of float, optional
+        Smallest and largest radius of the disc (m); None: it is not designed.
     """
 
     blade: Blade
-    chord_offset: np.ndarray
-    chord_basis: np.ndarray
-    twist_offset: np.ndarray
-    twist_basis: np.ndarray
-    chord_bounds: tuple[float, float]
-    twist_bounds: tuple[float, float]
+    offsets: dict[str, np.ndarray]
+    bases: dict[str, np.ndarray]
+    bounds: dict[str, tuple[float, float]]
     radius_bounds: tuple[float, float] | None = None
-    thickness_basis: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
-    thickness_bounds: tuple[float, float] = (0.0, 1.0)
 
     @classmethod
-    def designed(
-        cls,
-        blade,
-        chord_points,
-        twist_points,
-        chord_bounds,
-        twist_bounds,
-        radius_bounds=None,
-        *,
-        several_sections=False,
-        thickness_points=None,
-        thickness_bounds=(0.0, 1.0),
-    ):
+    def designed(cls, blade, points, bounds, radius_bounds=None, several_sections=False):
         """Design chord and twist by numbers of control points, or directly at the stations.
 
         None: at the stations if there are `FREE_STATIONS` or fewer with one section, else by
-        `POINTS` control points; of the thickness: it is not designed.
+        `POINTS` control points.
 
         Parameters
         ----------
         blade : Blade
             The blade as given.
-        chord_points, twist_points : int or None
-            Numbers of control points; if not fewer than the stations, they are the stations.
-        chord_bounds, twist_bounds : tuple of float
-            Smallest and largest chord (m) and twist (rad).
+        points : dict of str to (int or None)
+            Numbers of control points of chord, twist and, if it is designed, thickness; if not
+            fewer than the stations, they are the stations.
+        bounds : dict of str to tuple of float
+            Smallest and largest chord (m), twist (rad) and thickness over chord.
         radius_bounds : tuple of float, optional
             Smallest and largest radius of the disc (m); None: it is not designed.
         several_sections : bool
             Whether stations have sections of their own.
-        thickness_points : int or None
-            Number of control points, as of the chord.
-        thickness_bounds : tuple of float
-            Smallest and largest thickness over chord.
 
         Returns
         -------
         Shape
             The family of blades.
         """
-        n = blade.r.size
+        n, bases = blade.r.size, {}
         usual = n if n <= FREE_STATIONS and not several_sections else POINTS
-        points = [usual if count is None else count for count in (chord_points, twist_points)]
-        points += [thickness_points] if thickness_points else []
-        ends = blade.hub_radius, blade.tip_radius
-        chord, twist, *thickness = (
-            np.eye(n) if count >= n else spline_basis(count, blade.r, *ends) for count in points
-        )
-        bounds = chord_bounds, twist_bounds, radius_bounds
-        family = cls(
-            blade,
-            *(np.zeros(n), chord),
-            *(np.zeros(n), twist),
-            *bounds,
-            thickness[0] if thickness else np.empty((n, 0)),
-            thickness_bounds,
-        )
-        if min(points) >= n:
+        for name, number in points.items():
+            count, ends = usual if number is None else number, (blade.hub_radius, blade.tip_radius)
+            bases[name] = np.eye(n) if count >= n else spline_basis(count, blade.r, *ends)
+        family = cls(blade, dict.fromkeys(bases, np.zeros(n)), bases, bounds, radius_bounds)
+        if min(family.points.values()) >= n:
             return family  # with exactly the blade as given
-        chord, twist, thickness = family.control(blade)
-        thickness = np.clip(thickness, *thickness_bounds)
-        return replace(family, blade=family.at(chord, twist, thickness))
+        control = family.control(blade)
+        if "thickness" in control:
+            control["thickness"] = np.clip(control["thickness"], *bounds["thickness"])
+        return replace(family, blade=family.at(control))
 
     @classmethod
     def fixed(cls, blade, set_angle=0.0, set_angle_bounds=None, radius_bounds=None):
@@ -157,11 +134,11 @@ class Shape:
         Shape
             The family of blades.
         """
-        n = blade.r.size
-        turned = np.ones((n, 1)) if set_angle_bounds else np.empty((n, 0))
-        twist = blade.twist - set_angle if set_angle_bounds else blade.twist
-        bounds = (0.0, np.inf), set_angle_bounds or (-np.inf, np.inf), radius_bounds
-        return cls(blade, blade.chord, np.empty((n, 0)), twist, turned, *bounds)
+        offsets, bases, bounds = {"chord": blade.chord, "twist": blade.twist}, {}, {}
+        if set_angle_bounds:
+            offsets["twist"] = blade.twist - set_angle
+            bases, bounds = {"twist": np.ones((blade.r.size, 1))}, {"twist": set_angle_bounds}
+        return cls(blade, offsets, bases, bounds, radius_bounds)
 
     @property
     def designs_chord(self):
@@ -172,23 +149,11 @@ class Shape:
         bool
             True if the chord has control points.
         """
-        return self.chord_basis.shape[1] > 0
-
-    @property
-    def bases(self):
-        """The spline bases by the name of the design variable; that of the thickness may be empty.
-
-        Returns
-        -------
-        dict of str to ndarray
-            Of shape (n_stations, n_control) each.
-        """
-        names = "chord", "twist", "thickness"
-        return {name: getattr(self, f"{name}_basis") for name in names}
+        return "chord" in self.bases
 
     @property
     def points(self):
-        """Number of control points, or of designed stations, by the name of the design variable.
+        """Number of control points, or of designed stations, of what is designed.
 
         Returns
         -------
@@ -206,7 +171,7 @@ class Shape:
         bool
             True if the thickness has control points.
         """
-        return self.points["thickness"] > 0
+        return "thickness" in self.bases
 
     @property
     def designs_set_angle(self):
@@ -217,7 +182,7 @@ class Shape:
         bool
             True if it is the only control point.
         """
-        return not self.designs_chord and self.points["twist"] > 0
+        return self.bases.keys() == {"twist"}
 
     def stretch(self, rotor_radius):
         """Return the factor on chords that are not designed.
@@ -235,9 +200,7 @@ class Shape:
         return 1.0 if self.designs_chord else rotor_radius / self.blade.rotor_radius
 
     def control(self, blade):
-        """Return the control points of chord (m), twist (rad) and thickness of the nearest blade.
-
-        By least squares; empty for what is not designed.
+        """Return the control points of the nearest blade, by least squares.
 
         Parameters
         ----------
@@ -246,56 +209,41 @@ class Shape:
 
         Returns
         -------
-        chord_control, twist_control, thickness_control : ndarray
-            In m, rad and over the chord; empty where nothing is designed.
+        dict of str to ndarray
+            In m, rad and over the chord, by the names of `bases`.
         """
-        chord, twist = blade.chord - self.chord_offset, blade.twist - self.twist_offset
-        points = []
-        for basis, rest in zip(self.bases.values(), (chord, twist, blade.thickness), strict=True):
-            if not basis.size:
-                points.append(np.empty(0))
-            elif basis.shape[0] == basis.shape[1]:  # the stations themselves
-                points.append(rest)
-            else:
-                points.append(np.linalg.lstsq(basis, rest, rcond=None)[0])
-        return tuple(points)
+        points = {}
+        for name, basis in self.bases.items():
+            points[name] = getattr(blade, name) - self.offsets[name]
+            if basis.shape[0] != basis.shape[1]:  # else they are the stations themselves
+                points[name] = np.linalg.lstsq(basis, points[name], rcond=None)[0]
+        return points
 
-    def stations(self, chord_control, twist_control, thickness_control=()):
+    def stations(self, control):
         """Return chord (m), twist (rad) and, if it is designed, thickness at the stations.
 
         At the radius of the given blade.
 
         Parameters
         ----------
-        chord_control : array_like of shape (n_chord,)
-            Control points of the chord (m).
-        twist_control : array_like of shape (n_twist,)
-            Control points of the twist (rad).
-        thickness_control : array_like of shape (n_thickness,)
-            Control points of the thickness over chord.
+        control : dict of str to array_like
+            Control points by the names of `bases`.
 
         Returns
         -------
-        chord, twist, thickness : ndarray of shape (n_stations,)
-            In m, rad and over the chord; the last one only if it is designed.
+        dict of str to ndarray
+            In m, rad and over the chord, by the names of `offsets`.
         """
-        chord = self.chord_offset + self.chord_basis @ chord_control
-        twist = self.twist_offset + self.twist_basis @ twist_control
-        if not self.designs_thickness:
-            return chord, twist
-        return chord, twist, self.thickness_basis @ thickness_control
+        moves = {name: basis @ control[name] for name, basis in self.bases.items()}
+        return {name: offset + moves.get(name, 0.0) for name, offset in self.offsets.items()}
 
-    def at(self, chord_control, twist_control, thickness_control=(), rotor_radius=None):
+    def at(self, control, rotor_radius=None):
         """Return the blade of control points (m, rad, over chord) and a radius of the disc (m).
 
         Parameters
         ----------
-        chord_control : array_like of shape (n_chord,)
-            Control points of the chord (m).
-        twist_control : array_like of shape (n_twist,)
-            Control points of the twist (rad).
-        thickness_control : array_like of shape (n_thickness,)
-            Control points of the thickness over chord.
+        control : dict of str to array_like
+            Control points by the names of `bases`.
         rotor_radius : float, optional
             Radius of the swept disc (m); by default that of the given blade.
 
@@ -305,9 +253,9 @@ class Shape:
             The blade of this design.
         """
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
-        chord, *others = self.stations(chord_control, twist_control, thickness_control)
-        blade = self.blade.with_rotor_radius(radius)
-        return blade.with_shape(chord * self.stretch(radius), *others)
+        shape = self.stations(control)
+        shape["chord"] = shape["chord"] * self.stretch(radius)
+        return self.blade.with_rotor_radius(radius).with_shape(**shape)
 
     def within(self, blade):
         """Return the control points nearest to a blade, each within its bounds.
@@ -319,12 +267,11 @@ class Shape:
 
         Returns
         -------
-        chord_control, twist_control, thickness_control : ndarray
-            In m, rad and over the chord; empty where nothing is designed.
+        dict of str to ndarray
+            In m, rad and over the chord, by the names of `bases`.
         """
-        bounds = self.chord_bounds, self.twist_bounds, self.thickness_bounds
-        control = zip(self.control(blade), bounds, strict=True)
-        return tuple(np.clip(values, *ends) for values, ends in control)
+        control = self.control(blade).items()
+        return {name: np.clip(values, *self.bounds[name]) for name, values in control}
 
     def nearest(self, blade):
         """Return the blade of this family, within its bounds, that is nearest to a given one.
@@ -339,4 +286,4 @@ class Shape:
         Blade
             The nearest blade.
         """
-        return self.at(*self.within(blade), blade.rotor_radius)
+        return self.at(self.within(blade), blade.rotor_radius)

@@ -172,12 +172,11 @@ def best_set_angle(shape, blade, rotor):
     SteadyOptimum
         The best blade, where it works, and its power coefficient.
     """
-    chord, _, none = shape.control(blade)
 
     def at(angle):
-        return best_operation(shape.at(chord, np.array([angle]), none, blade.rotor_radius), rotor)
+        return best_operation(shape.at({"twist": [angle]}, blade.rotor_radius), rotor)
 
-    angles = np.linspace(*shape.twist_bounds, 25)
+    angles = np.linspace(*shape.bounds["twist"], 25)
     peak = int(np.argmax([at(angle).power_coefficient for angle in angles]))
     return _bracketed(at, angles[max(peak - 1, 0) : peak + 2])
 

@@ -80,13 +80,12 @@ def _best_power(physics, optimum):
         )
     )
     if shape.designs_chord:
-        bounds = shape.chord_bounds, shape.twist_bounds
+        bounds = shape.bounds["chord"], shape.bounds["twist"]
         load = physics.rotor.best_sections(blade, ratios, *bounds).load
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
-        chord, *_ = shape.control(blade)
-        angles = np.linspace(*shape.twist_bounds, ANGLES)
-        curves = [_power(physics, shape.at(chord, [angle]), ratios) for angle in angles]
+        angles = np.linspace(*shape.bounds["twist"], ANGLES)
+        curves = [_power(physics, shape.at({"twist": [angle]}), ratios) for angle in angles]
         # the increase between two angles, by a parabola
         power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
     else:
@@ -112,7 +111,7 @@ def _inertia_of_heavy(physics, optimum):
     (best share of chord c_k or more) + p i c_{k+1}².
     """
     blade, rotor, best = physics.blade, physics.case.rotor, optimum.blade
-    bounds, twist_bounds = physics.shape.chord_bounds, physics.shape.twist_bounds
+    bounds, twist_bounds = physics.shape.bounds["chord"], physics.shape.bounds["twist"]
     unit = np.ones(blade.r.size)
     moved = replace(blade.with_shape(unit, unit), chord=unit + 1j * STEP * np.eye(unit.size))
     slope = np.imag(physics.rotor.mass_and_inertia(moved).inertia) / STEP

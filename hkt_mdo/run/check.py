@@ -144,9 +144,9 @@ def _turbine(found: Findings) -> Rows:
         ("twist", np.rad2deg(1.0), "deg"),
     ):
         off = scale * np.abs(getattr(blade, name) - getattr(given, name))
-        worst, points = int(np.argmax(off)), found.physics.shape.points[name]
+        worst = int(np.argmax(off))
         if off[worst] > FIT[name]:
-            place = found.stations.places([worst])
+            points, place = found.physics.shape.points[name], found.stations.places([worst])
             yield _warning(
                 f"design.{name}_points",
                 f"a spline through {points} points differs from the {name} of the blade's file by "
@@ -430,9 +430,7 @@ def _optimization(found: Findings, package: str) -> Rows:
 def _bounds(found: Findings) -> Rows:
     """Yield the bounds of the design; warn of those that the start breaks."""
     point = found.start
-    control = found.physics.shape.control(point.blade)
-    control = dict(zip(found.physics.shape.points, control, strict=True))
-    values = designed(found.physics, point) | control
+    values = designed(found.physics, point) | found.physics.shape.control(point.blade)
     units = in_case(point.blade)
     for limit in found.physics.design_limits:
         if isinstance(limit, DesignBounds):

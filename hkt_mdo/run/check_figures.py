@@ -55,12 +55,14 @@ def _blade_panels(found: Findings) -> list[Panel]:
     """Return the starting blade, and control points beside the file's blade where there are any."""
     shape, blade, given = found.physics.shape, found.plant.blade, found.given
     across, ends = "radius (m), from hub to tip", (blade.hub_radius, blade.tip_radius)
-    chord, twist, _ = shape.control(blade)
+    control = shape.control(blade) if shape.designs_chord else {}
+    if "twist" in control:
+        control["twist"] = np.rad2deg(control["twist"])
     thickness = 100.0 * np.broadcast_to(found.physics.turbine.thickness, blade.r.shape)
     panels = []
-    for title, values, file, control in (
-        ("chord (m)", blade.chord, given.chord, chord),
-        ("twist (deg)", np.rad2deg(blade.twist), np.rad2deg(given.twist), np.rad2deg(twist)),
+    for title, values, file, points in (
+        ("chord (m)", blade.chord, given.chord, control.get("chord")),
+        ("twist (deg)", np.rad2deg(blade.twist), np.rad2deg(given.twist), control.get("twist")),
         ("thickness (% of the chord)", thickness, None, None),
     ):
         panel = Panel(
@@ -68,13 +70,13 @@ def _blade_panels(found: Findings) -> list[Panel]:
         )
         name = "blade at the start, its stations"
         start = Curve(blade.r, values, name, COLORS[0], 0, "marked")
-        if control is not None and shape.designs_chord and control.size < blade.r.size:
+        if points is not None and points.size < blade.r.size:
             # they stand where their own spline is the radius itself
-            dense = np.linspace(*ends, 8 * control.size)
-            basis = spline_basis(control.size, dense, *ends)
+            dense = np.linspace(*ends, 8 * points.size)
+            basis = spline_basis(points.size, dense, *ends)
             places = np.linalg.lstsq(basis, dense, rcond=None)[0]
-            points = Curve(places, control, "control points", COLORS[1], 1, "marked")
-            panel.curves = [Curve(blade.r, file, "blade of the file", GREY, None), start, points]
+            marks = Curve(places, points, "control points", COLORS[1], 1, "marked")
+            panel.curves = [Curve(blade.r, file, "blade of the file", GREY, None), start, marks]
         else:
             panel.curves = [start]
         panels.append(panel)

@@ -355,12 +355,11 @@ def most_between(limit: Limit) -> float:
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
     """Return the quantities of `DesignBounds`: shape, set angle, radius, hub and gains, SI."""
-    _, angle, _ = physics.shape.control(point.blade)
     return {
         "chord": point.blade.chord,
         "twist": point.blade.twist,
         "thickness": point.blade.thickness,
-        "set_angle": angle,
+        "set_angle": physics.shape.control(point.blade).get("twist", np.empty(0)),
         "radius": np.array([point.blade.rotor_radius]),
         "hub_inertia": np.array([point.blade.hub_inertia]),
         "gain": point.gains,

@@ -476,7 +476,7 @@ def _set_angle(physics, blade):
     """Return the set angle, deg: as found or as given; None where a designed twist contains it."""
     shape = physics.shape
     if shape.designs_set_angle:
-        return float(np.rad2deg(shape.control(blade)[1][0]))
+        return float(np.rad2deg(shape.control(blade)["twist"][0]))
     return None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
 
 

@@ -39,14 +39,14 @@ class Global:
         nodes = np.linspace(self.ratios[0], self.ratios[-1], NODES)
         self.steady = SteadyFlow.of(self.physics, TorqueSpline(nodes))
         self._grid = np.repeat(self.ratios[:, None], self.steady.speeds.size, axis=1)
-        self.bounds = [shape.chord_bounds] * shape.points["chord"]
-        self.bounds += [shape.twist_bounds] * shape.points["twist"]
+        self.bounds = [shape.bounds["chord"]] * shape.points["chord"]
+        self.bounds += [shape.bounds["twist"]] * shape.points["twist"]
 
     def __call__(self, unknowns):
         """Return the objective with its sign changed, MJ, of control points of chord and twist."""
         shape, steady = self.physics.shape, self.steady
         chord, twist = np.split(np.asarray(unknowns), [shape.points["chord"]])
-        curves = steady.curves(shape.at(chord, twist, np.empty(0)))
+        curves = steady.curves(shape.at({"chord": chord, "twist": twist}))
         steady._curves.clear()
         price = power_scale(self.physics.density, curves.blade.rotor_radius, steady.speeds) * PRICE
 

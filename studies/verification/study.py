@@ -351,10 +351,10 @@ def _against_physics(study):
 
 def _perturbed(design):
     """Yield name and design for each design variable a little up and down, within its bounds."""
-    blade, limits = design.plant.blade, design.physics.shape
+    blade, bounds = design.plant.blade, design.physics.shape.bounds
     variables = {
-        "chord": (blade.chord, 0.01 * blade.chord, limits.chord_bounds),
-        "twist": (blade.twist, np.full(blade.r.size, np.deg2rad(0.1)), limits.twist_bounds),
+        "chord": (blade.chord, 0.01 * blade.chord, bounds["chord"]),
+        "twist": (blade.twist, np.full(blade.r.size, np.deg2rad(0.1)), bounds["twist"]),
         "gain": (design.gains, 0.01 * design.gains, (-np.inf, np.inf)),
     }
     for sign in (1.0, -1.0):

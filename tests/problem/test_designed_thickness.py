@@ -34,7 +34,7 @@ def test_the_start_has_the_thickness_of_the_file_within_the_bounds():
     expected = np.clip(0.01 * np.interp(found.blade.r, r, percent), 0.14, 0.2)
     np.testing.assert_allclose(found.blade.thickness[inside], expected[inside], rtol=1e-12)
     assert found.shape.designs_thickness
-    assert found.shape.thickness_bounds == (0.14, 0.2)
+    assert found.shape.bounds["thickness"] == (0.14, 0.2)
 
 
 @pytest.mark.parametrize("control", ["open_loop", "quadratic"])

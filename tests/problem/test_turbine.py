@@ -227,6 +227,6 @@ def test_bounds_of_the_chord_follow_the_blade(keys, bounds):
     if case.design.blade == "fixed":
         assert world.case.design.chord_bounds is None
         return
-    assert world.shape.chord_bounds == pytest.approx(bounds, rel=0.005)  # three digits
+    assert world.shape.bounds["chord"] == pytest.approx(bounds, rel=0.005)  # three digits
     again = physics(read_case(world.case.to_yaml()))  # a result's case has the numbers
     assert again.case.design == world.case.design

@@ -56,7 +56,7 @@ def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sec
     """A local search that took its scale from negative loads stopped 0.13 % below."""
     turbine = {"rotor": {"blade": "rm1"}, "design": {"chord_points": 100, "twist_points": 100}}
     world = physics(load_case(STEADY | turbine))
-    bounds = world.shape.chord_bounds, world.shape.twist_bounds
+    bounds = world.shape.bounds["chord"], world.shape.bounds["twist"]
     best = best_rotor(world.blade, Hydrodynamics(world.rotor.polar), *bounds)
     for ratio in np.append(np.linspace(5.0, 15.0, 11), best.tip_speed_ratio):
         load = best_sections(world.blade, world.rotor.polar, ratio, *bounds).load[0]

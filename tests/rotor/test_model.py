@@ -17,7 +17,7 @@ from hkt_mdo.rotor.strength import Structure
 from tests.rotor.test_bem import root_changes
 
 RATIOS = np.array([3.0, 5.0, 6.5, 9.0])
-BOUNDS = (0.05, 0.4), (-0.1, 0.6)
+BOUNDS, FREE = {"chord": (0.05, 0.4), "twist": (-0.1, 0.6)}, {"chord": None, "twist": None}
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def rotor():
 
 
 def test_its_best_blade_is_that_of_the_shape(rotor, blade):
-    shape = Shape.designed(blade, None, None, *BOUNDS)
+    shape = Shape.designed(blade, FREE, BOUNDS)
     best = rotor.best_of_shape(shape, blade)
     again = rotor.best_blade(shape, best.tip_speed_ratio)
     assert again.power_coefficient == pytest.approx(best.power_coefficient, rel=1e-9)
@@ -65,8 +65,8 @@ def test_the_torque_jumps_where_a_root_vanishes(rotor, blade):
 @pytest.mark.parametrize("family", ["stations", "spline", "set angle", "none"])
 def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
     shape = {
-        "stations": Shape.designed(blade, None, None, *BOUNDS),
-        "spline": Shape.designed(blade, 4, 3, *BOUNDS),
+        "stations": Shape.designed(blade, FREE, BOUNDS),
+        "spline": Shape.designed(blade, {"chord": 4, "twist": 3}, BOUNDS),
         "set angle": Shape.fixed(blade, 0.0, (-0.1, 0.1)),
         "none": None,
     }[family]

@@ -10,7 +10,13 @@ from hkt_mdo.rotor.components import ShapeComp
 from hkt_mdo.rotor.shape import Shape, spline_basis
 from tests.conftest import checked
 
-CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
+BOUNDS = {"chord": (0.01, 1.0), "twist": (-0.5, 0.5), "thickness": (0.12, 0.24)}
+
+
+def designed(blade, chord, twist, radius_bounds=None, **thickness):
+    return Shape.designed(
+        blade, {"chord": chord, "twist": twist, **thickness}, BOUNDS, radius_bounds
+    )
 
 
 @pytest.mark.parametrize("points", [2, 3, 4, 7, 12])
@@ -29,14 +35,14 @@ def test_spline_basis_is_a_partition_of_unity_and_reproduces_straight_lines(poin
 def test_many_stations_are_a_spline_unless_given_otherwise(blade):
     r = np.linspace(0.2, 1.38, 30)
     many = replace(blade, r=r, chord=0.2 - 0.1 * r, twist=0.3 - 0.2 * r)
-    assert Shape.designed(many, None, None, CHORDS, TWISTS).chord_basis.shape == (30, 8)
-    free = Shape.designed(many, 30, 40, CHORDS, TWISTS)
+    assert designed(many, None, None).bases["chord"].shape == (30, 8)
+    free = designed(many, 30, 40)
     assert free.blade is many
-    np.testing.assert_array_equal(free.twist_basis, np.eye(30))
+    np.testing.assert_array_equal(free.bases["twist"], np.eye(30))
 
 
 def test_nearest_blade_of_the_family_is_found_again(blade):
-    shape = Shape.designed(blade, 4, 5, CHORDS, TWISTS)
+    shape = designed(blade, 4, 5)
     once = shape.nearest(blade)
     twice = shape.nearest(once)
     np.testing.assert_allclose(twice.chord, once.chord, rtol=1e-13)
@@ -46,7 +52,7 @@ def test_nearest_blade_of_the_family_is_found_again(blade):
 def test_a_fixed_blade_is_scaled_with_its_radius_and_keeps_its_power(blade, polar):
     """Power coefficients depend on the ratios of lengths alone."""
     shape = Shape.fixed(blade, radius_bounds=(1.0, 2.0))
-    large = shape.at(*shape.control(blade), 1.7)
+    large = shape.at(shape.control(blade), 1.7)
     np.testing.assert_allclose(large.chord / blade.chord, 1.7 / 1.4, rtol=1e-14)
     assert large.rotor_radius == pytest.approx(1.7, rel=1e-15)
     assert large.hub_radius / large.tip_radius == pytest.approx(0.125, rel=1e-14)
@@ -60,22 +66,19 @@ def thick(blade):
 
 
 def test_thickness_begins_within_its_bounds(blade):
-    bounds, about = {"thickness_bounds": (0.12, 0.24)}, (CHORDS, TWISTS)
-    made = Shape.designed(thick(blade), 5, 5, *about, thickness_points=3, **bounds).blade
+    made = designed(thick(blade), 5, 5, thickness=3).blade
     assert made.thickness.max() <= 0.24
-    free = Shape.designed(thick(blade), None, None, *about, thickness_points=99, **bounds)
+    free = designed(thick(blade), None, None, thickness=99)
     assert free.points == dict.fromkeys(("chord", "twist", "thickness"), blade.r.size)
 
 
 @pytest.mark.parametrize(
     "make",
     [
-        lambda blade: Shape.designed(blade, None, None, CHORDS, TWISTS),
-        lambda blade: Shape.designed(blade, 5, 4, CHORDS, TWISTS, (1.0, 2.0)),
-        lambda blade: Shape.designed(blade, 5, None, CHORDS, TWISTS),
-        lambda blade: Shape.designed(
-            thick(blade), 5, None, CHORDS, TWISTS, thickness_points=4, thickness_bounds=(0.12, 0.24)
-        ),
+        lambda blade: designed(blade, None, None),
+        lambda blade: designed(blade, 5, 4, (1.0, 2.0)),
+        lambda blade: designed(blade, 5, None),
+        lambda blade: designed(thick(blade), 5, None, thickness=4),
         lambda blade: Shape.fixed(blade),
         lambda blade: Shape.fixed(blade, 0.1, (-0.2, 0.3), (1.0, 2.0)),
     ],
@@ -83,15 +86,13 @@ def test_thickness_begins_within_its_bounds(blade):
 )
 def test_component_is_the_shape_with_exact_partials(blade, make):
     shape = make(blade)
-    chord, twist, thickness = shape.control(shape.blade)
-    values = {"chord_control": 1.1 * chord, "twist_control": twist + 0.02}
-    values |= {"thickness_control": thickness + 0.01}
-    given = {name: value for name, value in values.items() if value.size}
+    control = {name: 1.1 * values + 0.01 for name, values in shape.control(shape.blade).items()}
+    given = {f"{name}_control": values for name, values in control.items()}
     radius = blade.rotor_radius
     if not shape.designs_chord:
         given["rotor_radius"] = radius = 1.2 * radius
     problem = checked(ShapeComp(shape=shape), 1e-12, 1e-12, **given)
-    made = shape.at(*values.values(), radius)
+    made = shape.at(control, radius)
     np.testing.assert_allclose(problem.get_val("chord"), made.chord, rtol=1e-14)
     np.testing.assert_allclose(problem.get_val("twist"), made.twist, rtol=1e-14)
     if shape.designs_thickness:

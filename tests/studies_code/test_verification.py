@@ -123,7 +123,7 @@ def test_a_global_search_evaluates_designs_as_the_start_does():
     case = case_file(None, "limits/power_oloc")
     start = start_of_case(case)[1].start
     problem = reference.Global(case)
-    unknowns = np.concatenate(problem.physics.shape.control(start.blade)[:2])
+    unknowns = np.concatenate([*problem.physics.shape.control(start.blade).values()])
     assert -1e6 * problem(unknowns) == pytest.approx(start.objective, rel=1e-5)
 
 
