@@ -24,6 +24,30 @@ PLACE = 0.7
 """r/R of the induction that decides the wake's time constant."""
 
 
+TORQUE_TABLE = "Q / (0.5 rho V^2 pi R^3) at the nodes"
+
+
+def load_table(name, shape, where=""):
+    """Return shape, units and description of a load's table, as OpenMDAO takes them.
+
+    Parameters
+    ----------
+    name : str
+        Name of the load.
+    shape : tuple of int
+        Shape of the table.
+    where : str
+        Where the load is that of the table, in words.
+
+    Returns
+    -------
+    dict
+        With the keys shape, units and desc.
+    """
+    about = {"units": QUANTITIES[name].per_pressure, "desc": f"{name} / (0.5 rho v^2){where}"}
+    return {"shape": shape, **about}
+
+
 def place_shares(places):
     """Return the share of each station in the induction at `PLACE`, linear between stations.
 
@@ -105,24 +129,18 @@ class Band:
 
         Returns
         -------
-        dict of tuple
-            By the names of the tables: shape, and a dict of units and description.
+        dict of dict
+            By the names of the tables: shape, units and description.
         """
         one, whole = self.nodes.shape, (self.nodes.size * FACTORS.size,)
-        behind = "about the wake's tip speed ratios"
-        found = {
-            "torque_coefficient_table": (one, {"desc": "Q / (0.5 rho V^2 pi R^3) at the nodes"}),
-            "wake_induction_table": (one, {"desc": "mean axial induction in equilibrium"}),
-            "place_induction_table": (one, {"desc": f"axial induction at {PLACE} R"}),
-            "torque_coefficient_band": (whole, {"desc": f"torque coefficient {behind}"}),
+        behind = " about the wake's tip speed ratios"
+        return {
+            "torque_coefficient_table": {"shape": one, "desc": TORQUE_TABLE},
+            "wake_induction_table": {"shape": one, "desc": "mean axial induction in equilibrium"},
+            "place_induction_table": {"shape": one, "desc": f"axial induction at {PLACE} R"},
+            "torque_coefficient_band": {"shape": whole, "desc": f"torque coefficient{behind}"},
+            **{f"{name}_band": load_table(name, whole, behind) for name in names},
         }
-        for name in names:
-            about = {
-                "units": QUANTITIES[name].per_pressure,
-                "desc": f"{name} / (0.5 rho v^2) {behind}",
-            }
-            found[f"{name}_band"] = whole, about
-        return found
 
     @cached_property
     def spline(self):

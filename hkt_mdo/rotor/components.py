@@ -7,10 +7,9 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.band import Band
+from hkt_mdo.rotor.band import TORQUE_TABLE, Band, load_table
 from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
 
@@ -19,6 +18,23 @@ INPUTS = "chord", "twist", "thickness", "rotor_radius"
 _POSITIVE = {"chord", "thickness", "rotor_radius", "density", "inflow_speed"}
 _POSITIVE |= {"tip_speed_ratio", "rotor_speed"}
 _SCALARS = "rotor_radius", "hub_inertia"
+_WAKE = "of a wake with memory: its tables replace those of torque and loads"
+_OPTIONS = {
+    "blade": {"types": Blade, "desc": "blade at the start", "recordable": False},
+    "rotor": {"types": RotorModel, "desc": "polars, structure, material", "recordable": False},
+    "nodes": {"types": np.ndarray, "desc": "tip speed ratios of the tables"},
+    "vary": {"default": False, "types": bool, "desc": "whether these are an input"},
+    "torque": {"default": True, "types": bool, "desc": "whether the torque has a table"},
+    "loads": {"default": (), "types": tuple, "desc": "names of loads"},
+    "band": {
+        "default": None,
+        "types": Band,
+        "allow_none": True,
+        "recordable": False,
+        "desc": _WAKE,
+    },
+}
+"""Options of a rotor's tables; those of the other components are the first two."""
 
 
 def refuse_values(inputs):
@@ -111,17 +127,15 @@ class ShapeComp(om.ExplicitComponent):
 
 
 class BladeComp(om.ExplicitComponent):
-    """Base of the components below, whose inputs describe the blade of a rotor.
+    """Base of the components below, whose inputs describe the blade of a rotor, a `RotorModel`.
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad), thickness[n_stations] (over chord) where
     it is designed, and rotor_radius (m), with which hub, stations and tip move.
     """
 
     def initialize(self):
-        about = "the start `Blade`: stations, hub, tip, count"
-        self.options.declare("blade", types=Blade, desc=about, recordable=False)
-        about = "sections, polars, material"
-        self.options.declare("rotor", types=Hydrodynamics, desc=about, recordable=False)
+        for name in ("blade", "rotor"):
+            self.options.declare(name, **_OPTIONS[name])
 
     def setup(self):
         for name in self.inputs_of_blade:
@@ -154,10 +168,9 @@ class BladeComp(om.ExplicitComponent):
         """
         refuse_complex_step(self)
         refuse_values(inputs)
-        start = self.options["blade"]
-        thickness = (inputs["thickness"],) if start.thickness is not None else ()
-        blade = start.with_rotor_radius(inputs["rotor_radius"][0])
-        return blade.with_shape(inputs["chord"], inputs["twist"], *thickness)
+        shape = {name: inputs[name] for name in self.inputs_of_blade if name != "rotor_radius"}
+        blade = self.options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
+        return blade.with_shape(**shape)
 
 
 class TablesComp(BladeComp):
@@ -166,19 +179,12 @@ class TablesComp(BladeComp):
     Inputs are those of `BladeComp`, and tip_speed_ratio[n_nodes] if the nodes vary. Outputs are
     torque_coefficient_table[n_nodes], if torque is asked for, and for each load a
     <load>_table[n_nodes], its smooth largest value along the blade (`Load.envelope`) over the
-    dynamic pressure 0.5 rho v². With a `Band` they are the tables of `Band.solve`. With loads or a
-    band, the option rotor is a `RotorModel`.
+    dynamic pressure 0.5 rho v². With a `Band` they are the tables of `Band.solve`.
     """
 
     def initialize(self):
-        super().initialize()
-        declare = self.options.declare
-        declare("nodes", types=np.ndarray, desc="tip speed ratios of the tables")
-        declare("vary", default=False, types=bool, desc="whether they are an input")
-        declare("torque", default=True, types=bool, desc="whether the torque has a table")
-        declare("loads", default=(), types=tuple, desc="names of loads")
-        about = "of a wake with memory: its tables replace those of torque and loads"
-        declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
+        for name, about in _OPTIONS.items():
+            self.options.declare(name, **about)
 
     def setup(self):
         super().setup()
@@ -187,24 +193,20 @@ class TablesComp(BladeComp):
         if self.options["vary"]:
             nodes = self.options["nodes"]
             self.add_input("tip_speed_ratio", val=nodes, desc="Omega R / V of the disc")
-        for name, (shape, about) in self._described().items():
-            self.add_output(name, shape=shape, **about)
+        for name, about in self._described().items():
+            self.add_output(name, **about)
             self.declare_partials(name, self.inputs_of_blade)
             if self.options["vary"]:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
 
     def _described(self):
-        """Return shape and metadata of each table."""
+        """Return the metadata of each table."""
         if self.options["band"] is not None:
             return self.options["band"].outputs(self.options["loads"])
-        tables, shape = {}, self.options["nodes"].shape
-        if self.options["torque"]:
-            about = {"desc": "Q / (0.5 rho V^2 pi R^3) at the nodes"}
-            tables["torque_coefficient_table"] = shape, about
-        for name in self.options["loads"]:
-            about = {"units": QUANTITIES[name].per_pressure, "desc": f"{name} / (0.5 rho v^2)"}
-            tables[f"{name}_table"] = shape, about
-        return tables
+        shape = self.options["nodes"].shape
+        tables = {f"{name}_table": load_table(name, shape) for name in self.options["loads"]}
+        torque = {"torque_coefficient_table": {"shape": shape, "desc": TORQUE_TABLE}}
+        return torque | tables if self.options["torque"] else tables
 
     def _tables(self, inputs):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
@@ -246,8 +248,7 @@ class InertiaComp(BladeComp):
     Inputs chord[n_stations] (m), twist[n_stations] (rad) where the inertia of the water counts,
     thickness[n_stations] (over chord) and hub_inertia (kg*m**2) where they are designed,
     rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the
-    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2). The option rotor is a
-    `RotorModel`.
+    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2).
     """
 
     def setup(self):
@@ -296,7 +297,7 @@ class InertiaComp(BladeComp):
 class WeightComp(BladeComp):
     """Largest stress in a blade by its weight in water; see `LoadModel.weight_stress`.
 
-    Inputs are those of `BladeComp`, output weight_stress (Pa). The option rotor is a `RotorModel`.
+    Inputs are those of `BladeComp`, output weight_stress (Pa).
     """
 
     def setup(self):
@@ -332,21 +333,13 @@ class BladeGroup(om.Group):
     """
 
     def initialize(self):
-        declare = self.options.declare
-        declare("rotor", types=RotorModel, desc="polars, structure, material", recordable=False)
-        declare("blade", types=Blade, desc="blade at the start", recordable=False)
-        declare("nodes", types=np.ndarray, desc="tip speed ratios of the tables")
-        declare("vary", default=False, types=bool, desc="whether these are an input")
-        declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
-        declare("torque", default=True, types=bool, desc="whether the torque has a table")
-        declare("loads", default=(), types=tuple, desc="names of loads")
-        about = "of a wake with memory: its tables replace those of torque and loads"
-        declare("band", default=None, types=Band, allow_none=True, recordable=False, desc=about)
+        for name, about in _OPTIONS.items():
+            self.options.declare(name, **about)
+        self.options.declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
 
     def setup(self):
-        rotor, blade, shape = (self.options[name] for name in ("rotor", "blade", "shape"))
-        nodes, vary, band = (self.options[name] for name in ("nodes", "vary", "band"))
-        torque, loads = self.options["torque"], self.options["loads"]
+        options, shape = {name: self.options[name] for name in _OPTIONS}, self.options["shape"]
+        rotor, blade = options["rotor"], options["blade"]
         self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
         if shape is not None:
             self.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
@@ -354,14 +347,5 @@ class BladeGroup(om.Group):
                 self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
-        if torque or loads or band is not None:
-            tables = TablesComp(
-                rotor=rotor,
-                blade=blade,
-                nodes=nodes,
-                vary=vary,
-                torque=torque,
-                loads=loads,
-                band=band,
-            )
-            self.add_subsystem("tables", tables, promotes=["*"])
+        if options["torque"] or options["loads"] or options["band"] is not None:
+            self.add_subsystem("tables", TablesComp(**options), promotes=["*"])

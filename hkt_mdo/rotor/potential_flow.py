@@ -6,14 +6,13 @@ the circulation. The panels have linearly varying vorticity, as those of XFOIL (
 """
 
 from math import comb
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.files.polar_table import PRESSURE_RANGE
 
-__all__ = ["SurfaceSpeed", "faired", "potential_suction", "surface_speed"]
+__all__ = ["faired", "potential_suction", "surface_speed"]
 
 PANELS = 160  # of each side, closer together towards both edges
 ORDER = 7  # of the Bernstein polynomials of a side
@@ -44,8 +43,8 @@ def potential_suction(outline, alpha, lift):
         -Cp min of the upper and the lower surface.
     """
     x, y = faired(outline)
-    flow = surface_speed(x, y)
-    speed = flow.along * np.cos(alpha) + flow.across * np.sin(alpha) + flow.circulating * lift
+    along, across, circulating = surface_speed(x, y)
+    speed = along * np.cos(alpha) + across * np.sin(alpha) + circulating * lift
     suction = np.where(x < FORWARD, speed.T**2 - 1.0, -1.0)
     stagnation = (speed[:-1] > 0.0) & (speed[1:] <= 0.0) & (x[1:, None] < FORWARD)
     from_nose = np.abs(np.arange(x.size - 1) - np.argmin(x))[:, None]
@@ -108,30 +107,17 @@ def faired(outline, n_panels=PANELS):
     return (np.vstack((sides[0][::-1], sides[1][1:])) @ axes + nose).T
 
 
-class SurfaceSpeed(NamedTuple):
-    """Speed along the surface over that of the flow, at the nodes; positive backwards above.
-
-    It is linear in the flow along x and along y, both without circulation, and in the circulation
-    of a lift coefficient of 1; [n_nodes, 1] each. kutta_lift are the lift coefficients by the flow
-    along x and along y that leave the trailing edge smoothly.
-    """
-
-    along: np.ndarray
-    across: np.ndarray
-    circulating: np.ndarray
-    kutta_lift: np.ndarray
-
-
 def surface_speed(x, y):
-    """Return the `SurfaceSpeed` at nodes x, y round an outline of unit chord with a sharp edge.
+    """Return the speed along the surface over that of the flow, round an outline with a sharp edge.
 
-    The nodes run from the trailing edge over the upper side to it. Vorticity that is linear between
-    the nodes is the speed along the surface where the stream function at all of them is the same:
+    It is positive backwards above, and linear in the flow along x and along y, both without
+    circulation, and in the circulation of a lift coefficient of 1. The nodes run from the trailing
+    edge over the upper side to it. Vorticity that is linear between the nodes is the speed along
+    the surface where the stream function at all of them is the same:
 
         psi_i = V (y_i cos α - x_i sin α) + Σ_j A_ij γ_j.
 
-    The edge's two nodes are one point; speed vanishes there by Kutta's condition, or is as large on
-    both sides where the circulation is given.
+    The edge's two nodes are one point, with a speed as large on both sides.
 
     Parameters
     ----------
@@ -142,21 +128,19 @@ def surface_speed(x, y):
 
     Returns
     -------
-    SurfaceSpeed
+    along, across, circulating : ndarray of shape (n_nodes, 1)
         Speed along the surface at the nodes.
     """
     n = x.size
     influence, weight = _influence(x, y)
-    system, right = np.zeros((2, n + 1, n + 1)), np.zeros((2, n + 1, 3))
-    system[:, : n - 1, :n] = influence[:-1]
-    system[:, : n - 1, n] = -1.0
-    right[:, : n - 1, 0], right[:, : n - 1, 1] = -y[:-1], x[:-1]
-    system[0, n - 1, 0] = system[0, n, n - 1] = 1.0  # Kutta
-    system[1, n - 1, [0, n - 1]] = 1.0, -1.0
-    system[1, n, :n] = weight  # circulation
-    right[1, n, 2] = 0.5  # of a lift coefficient of 1
-    kutta, free = np.linalg.solve(system, right)[:, :n]
-    return SurfaceSpeed(*(free.T[:, :, None]), 2.0 * weight @ kutta[:, :2])
+    system, right = np.zeros((n + 1, n + 1)), np.zeros((n + 1, 3))
+    system[: n - 1, :n] = influence[:-1]
+    system[: n - 1, n] = -1.0
+    right[: n - 1, 0], right[: n - 1, 1] = -y[:-1], x[:-1]
+    system[n - 1, [0, n - 1]] = 1.0, -1.0
+    system[n, :n] = weight  # circulation
+    right[n, 2] = 0.5  # of a lift coefficient of 1
+    return np.linalg.solve(system, right)[:n].T[:, :, None]
 
 
 def _influence(x, y):

@@ -63,21 +63,6 @@ class LocalReynolds:
         polars = tuple(tables[family] for family in families)
         return cls(np.log(numbers), polars, flow_speed, viscosity)
 
-    def at_speed(self, flow_speed):
-        """Return the same polars in another flow.
-
-        Parameters
-        ----------
-        flow_speed : float or ndarray of shape (n_points,)
-            Speed of the undisturbed flow (m/s).
-
-        Returns
-        -------
-        LocalReynolds
-            With the other speed.
-        """
-        return replace(self, flow_speed=flow_speed)
-
     @cached_property
     def _cardinal(self):
         level = (1, np.zeros(self.log_reynolds.size))
@@ -128,4 +113,4 @@ def polar_in_flow(polar, flow_speed):
     Polar or tuple of Polar or LocalReynolds or ByThickness
         Of the same kind.
     """
-    return polar.at_speed(flow_speed) if isinstance(polar, LocalReynolds) else polar
+    return replace(polar, flow_speed=flow_speed) if isinstance(polar, LocalReynolds) else polar
