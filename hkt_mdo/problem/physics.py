@@ -387,7 +387,7 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
     bounds = {"chord": design.chord_bounds, "twist": tuple(np.deg2rad(design.twist_bounds))}
     if design.thickness_points:
         points["thickness"] = design.thickness_points
-        bounds["thickness"] = flow.thickness_bounds
+        bounds["thickness"] = turbine.polar.bounds
     return Shape.designed(blade, points, bounds, radius_bounds, flow.several_sections)
 
 

@@ -228,7 +228,7 @@ def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
                         out[0, i], out[1, i], out[2, i] = load, chords[side], twist
 
 
-def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
+def best_sections(blade, polar, tip_speed_ratio, bounds):
     """Return the `BestSections` over chord (m) and twist (rad) within their bounds.
 
     Blade, polar (one, or one a station) and tip_speed_ratio[n_points] are those of
@@ -242,10 +242,8 @@ def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
         Polars of the sections: one, one a station, or what they follow.
     tip_speed_ratio : array_like of shape (n_points,)
         Omega R / V with R along the blade, positive.
-    chord_bounds : tuple of float
-        Smallest and largest chord (m).
-    twist_bounds : tuple of float
-        Smallest and largest twist (rad).
+    bounds : dict of str to tuple of float
+        Smallest and largest chord (m) and twist (rad).
 
     Returns
     -------
@@ -257,7 +255,7 @@ def best_sections(blade, polar, tip_speed_ratio, chord_bounds, twist_bounds):
     lambda_r = points[:, None] * r / blade.tip_radius
     stations = np.vstack((r, *(np.full(r.size, float(end)) for end in ends)))
     out = np.empty((3, *lambda_r.shape))
-    chord_bounds, twist_bounds = (tuple(map(float, b)) for b in (chord_bounds, twist_bounds))
+    chord_bounds, twist_bounds = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
     binding = _inside(lambda_r, stations, stacked, section, chord_bounds, twist_bounds, out)
     twists, chords = np.linspace(*twist_bounds, TWISTS), np.array(chord_bounds)
     strip = np.repeat(chords, TWISTS), np.tile(twists, 2)

@@ -67,17 +67,6 @@ class Hydrodynamics:
         """
         return isinstance(self.polar, tuple | ByThickness)
 
-    @property
-    def thickness_bounds(self):
-        """Smallest and largest thickness over chord; 0 and 1 where it is not designed.
-
-        Returns
-        -------
-        tuple of float
-            Over the chord.
-        """
-        return self.polar.bounds if self.follows_thickness else (0.0, 1.0)
-
     def polars_at(self, station):
         """Return the polars of a station: by Reynolds number or thickness, or its only one.
 
@@ -224,7 +213,7 @@ class Hydrodynamics:
             return self.polar.suction_at(angle_of_attack, *thickness)
         return section_suction(self.polar, angle_of_attack)
 
-    def best_sections(self, blade, tip_speed_ratio, chord_bounds, twist_bounds):
+    def best_sections(self, blade, tip_speed_ratio, bounds):
         """Return the best section of every station; see `hkt_mdo.rotor.best_section`.
 
         Parameters
@@ -233,7 +222,7 @@ class Hydrodynamics:
             Its chord and twist do not matter.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc.
-        chord_bounds, twist_bounds : tuple of float
+        bounds : dict of str to tuple of float
             Smallest and largest chord (m) and twist (rad).
 
         Returns
@@ -242,4 +231,4 @@ class Hydrodynamics:
             Arrays (n_points, n_stations).
         """
         points = np.asarray(tip_speed_ratio, dtype=float) / np.cos(blade.cone)
-        return best_sections(blade, self.polar, points, chord_bounds, twist_bounds)
+        return best_sections(blade, self.polar, points, bounds)

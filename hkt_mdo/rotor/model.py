@@ -206,8 +206,7 @@ class RotorModel(Hydrodynamics):
             The best blade, where it works, and its power coefficient.
         """
         if shape.designs_chord:
-            bounds = shape.bounds["chord"], shape.bounds["twist"]
-            return steady_optimum.best_rotor(blade, self, *bounds)
+            return steady_optimum.best_rotor(blade, self, shape.bounds)
         if shape.designs_set_angle:
             return steady_optimum.best_set_angle(shape, blade, self)
         return self.best_operation(blade)
@@ -231,7 +230,5 @@ class RotorModel(Hydrodynamics):
         SteadyOptimum
             The best blade and its power coefficient.
         """
-        bounds = shape.bounds["chord"], shape.bounds["twist"]
-        return steady_optimum.best_blade(
-            shape.blade, self, tip_speed_ratio, *bounds, start, tolerance
-        )
+        about = tip_speed_ratio, shape.bounds, start, tolerance
+        return steady_optimum.best_blade(shape.blade, self, *about)

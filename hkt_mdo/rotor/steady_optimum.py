@@ -40,9 +40,7 @@ class SteadyOptimum(NamedTuple):
     power_coefficient: float
 
 
-def best_blade(
-    blade, rotor, tip_speed_ratio, chord_bounds, twist_bounds, start=None, tolerance=1e-14
-):
+def best_blade(blade, rotor, tip_speed_ratio, bounds, start=None, tolerance=1e-14):
     """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
 
     Also over the thickness, within the bounds of polars that follow it. The blade gives stations,
@@ -58,10 +56,8 @@ def best_blade(
         Its sections and their flow.
     tip_speed_ratio : float
         Omega R / V of the disc.
-    chord_bounds : tuple of float
-        Smallest and largest chord (m).
-    twist_bounds : tuple of float
-        Smallest and largest twist (rad).
+    bounds : dict of str to tuple of float
+        Smallest and largest chord (m) and twist (rad).
     start : Blade, optional
         Where a local search begins; without it the search is global.
     tolerance : float
@@ -72,13 +68,12 @@ def best_blade(
     SteadyOptimum
         The best blade and its power coefficient.
     """
-    bounds = chord_bounds, twist_bounds
     if start is None:
-        (start,) = _candidates(blade, rotor, [tip_speed_ratio], *bounds)
-    return _climb(start, rotor, tip_speed_ratio, *bounds, tolerance)
+        (start,) = _candidates(blade, rotor, [tip_speed_ratio], bounds)
+    return _climb(start, rotor, tip_speed_ratio, bounds, tolerance)
 
 
-def best_rotor(blade, rotor, chord_bounds, twist_bounds):
+def best_rotor(blade, rotor, bounds):
     """Return the `SteadyOptimum` over chord, twist and tip speed ratios of 2 to 16.
 
     Blade, rotor and bounds are those of `best_blade`.
@@ -89,21 +84,18 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
         Gives stations, hub, tip, blade count and cone.
     rotor : Hydrodynamics
         Its sections and their flow.
-    chord_bounds : tuple of float
-        Smallest and largest chord (m).
-    twist_bounds : tuple of float
-        Smallest and largest twist (rad).
+    bounds : dict of str to tuple of float
+        Smallest and largest chord (m) and twist (rad).
 
     Returns
     -------
     SteadyOptimum
         The best blade, where it works, and its power coefficient.
     """
-    bounds = chord_bounds, twist_bounds
 
     def peaks(ratios, count):
         # the best blade at each of the highest peaks, and the ratios around it
-        starts = _candidates(blade, rotor, ratios, *bounds, SCAN)
+        starts = _candidates(blade, rotor, ratios, bounds, SCAN)
         power = [_power(start, rotor, ratio) for start, ratio in zip(starts, ratios, strict=True)]
         padded = np.array([-np.inf, *power, -np.inf])
         places = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
@@ -112,7 +104,7 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
 
     def refined(start, near):
         # the best optimum between the ratios, by continuation from a blade
-        return _bracketed(lambda ratio: _climb(start, rotor, ratio, *bounds, tolerance=1e-12), near)
+        return _bracketed(lambda ratio: _climb(start, rotor, ratio, bounds, 1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
     candidates = peaks(RATIOS, PEAKS)
@@ -123,7 +115,7 @@ def best_rotor(blade, rotor, chord_bounds, twist_bounds):
     best, near = max(optima, key=lambda candidate: candidate[0].power_coefficient)
     for _ in range(4):
         # Another local optimum of a station may be the better one at this tip speed ratio.
-        other = best_blade(blade, rotor, best.tip_speed_ratio, *bounds)
+        other = best_blade(blade, rotor, best.tip_speed_ratio, bounds)
         if other.power_coefficient <= best.power_coefficient + WORTHWHILE:
             break
         best = refined(other.blade, near)
@@ -186,18 +178,18 @@ def _power(blade, rotor, ratio):
     return float(rotor.coefficients(blade, ratio).power[0])
 
 
-def _candidates(blade, rotor, ratios, chord_bounds, twist_bounds, grid=GRID):
+def _candidates(blade, rotor, ratios, bounds, grid=GRID):
     """Return a blade near the best one for each tip speed ratio, found globally.
 
     By `best_sections`; where polars follow the thickness, at `THICKNESSES` of them, the best of
     which each station has. Where polars follow the Reynolds number, or where BEM takes another root
     of a section than the best, the best of a grid of chord (geometric) and twist.
     """
-    ratios, bounds = np.array(ratios), (chord_bounds, twist_bounds)
+    ratios = np.array(ratios)
     if rotor.follows_thickness:
-        tried = np.linspace(*rotor.thickness_bounds, THICKNESSES)
+        tried = np.linspace(*rotor.polar.bounds, THICKNESSES)
         by_thickness = [
-            _candidates(blade, Hydrodynamics(polar), ratios, *bounds, grid)
+            _candidates(blade, Hydrodynamics(polar), ratios, bounds, grid)
             for polar in rotor.polar.at(tried)
         ]
         return [
@@ -208,15 +200,14 @@ def _candidates(blade, rotor, ratios, chord_bounds, twist_bounds, grid=GRID):
         chord, twist = np.empty((2, ratios.size, blade.r.size))
         unreached = np.ones(chord.shape, dtype=bool)
     else:
-        load, chord, twist = rotor.best_sections(blade, ratios, *bounds)
+        load, chord, twist = rotor.best_sections(blade, ratios, bounds)
         reached = [
             rotor.sections(blade.with_shape(*shape), ratio).tangential_load[0]
             for *shape, ratio in zip(chord, twist, ratios, strict=True)
         ]
         unreached = np.array(reached) < load - 1e-9 * np.abs(load)
-    chords, twists = np.meshgrid(
-        np.geomspace(*chord_bounds, grid[0]), np.linspace(*twist_bounds, grid[1]), indexing="ij"
-    )
+    each = np.geomspace(*bounds["chord"], grid[0]), np.linspace(*bounds["twist"], grid[1])
+    chords, twists = np.meshgrid(*each, indexing="ij")
     chords, twists = chords.ravel(), twists.ravel()
     for j in np.flatnonzero(unreached.any(axis=0)):
         few = unreached[:, j]
@@ -251,16 +242,16 @@ def _loads(blade, rotor, ratio):
     return flow.tangential_load[0], np.stack(by_shape)
 
 
-def _climb(start, rotor, ratio, chord_bounds, twist_bounds, tolerance=1e-14):
+def _climb(start, rotor, ratio, bounds, tolerance):
     """Return the local optimum over chord, twist and maybe thickness next to a blade.
 
     Newton's method, for all stations at once and each within bounds and a trust region of its own:
     stations do not depend on each other, so a difference of gradients has every second derivative.
     """
     weights = bem.torque_weights(start)
-    bounds, x = [chord_bounds, twist_bounds], [start.chord, start.twist]
+    bounds, x = [bounds["chord"], bounds["twist"]], [start.chord, start.twist]
     if rotor.follows_thickness:
-        bounds, x = [*bounds, rotor.thickness_bounds], [*x, start.thickness]
+        bounds, x = [*bounds, rotor.polar.bounds], [*x, start.thickness]
     bounds = np.array(bounds).T[:, :, None]
     x = np.clip(np.stack(x), *bounds)
     unit = np.repeat([[1.0], [TWIST_MOVE], [THICKNESS_MOVE]][: len(x)], x[0].size, axis=1)

@@ -80,8 +80,7 @@ def _best_power(physics, optimum):
         )
     )
     if shape.designs_chord:
-        bounds = shape.bounds["chord"], shape.bounds["twist"]
-        load = physics.rotor.best_sections(blade, ratios, *bounds).load
+        load = physics.rotor.best_sections(blade, ratios, shape.bounds).load
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         angles = np.linspace(*shape.bounds["twist"], ANGLES)
@@ -111,16 +110,17 @@ def _inertia_of_heavy(physics, optimum):
     (best share of chord c_k or more) + p i c_{k+1}².
     """
     blade, rotor, best = physics.blade, physics.case.rotor, optimum.blade
-    bounds, twist_bounds = physics.shape.bounds["chord"], physics.shape.bounds["twist"]
+    bounds = physics.shape.bounds
     unit = np.ones(blade.r.size)
     moved = replace(blade.with_shape(unit, unit), chord=unit + 1j * STEP * np.eye(unit.size))
     slope = np.imag(physics.rotor.mass_and_inertia(moved).inertia) / STEP
-    lightest = physics.mass_and_inertia(blade.with_shape(bounds[0] * unit, unit))[1]
+    lightest = physics.mass_and_inertia(blade.with_shape(bounds["chord"][0] * unit, unit))[1]
     prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)
     weights = bem.torque_weights(blade)
-    whole = physics.rotor.best_sections(blade, ratios, bounds, twist_bounds)
-    chords, twists = np.geomspace(*bounds, CHORDS + 1), np.linspace(*twist_bounds, TWISTS)
+    whole = physics.rotor.best_sections(blade, ratios, bounds)
+    chords = np.geomspace(*bounds["chord"], CHORDS + 1)
+    twists = np.linspace(*bounds["twist"], TWISTS)
     sums = np.zeros((prices.size, RATIOS))
     for j, r in enumerate(blade.r):
         first = np.searchsorted(chords[:-1], whole.chord[:, j].min(), side="right")

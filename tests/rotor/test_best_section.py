@@ -26,7 +26,7 @@ def shipped(request):
 
 
 def test_without_a_binding_bound_every_angle_of_attack_has_the_best_lift_to_drag(blade, polar):
-    found = best_sections(blade, polar, 7.0, (1e-4, 10.0), (-3.0, 3.0))
+    found = best_sections(blade, polar, 7.0, {"chord": (1e-4, 10.0), "twist": (-3.0, 3.0)})
     phi = bem.sections(blade.with_shape(found.chord[0], found.twist[0]), polar, 7.0).inflow_angle[0]
     alpha = np.linspace(-0.1, 0.3, 40001)
     lift, drag = polar.evaluate(alpha)
@@ -38,7 +38,7 @@ def test_without_a_binding_bound_every_angle_of_attack_has_the_best_lift_to_drag
 def test_no_section_of_a_grid_is_better(shipped, chords, twists):
     blade, polar = shipped
     ratios, twists = np.array([1.5, 4.0, 7.0, 11.0, 16.0]), np.array(twists) * DEGREES
-    found = best_sections(blade, polar, ratios, chords, twists)
+    found = best_sections(blade, polar, ratios, {"chord": chords, "twist": twists})
     chord, twist = (
         each.ravel() for each in np.meshgrid(np.geomspace(*chords, 25), np.linspace(*twists, 97))
     )
@@ -56,10 +56,9 @@ def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sec
     """A local search that took its scale from negative loads stopped 0.13 % below."""
     turbine = {"rotor": {"blade": "rm1"}, "design": {"chord_points": 100, "twist_points": 100}}
     world = physics(load_case(STEADY | turbine))
-    bounds = world.shape.bounds["chord"], world.shape.bounds["twist"]
-    best = best_rotor(world.blade, Hydrodynamics(world.rotor.polar), *bounds)
+    best = best_rotor(world.blade, Hydrodynamics(world.rotor.polar), world.shape.bounds)
     for ratio in np.append(np.linspace(5.0, 15.0, 11), best.tip_speed_ratio):
-        load = best_sections(world.blade, world.rotor.polar, ratio, *bounds).load[0]
+        load = best_sections(world.blade, world.rotor.polar, ratio, world.shape.bounds).load[0]
         power = ratio * bem.torque_weights(world.blade) @ load
         assert power <= best.power_coefficient + 1e-9
     assert power == pytest.approx(best.power_coefficient, abs=1e-12)

@@ -9,7 +9,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_blade, best_operation, best_rotor
 
-CHORDS, TWISTS = (0.01, 1.0), (np.deg2rad(-30.0), np.deg2rad(30.0))
+BOUNDS = {"chord": (0.01, 1.0), "twist": (np.deg2rad(-30.0), np.deg2rad(30.0))}
 
 
 # Theory
@@ -19,17 +19,18 @@ def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
     """Glauert's optimum with rotating wake has phi = 2/3 arctan(1 / lambda_r)."""
     r = np.linspace(0.3, 0.9, 7)
     start = Blade(r, np.full(7, 1e-3), np.zeros(7), 0.1, 1.0, 3000)
-    found = best_blade(start, Hydrodynamics(ideal_polar), 5.0, (1e-6, 1e-3), (-0.3, 0.9))
+    bounds = {"chord": (1e-6, 1e-3), "twist": (-0.3, 0.9)}
+    found = best_blade(start, Hydrodynamics(ideal_polar), 5.0, bounds)
     phi = bem.sections(found.blade, ideal_polar, 5.0).inflow_angle[0]
     assert np.allclose(phi, 2.0 / 3.0 * np.arctan(1.0 / (5.0 * r)), atol=2e-4)  # a flat optimum
 
 
-@pytest.mark.parametrize("twists", [TWISTS, (0.05, 0.2)])
+@pytest.mark.parametrize("twists", [BOUNDS["twist"], (0.05, 0.2)])
 def test_no_tip_speed_ratio_is_better(twists, blade, polar):
     """With few twists to choose from, the power has several peaks over the tip speed ratio."""
-    best = best_rotor(blade, Hydrodynamics(polar), CHORDS, twists)
+    best = best_rotor(blade, Hydrodynamics(polar), BOUNDS | {"twist": twists})
     for ratio in np.linspace(4.0, 9.0, 11):
-        found = best_blade(blade, Hydrodynamics(polar), ratio, CHORDS, twists)
+        found = best_blade(blade, Hydrodynamics(polar), ratio, BOUNDS | {"twist": twists})
         assert found.power_coefficient <= best.power_coefficient + 1e-9
 
 
@@ -37,8 +38,7 @@ def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
     """The best load of its stations is negative; the others reach their own optimum."""
     polars = [PolarFamily.from_file("cylinder").polars[0]] * 2 + [polar] * (blade.r.size - 2)
     free, mixed = (
-        best_blade(blade, Hydrodynamics(each), 7.0, CHORDS, TWISTS).blade
-        for each in (polar, polars)
+        best_blade(blade, Hydrodynamics(each), 7.0, BOUNDS).blade for each in (polar, polars)
     )
     load = [bem.sections(each, polar, 7.0).tangential_load[0, 2:] for each in (free, mixed)]
     np.testing.assert_allclose(load[1], load[0], rtol=1e-6)
@@ -54,6 +54,6 @@ def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
 
 
 def test_optimum_is_that_of_the_exploratory_model(blade, polar):
-    best = best_rotor(blade, Hydrodynamics(polar), CHORDS, TWISTS)
+    best = best_rotor(blade, Hydrodynamics(polar), BOUNDS)
     assert best.power_coefficient == pytest.approx(0.4657, abs=2e-3)  # its polar was smoothed
     assert best.tip_speed_ratio == pytest.approx(7.25, abs=0.3)

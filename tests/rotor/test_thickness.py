@@ -18,7 +18,7 @@ from hkt_mdo.rotor.thickness import ByThickness
 
 THICKNESS = np.array([0.12, 0.15, 0.24])
 RATIO = np.linspace(3.0, 11.0, 9)
-CHORDS, TWISTS = (0.01, 1.0), (-0.5, 0.5)
+BOUNDS = {"chord": (0.01, 1.0), "twist": (-0.5, 0.5)}
 METAL = 2700.0
 
 
@@ -174,7 +174,7 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
 def test_more_freedom_of_the_thickness_never_lowers_the_steady_optimum(thick, family, sections):
     families = [replace(family, bounds=bounds) for bounds in ((0.14, 0.2), (0.12, 0.24))]
     *fixed, narrow, wide = (
-        best_rotor(thick, Hydrodynamics(each), CHORDS, TWISTS) for each in (*sections, *families)
+        best_rotor(thick, Hydrodynamics(each), BOUNDS) for each in (*sections, *families)
     )
     assert max(each.power_coefficient for each in fixed) <= wide.power_coefficient + 1e-8
     assert narrow.power_coefficient <= wide.power_coefficient + 1e-8
