@@ -129,7 +129,7 @@ def _coefficients(physics, blade, ratios):
         torque = rotor.coefficients(blade, ratios).torque
         yield torque, 0.05 * physics.case.hydrodynamics.tolerance
         for load in rotor.loads.coefficients(blade, ratios, names=physics.load_names).values():
-            yield load.envelope(rotor.loads.exponent).values, LOAD_ERROR
+            yield load.envelope().values, LOAD_ERROR
 
 
 def _graded(low, high, spacing, lowest, highest):

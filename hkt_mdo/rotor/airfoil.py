@@ -8,7 +8,7 @@ from scipy.interpolate import PPoly
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import LARGEST
-from hkt_mdo.rotor.angle_curves import curves_at, periodic_curves
+from hkt_mdo.rotor.angle_curves import curves_at, periodic_curves, stacked
 from hkt_mdo.rotor.suction import require_suction, surface_curves
 
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
@@ -205,7 +205,7 @@ def mixture(polars, weights):
     """
 
     def mixed(name):
-        return np.tensordot(weights, np.stack([getattr(polar, name) for polar in polars]), 1)
+        return np.tensordot(weights, stacked(tuple(polars), name), 1)
 
     return Polar(
         mixed("coefficients"),

@@ -1,11 +1,32 @@
 """Pairs of periodic curves over the angle of attack, which are cubic between equidistant knots."""
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 # A polar on a 0.25 or 0.5 degree grid is interpolated exactly at its own points. A lookup is one
 # multiplication instead of a search.
 KNOTS_PER_DEGREE = 4
+
+
+@lru_cache(maxsize=64)
+def stacked(polars, name):
+    """Return the curves of several polars in one array.
+
+    Parameters
+    ----------
+    polars : tuple of Polar
+        The polars.
+    name : str
+        coefficients or suction.
+
+    Returns
+    -------
+    ndarray of shape (n_polars, n_knots, 8)
+        Their curves.
+    """
+    return np.stack([getattr(polar, name) for polar in polars])
 
 
 def curves_at(curves, alpha, which=()):

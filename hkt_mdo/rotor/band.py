@@ -266,7 +266,7 @@ class Band:
         }
         loads = rotor.loads.coefficients(blade, ratio, names=names, flow=flow)
         for name, load in loads.items():
-            found[f"{name}_band"] = load.envelope(rotor.loads.exponent)
+            found[f"{name}_band"] = load.envelope()
         return found
 
 

@@ -20,13 +20,13 @@ inside its bracket. See docs/studies/bem.md.
 
 import warnings
 from dataclasses import replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.compiled import compiled
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.angle_curves import stacked
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.thickness import ByThickness
 
@@ -491,12 +491,6 @@ def _forces(phi, twist, polars, section, weights):
     return found
 
 
-@lru_cache(maxsize=32)
-def _stack(polars):
-    """Return the coefficients of different polars in one array (n_polars, n_knots, 8)."""
-    return np.stack([polar.coefficients for polar in polars])
-
-
 def polar_at(polar, station):
     """Return the polar of a station (index), given one for all stations or one for each.
 
@@ -531,13 +525,11 @@ def _arguments(blade, polar, blade_ratio=()):
         )
     places = {family: i * len(family) for i, family in enumerate(dict.fromkeys(stations))}
     return (
-        np.ascontiguousarray(blade.r, dtype=float),
-        np.ascontiguousarray(blade.chord, dtype=float),
-        np.ascontiguousarray(blade.twist, dtype=float),
+        *(np.ascontiguousarray(x, dtype=float) for x in (blade.r, blade.chord, blade.twist)),
         float(blade.hub_radius),
         float(blade.tip_radius),
         int(blade.blade_count),
-        _stack(tuple(polar for family in places for polar in family)),
+        stacked(tuple(polar for family in places for polar in family), "coefficients"),
         np.array([places[family] for family in stations]),
         mixture,
     )

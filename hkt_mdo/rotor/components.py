@@ -228,7 +228,7 @@ class TablesComp(BladeComp):
             tables["torque_coefficient_table"] = found.torque_table
         for name in loads:
             (load,) = rotor.loads.coefficients(blade, ratio, True, (name,), flow).values()
-            tables[f"{name}_table"] = load.envelope(rotor.loads.exponent)
+            tables[f"{name}_table"] = load.envelope()
         return tables
 
     def compute(self, inputs, outputs):

@@ -13,7 +13,7 @@ import numpy as np
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, extended_to_ends
-from hkt_mdo.rotor.strength import EXPONENT, Structure, StructureByThickness, norm, place_weights
+from hkt_mdo.rotor.strength import Structure, StructureByThickness, norm, place_weights
 
 GRAVITY = 9.80665  # m/s²
 
@@ -44,15 +44,10 @@ class Load(NamedTuple):
         """
         return np.max(np.real(self.exact), axis=1)
 
-    def envelope(self, exponent=EXPONENT):
+    def envelope(self):
         """Return the smooth largest load along the blade: a norm of the loads above zero.
 
         It is never below the largest of them.
-
-        Parameters
-        ----------
-        exponent : int
-            Exponent of the norm that stands for the largest.
 
         Returns
         -------
@@ -62,9 +57,8 @@ class Load(NamedTuple):
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
         else:
-            values, share, _ = norm(
-                np.where(np.real(self.values) > 0.0, self.values, 0.0), exponent
-            )
+            above = np.where(np.real(self.values) > 0.0, self.values, 0.0)
+            values, share, _ = norm(above)
         return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 
@@ -109,16 +103,13 @@ class LoadModel:
     """The model of a rotor's loads: everything that they depend on besides the blade.
 
     rotor has the flow at its sections, water_density is in kg/m³. Without a `Structure` there is no
-    stress, without a `Cavitation` no cavitation. exponent is that of the norms which stand for the
-    largest stress over an outline and, in `Load.envelope`, along the blade: a larger one is closer
-    to the largest, and less smooth.
+    stress, without a `Cavitation` no cavitation.
     """
 
     rotor: Hydrodynamics
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
-    exponent: int = EXPONENT
 
     @property
     def names(self):
@@ -217,8 +208,8 @@ class LoadModel:
         moment, moment_by_chord, moment_by_area = moments
         weak, strong = _about_chord(0.0, moment[None], twist)
         wanted = change if derivatives else None
-        bending = structure.bending(weak, strong, chord, self.exponent, wanted)
-        values, share, _ = norm(bending.smooth, self.exponent)
+        bending = structure.bending(weak, strong, chord, wanted)
+        values, share, _ = norm(bending.smooth)
         if not derivatives:
             return bem.Table(np.max(np.real(bending.largest), axis=1))
         by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
@@ -440,7 +431,7 @@ def _stress(model, blade, flow, ratio):
     weak, strong = _about_chord(flapwise, edgewise, twist)
     wanted = change if flow.derivatives.size else None
     tension = rate * cosine * pull / (area * chord**2)
-    bending = structure.bending(weak, strong, chord, model.exponent, wanted, tension)
+    bending = structure.bending(weak, strong, chord, wanted, tension)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
         return Load(r, exact, values)

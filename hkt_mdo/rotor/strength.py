@@ -134,12 +134,12 @@ class Structure:
         }
         return replace(self, **spread, n_stations=counts.pop() if counts else None)
 
-    def bending(self, weak, strong, chord, exponent=EXPONENT, change=None, tension=0.0):
+    def bending(self, weak, strong, chord, change=None, tension=0.0):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
         weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
-        exponent that of the `norm` over the outline, change the rate of the structure by what
-        `by_change` is the derivative by. The stress is x u + y v with
+        change is the rate of the structure by what `by_change` is the derivative by. The stress is
+        x u + y v with
 
             u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
 
@@ -151,8 +151,6 @@ class Structure:
             Moment of forces towards -x (N*m).
         chord : ndarray of shape (n_places,)
             Chord (m).
-        exponent : int
-            Exponent of the norm that stands for the largest.
         change : Structure, optional
             Rate of the structure by what `by_change` is by.
         tension : float or ndarray of shape (n_points, n_places)
@@ -166,8 +164,8 @@ class Structure:
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
         moved = None if change is None else change.points
-        around = u, v, self.points, moved, np.real(tension), exponent
-        smooth, largest, by_u, by_v, by_points = _around(*around)
+        around = _around(u, v, self.points, moved, np.real(tension))
+        smooth, largest, by_u, by_v, by_points = around
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
         if change is not None:
@@ -366,7 +364,7 @@ def norm(values, exponent=EXPONENT):
     return largest * total ** (1.0 / exponent), share, largest
 
 
-def _around(u, v, points, moved, added, exponent):
+def _around(u, v, points, moved, added):
     """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
 
     u, v and added, the stress besides, are [n_points, n_places]; points[n or 1, n_outline, 2] and
@@ -376,7 +374,7 @@ def _around(u, v, points, moved, added, exponent):
     shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
     rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v, added))
     outlines = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
-    slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), exponent)
+    slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), EXPONENT)
     return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
 
 

@@ -1,11 +1,9 @@
 """Suction of blade sections, -Cp min, for the cavitation limit: its curves, and along a blade."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.angle_curves import curves_at
+from hkt_mdo.rotor.angle_curves import curves_at, stacked
 
 KINK_RANGE = np.deg2rad(10.0)  # of zero angle of attack, where the suction peak changes side
 STAGNATION = -1.0  # least suction: that of a stagnation point, where Cp = 1
@@ -142,14 +140,8 @@ def section_suction(polar, angle_of_attack):
     """
     if not isinstance(polar, tuple | list):
         return polar.suction_at(angle_of_attack)
-    return curves_at(_together(tuple(polar)), angle_of_attack, (np.arange(len(polar)),))
-
-
-@lru_cache(maxsize=4)
-def _together(polars):
-    """Return the suction curves of the polars of all stations, (n_stations, n_knots, 8)."""
-    require_suction(polars)
-    return np.stack([polar.suction for polar in polars])
+    require_suction(polar)
+    return curves_at(stacked(tuple(polar), "suction"), angle_of_attack, (np.arange(len(polar)),))
 
 
 def require_suction(polars):

@@ -8,6 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar, mixture
+from hkt_mdo.rotor.angle_curves import curves_at, stacked
 from hkt_mdo.rotor.suction import require_suction
 
 BETWEEN = 9  # thicknesses between two sections at which the drag is checked
@@ -168,8 +169,8 @@ class ByThickness:
             Where a section has no suction.
         """
         require_suction(self.sections)
-        by_section = [section.suction_at(angle_of_attack) for section in self.sections]
-        suction, by_angle = (np.stack(part, axis=-1) for part in zip(*by_section, strict=True))
+        curves, each = stacked(self.sections, "suction"), np.arange(len(self.sections))
+        suction, by_angle = curves_at(curves, angle_of_attack[..., None], (each,))
         weights, slopes = self.weights(thickness)
         return (
             np.sum(weights * suction, axis=-1),

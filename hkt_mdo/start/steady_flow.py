@@ -121,7 +121,7 @@ class SteadyFlow:
             values = {"torque": physics.rotor.coefficients(blade, nodes).torque}
             loads = physics.rotor.loads.coefficients(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
-                values[name] = load.envelope(physics.rotor.loads.exponent).values
+                values[name] = load.envelope().values
             design = scalars(physics, physics.rotor, blade)
             self._curves[blade] = Curves(blade, design["inertia"], values, design["weight_stress"])
         return self._curves[blade]
