@@ -170,12 +170,18 @@ class LoadModel:
         flow = self.rotor.sections(blade, ratio, derivatives) if flow is None else flow
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
-    def _structure(self, blade):
-        """Return the structure of a blade, and its rate by the thickness where that is designed."""
+    def _beam(self, blade):
+        """Return the blade at the places of `place_weights`, and its structure there.
+
+        And the structure's rate by the thickness, where that is designed.
+        """
+        weights, thickness = place_weights(blade.r.size), blade.thickness
+        fine = replace(blade, r=weights @ blade.r, chord=weights @ blade.chord)
+        fine = replace(fine, twist=weights @ blade.twist)
         if isinstance(self.structure, Structure):
-            return self.structure, None
-        thickness = place_weights(blade.r.size) @ blade.thickness
-        return self.structure.at(thickness), self.structure.at(thickness, 1)
+            return fine, self.structure, None
+        thickness = weights @ thickness
+        return fine, self.structure.at(thickness), self.structure.at(thickness, 1)
 
     def weight_stress(self, blade, derivatives=True):
         """Return the largest stress in a blade by its weight in water alone, as a `Table`, Pa.
@@ -197,14 +203,10 @@ class LoadModel:
         Table
             Of one point, which has no tip speed ratio.
         """
-        (structure, change), weights = self._structure(blade), place_weights(blade.r.size)
-        r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
-        area = np.broadcast_to(structure.area, r.size)
+        (fine, structure, change), weights = self._beam(blade), place_weights(blade.r.size)
+        chord, twist = fine.chord, fine.twist
         excess = GRAVITY * (structure.density - self.water_density)
-        moments = (
-            excess * (first - (r if first.ndim == 1 else r[:, None]) * alone)
-            for alone, first in _outboard(blade, area, r, chord, powers=(0, 1))
-        )
+        moments = (excess * moment for _, moment in _outboard(fine, structure.area, 0))
         moment, moment_by_chord, moment_by_area = moments
         weak, strong = _about_chord(0.0, moment[None], twist)
         wanted = change if derivatives else None
@@ -237,14 +239,13 @@ class LoadModel:
         float
             Less the buoyancy; the sections are linear between stations.
         """
-        structure, _ = self._structure(blade)
-        weights = place_weights(blade.r.size)
-        edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
-        area = np.broadcast_to(structure.area, len(weights))
-        r, chord, area = map(
-            between, (edges, extended_to_ends(weights @ blade.chord), extended_to_ends(area))
+        fine, structure, _ = self._beam(blade)
+        r, chord, area = (
+            between(fine.edges),
+            _spread(fine, fine.chord),
+            _spread(fine, structure.area),
         )
-        moment = np.sum(WEIGHTS * np.diff(edges) * area * chord**2 * (r - blade.hub_radius))
+        moment = np.sum(WEIGHTS * np.diff(fine.edges) * area * chord**2 * (r - blade.hub_radius))
         return float(GRAVITY * (structure.density - self.water_density) * moment)
 
     def flapwise_moment(self, blade, tip_speed_ratio, r, flow=None):
@@ -302,19 +303,13 @@ class LoadModel:
         if self.structure is None:
             raise ValueError("deflections need a structure")
         flow = self.rotor.sections(blade, tip_speed_ratio)
-        weights = place_weights(blade.r.size)
-        structure, _ = self._structure(blade)
-        edges = np.concatenate(([blade.hub_radius], weights @ blade.r, [blade.tip_radius]))
-        r = between(edges).ravel()
-
-        def spread(values):
-            return between(extended_to_ends(np.broadcast_to(values, len(weights)))).ravel()
-
-        chord, twist = spread(weights @ blade.chord), spread(weights @ blade.twist)
-        numbers = {name: spread(getattr(structure, name)) for name in ("xx", "yy", "xy")}
+        fine, structure, _ = self._beam(blade)
+        r = between(fine.edges).ravel()
+        several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
+        chord, twist, xx, yy, xy = (_spread(fine, values).ravel() for values in several)
         weak, strong = _about_chord(*_moments(blade, flow, r), twist)
-        curvature = replace(structure, **numbers).curvature(weak, strong, chord, twist)
-        return curvature @ ((WEIGHTS * np.diff(edges)).ravel() * (blade.tip_radius - r))
+        bent = replace(structure, xx=xx, yy=yy, xy=xy).curvature(weak, strong, chord, twist)
+        return bent @ ((WEIGHTS * np.diff(fine.edges)).ravel() * (blade.tip_radius - r))
 
 
 def moment_weights(blade, r):
@@ -338,6 +333,11 @@ def moment_weights(blade, r):
     inner, stations, outer = (blade.edges[:, None][at] for at in np.s_[:-2, 1:-1, 2:])
     inner = np.where(np.real(inner) > np.real(r), inner, r)
     return np.where(np.real(stations) > np.real(r), 0.5 * (outer - inner) * (stations - r), 0.0)
+
+
+def _spread(fine, values):
+    """Return values at the places of a blade, or one for all, at points from hub to tip."""
+    return between(extended_to_ends(np.broadcast_to(values, fine.r.shape)))
 
 
 def _moments(blade, flow, r):
@@ -414,14 +414,12 @@ def _whole(blade, flow, weights, power):
 
 
 def _stress(model, blade, flow, ratio):
-    (structure, change), weights = model._structure(blade), place_weights(blade.r.size)
-    r, chord, twist = weights @ blade.r, weights @ blade.chord, weights @ blade.twist
+    (fine, structure, change), weights = model._beam(blade), place_weights(blade.r.size)
+    r, chord, twist = fine.r, fine.chord, fine.twist
     if structure.n_stations not in (None, blade.r.size):
         raise ValueError(f"the structure is not that of {blade.r.size} stations")
     area = np.broadcast_to(structure.area, r.size)
-    (pull, second), *slopes = _outboard(blade, area, r, chord)
-    bend = second - r * pull  # the centrifugal force of coned blades bends them, too
-    by_pull, by_bend = zip(*((by[0], by[1] - r[:, None] * by[0]) for by in slopes), strict=True)
+    (pull, bend), *by = _outboard(fine, area, 1)  # that of coned blades bends them, too
 
     cosine, sine = np.cos(blade.cone), np.sin(blade.cone)
     rate = 2.0 * structure.density / (model.water_density * blade.rotor_radius**2)
@@ -449,8 +447,7 @@ def _stress(model, blade, flow, ratio):
         centrifugal = by_flapwise * rate * sine
         by_ratio = by_ratio + 2.0 / ratio * np.sum(centrifugal * bend + tensile, axis=1)
         by_places, by_area = (
-            centrifugal @ bent + (share * by_rate) @ pulled
-            for bent, pulled in zip(by_bend, by_pull, strict=True)
+            centrifugal @ by_bend + (share * by_rate) @ by_pull for by_pull, by_bend in by
         )
         by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
         by_chord = by_chord + by_places @ weights
@@ -464,18 +461,17 @@ def _stress(model, blade, flow, ratio):
     return Load(r, exact, values, slopes)
 
 
-def _outboard(blade, area, r, chord, powers=(1, 2)):
-    """Return the integrals of A s ds and A s² ds from every place to the tip, and their slopes.
+def _outboard(fine, area, power):
+    """Return the integrals of A s^p ds and of A s^p (s - r) ds from every place r to the tip.
 
-    Or of A times other powers of s. A = area chord², both linear between the places r and constant
-    from the last to the tip. Shapes are (2, n_places), and (2, n_places, n_places) for the
-    derivatives by the chord and by the area at the places.
+    And their derivatives by the chord and by the area at the places, (n_places, n_places) each. A =
+    area chord², both linear between the places and constant from the last to the tip.
     """
-    n, edges = r.size, np.append(r, blade.tip_radius)
-    s, local, areas = map(between, (edges, extended_to_ends(chord)[1:], extended_to_ends(area)[1:]))
+    n, edges = fine.r.size, fine.edges[1:]
+    s, local, areas = between(edges), _spread(fine, fine.chord)[:, 1:], _spread(fine, area)[:, 1:]
     unit = WEIGHTS * np.diff(edges)
     weight, unit = (
-        np.stack([factor * s**power for power in powers]) for factor in (unit * areas, unit)
+        np.stack((factor * s**power, factor * s ** (power + 1))) for factor in (unit * areas, unit)
     )
     integrals = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
 
@@ -485,9 +481,11 @@ def _outboard(blade, area, r, chord, powers=(1, 2)):
         slopes = np.triu(np.ones((n, n))) * inner[:, None]
         slopes[:, :, 1:] += np.triu(np.ones((n, n - 1)), 0) * outer[:, None, :-1]
         slopes[:, :, -1] += outer[:, None, -1]
-        return slopes
+        return slopes[0], slopes[1] - fine.r[:, None] * slopes[0]
 
-    return integrals, slopes(2.0 * weight * local), slopes(unit * local**2)
+    pull, second = integrals
+    moments = pull, second - fine.r * pull
+    return moments, slopes(2.0 * weight * local), slopes(unit * local**2)
 
 
 def _cavitation(model, blade, flow, ratio):
