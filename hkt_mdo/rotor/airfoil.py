@@ -63,15 +63,10 @@ class Polar:
             lift[-1], drag[-1] = lift[0], drag[0]  # the same angle; equal except for rounding
         else:
             alpha, lift, drag = _viterna(alpha, lift, drag)
-        given = table.smallest_pressure is not None
-        polar = cls(
-            periodic_curves(alpha, lift, drag),
-            float(table.alpha[0]),
-            float(table.alpha[-1]),
-            periodic_curves(*surface_curves(table.alpha, -table.smallest_pressure))
-            if given
-            else None,
-        )
+        suction, ends = table.smallest_pressure, map(float, table.alpha[[0, -1]])
+        if suction is not None:
+            suction = periodic_curves(*surface_curves(table.alpha, -suction))
+        polar = cls(periodic_curves(alpha, lift, drag), *ends, suction)
         polar._refuse_overshoot(table.source)
         return polar
 
@@ -320,26 +315,30 @@ def _viterna(alpha, lift, drag):
     mirror, half, floor = 0.7, 0.5 * np.pi, drag.min()
     cl_edge, cd_edge = plate(stall, mirror)
 
-    def edge(angle, sign):  # straight lines from +-180 degrees
+    def edge(angle):  # straight lines from +-180 degrees
         share = (np.pi - np.abs(angle)) / stall
-        return angle, sign * cl_edge * share, floor + (cd_edge - floor) * share
+        return -np.sign(angle) * cl_edge * share, floor + (cd_edge - floor) * share
 
-    last = np.array([np.pi])
-    a = np.r_[-np.pi + stall, between(-np.pi + stall, -half), -half]
-    pieces = [edge(-last, 1.0), edge(between(-np.pi, -np.pi + stall), 1.0)]
-    pieces.append((a, *plate(a + np.pi, mirror)))
-    a = between(-half, min(alpha[0], -stall))
-    pieces.append((a, *plate(-a, -mirror)))
-    if alpha[0] > -stall:  # from the mirrored stall to a table that begins after it
-        a = np.r_[-stall, between(-stall, alpha[0])]
-        share = (a + stall) / (alpha[0] + stall)
-        cl = -cl_edge * (1.0 - share) + lift[0] * share
-        pieces.append((a, cl, cd_edge * (1.0 - share) + drag[0] * share))
-    pieces.append((alpha, lift, drag))
-    a = np.r_[between(stall, half), half]
-    pieces.append((a, *plate(a, 1.0)))
-    a = np.r_[between(half, np.pi - stall), np.pi - stall]
-    pieces.append((a, *plate(np.pi - a, -mirror)))
-    pieces += [edge(between(np.pi - stall, np.pi), -1.0), edge(last, -1.0)]
+    def bridge(angle):  # from the mirrored stall to a table that begins after it
+        share = (angle + stall) / (alpha[0] + stall)
+        return -cl_edge * (1.0 - share) + lift[0] * share, cd_edge * (1.0 - share) + drag[0] * share
+
+    behind = np.r_[-np.pi + stall, between(-np.pi + stall, -half), -half]
+    below = between(-half, min(alpha[0], -stall))
+    before = np.r_[-stall, between(-stall, alpha[0])] if alpha[0] > -stall else alpha[:0]
+    above = np.r_[between(stall, half), half]
+    beyond = np.r_[between(half, np.pi - stall), np.pi - stall]
+    first = np.r_[-np.pi, between(-np.pi, -np.pi + stall)]
+    last = np.r_[between(np.pi - stall, np.pi), np.pi]
+    pieces = [
+        (first, *edge(first)),
+        (behind, *plate(behind + np.pi, mirror)),
+        (below, *plate(-below, -mirror)),
+        (before, *bridge(before)),
+        (alpha, lift, drag),
+        (above, *plate(above, 1.0)),
+        (beyond, *plate(np.pi - beyond, -mirror)),
+        (last, *edge(last)),
+    ]
     alpha, lift, drag = (np.concatenate(part) for part in zip(*pieces, strict=True))
     return alpha, lift, np.maximum(drag, floor)

@@ -280,8 +280,9 @@ def _last_positive(left, right, station):
 def _add(point, knots, count):
     """Append a point to the knots; return their number."""
     g = point[2] / point[1] if point[1] > 0.0 else np.inf
-    knots[0, count], knots[1, count], knots[2, count] = point[0], point[1], point[2]
-    knots[3, count], knots[4, count], knots[5, count] = point[3], point[4], g
+    for row in range(5):
+        knots[row, count] = point[row]
+    knots[5, count] = g
     knots[6, count] = min(g, knots[6, count - 1]) if count else g
     return count + 1
 

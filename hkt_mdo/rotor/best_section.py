@@ -173,13 +173,12 @@ def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounde
 
 
 @compiled(error_model="numpy")
-def _inside(lambda_r, stations, polars, section, chord_bounds, twist_bounds, out):
+def _inside(lambda_r, r, ends, polars, section, chord_bounds, twist_bounds, out):
     """Fill out[3, n_points, n_stations] with load, chord and twist; return where chords bind."""
     binding = np.zeros(lambda_r.shape, dtype=np.bool_)
     minima, of = np.empty(0), -1
     for j in range(lambda_r.shape[1]):
-        r, hub_radius, tip_radius, blade_count = stations[:, j]
-        station, polar = (r, hub_radius, tip_radius, blade_count), polars[section[j]]
+        station, polar = (r[j], *ends), polars[section[j]]
         if section[j] != of:
             minima, of = _minima(polar), section[j]
         for i in range(lambda_r.shape[0]):
@@ -208,8 +207,6 @@ def _turned(twist, chord, lambda_r, station, polar, knots):
 def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
     """Enter into out[3, n_points] what is better with the chord at a bound."""
     knots, last = np.empty((7, bem.MOST_KNOTS)), twists.size - 1
-    r, hub_radius, tip_radius, blade_count = station
-    station = r, hub_radius, tip_radius, blade_count
     for row, i in enumerate(points):
         best = loads[row].max()
         for side in range(2):
@@ -253,10 +250,9 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
     r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar)
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
     lambda_r = points[:, None] * r / blade.tip_radius
-    stations = np.vstack((r, *(np.full(r.size, float(end)) for end in ends)))
     out = np.empty((3, *lambda_r.shape))
     chord_bounds, twist_bounds = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
-    binding = _inside(lambda_r, stations, stacked, section, chord_bounds, twist_bounds, out)
+    binding = _inside(lambda_r, r, tuple(ends), stacked, section, chord_bounds, twist_bounds, out)
     twists, chords = np.linspace(*twist_bounds, TWISTS), np.array(chord_bounds)
     strip = np.repeat(chords, TWISTS), np.tile(twists, 2)
     for j in np.flatnonzero(binding.any(axis=0)):
@@ -266,7 +262,6 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
             bem.polar_at(polar, j),
             points[few],
         ).tangential_load.reshape(few.size, 2, TWISTS)
-        _at_bounds(
-            lambda_r[:, j], few, stations[:, j], polar_j, chords, twists, loads, out[:, :, j]
-        )
+        station = r[j], *ends
+        _at_bounds(lambda_r[:, j], few, station, polar_j, chords, twists, loads, out[:, :, j])
     return BestSections(*out)

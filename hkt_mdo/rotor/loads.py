@@ -175,12 +175,12 @@ class LoadModel:
 
         And the structure's rate by the thickness, where that is designed.
         """
-        weights, thickness = place_weights(blade.r.size), blade.thickness
-        fine = replace(blade, r=weights @ blade.r, chord=weights @ blade.chord)
-        fine = replace(fine, twist=weights @ blade.twist)
+        weights = place_weights(blade.r.size)
+        shape = {name: weights @ getattr(blade, name) for name in ("r", "chord", "twist")}
+        fine = replace(blade, **shape)
         if isinstance(self.structure, Structure):
             return fine, self.structure, None
-        thickness = weights @ thickness
+        thickness = weights @ blade.thickness
         return fine, self.structure.at(thickness), self.structure.at(thickness, 1)
 
     def weight_stress(self, blade, derivatives=True):
