@@ -308,7 +308,7 @@ def steady_operation(
     both = torque, design.plant.generator_torque(speed, flow)  # of the flow and of the generator
     known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.case.generator)
     del known["time"]
-    return known | loads_along(world.rotor, blade, known, world.rotor.loads.names)
+    return known | loads_along(world.rotor, blade, known, world.rotor.load_names)
 
 
 def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:

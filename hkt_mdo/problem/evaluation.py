@@ -83,18 +83,15 @@ def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, 
     if not names:
         return {}
     if "sections" in known:
-        found = rotor.loads.coefficients(blade, ratio, names=names, flow=known["sections"])
+        found = rotor.loads(blade, ratio, names=names, flow=known["sections"])
         largest = {name: load.largest for name, load in found.items()}
     elif rotor.follows_reynolds:  # the flow counts too: every instant by itself
         parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
-        found = [
-            rotor.at_flow(flow[part]).loads.coefficients(blade, ratio[part], names=names)
-            for part in parts
-        ]
+        found = [rotor.at_flow(flow[part]).loads(blade, ratio[part], names=names) for part in parts]
         largest = {name: np.concatenate([each[name].largest for each in found]) for name in names}
     else:
         at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
-        known_at = rotor.loads.coefficients(blade, at, names=names)
+        known_at = rotor.loads(blade, at, names=names)
         largest = {name: load.largest for name, load in known_at.items()}
         if at is not ratio:
             largest = {name: np.interp(ratio, at, each) for name, each in largest.items()}
@@ -110,7 +107,7 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     mass, inertia = rotor.mass_and_inertia(blade)
     stress = 0.0
     if physics.asks_for("weight_stress"):
-        stress = float(rotor.loads.weight_stress(blade, derivatives=False).values[0])
+        stress = float(rotor.weight_stress(blade, derivatives=False).values[0])
     return {
         "rotor_radius": blade.rotor_radius,
         "density": rotor.water_density,

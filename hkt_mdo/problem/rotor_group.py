@@ -100,7 +100,7 @@ class RotorGroup(om.Group):
         (found,) = _POINTS.keys() - {given}
         points = _formulas({found: _POINTS[found]}, start)
         self.add_subsystem("operating_points", points, promotes=["*"])
-        loads, shape = world.rotor.loads.names, world.shape
+        loads, shape = world.rotor.load_names, world.shape
         blades = BladeGroup(
             rotor=world.rotor, blade=blade, nodes=ratio, vary=True, shape=shape, loads=loads
         )

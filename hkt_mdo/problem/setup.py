@@ -128,7 +128,7 @@ def _coefficients(physics, blade, ratios):
     for rotor in found.values():
         torque = rotor.coefficients(blade, ratios).torque
         yield torque, 0.05 * physics.case.hydrodynamics.tolerance
-        for load in rotor.loads.coefficients(blade, ratios, names=physics.load_names).values():
+        for load in rotor.loads(blade, ratios, names=physics.load_names).values():
             yield load.envelope().values, LOAD_ERROR
 
 

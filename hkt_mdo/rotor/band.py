@@ -264,7 +264,7 @@ class Band:
             "wake_induction_table": _induction(blade, self.weights, wake),
             "place_induction_table": _induction(blade, self.places, wake),
         }
-        loads = rotor.loads.coefficients(blade, ratio, names=names, flow=flow)
+        loads = rotor.loads(blade, ratio, names=names, flow=flow)
         for name, load in loads.items():
             found[f"{name}_band"] = load.envelope()
         return found

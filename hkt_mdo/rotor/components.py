@@ -227,7 +227,7 @@ class TablesComp(BladeComp):
             found = rotor.coefficients(blade, ratio, True, flow)
             tables["torque_coefficient_table"] = found.torque_table
         for name in loads:
-            (load,) = rotor.loads.coefficients(blade, ratio, True, (name,), flow).values()
+            (load,) = rotor.loads(blade, ratio, True, (name,), flow).values()
             tables[f"{name}_table"] = load.envelope()
         return tables
 
@@ -314,7 +314,7 @@ class WeightComp(BladeComp):
             partials["weight_stress", name] = getattr(found, f"by_{name}")
 
     def _solve(self, inputs):
-        return self.options["rotor"].loads.weight_stress(self.blade_of(inputs))
+        return self.options["rotor"].weight_stress(self.blade_of(inputs))
 
 
 class BladeGroup(om.Group):
@@ -324,7 +324,7 @@ class BladeGroup(om.Group):
 
     Options are rotor, a `RotorModel`; blade, the `Blade` at the start; nodes[n_nodes], the tip
     speed ratios of the tables, or their initial values if they vary; shape, a `Shape`, or None;
-    torque, whether the torque coefficient has a table; loads, names of `LoadModel.names`; band.
+    torque, whether the torque coefficient has a table; loads, some of its `load_names`; band.
 
     Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
     twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one; and

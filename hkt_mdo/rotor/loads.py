@@ -98,21 +98,20 @@ class Cavitation:
         return self.atmospheric_pressure - self.vapour_pressure + static
 
 
-@dataclass(frozen=True, eq=False)
-class LoadModel:
-    """The model of a rotor's loads: everything that they depend on besides the blade.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadModel(Hydrodynamics):
+    """A rotor's hydrodynamics and loads: everything that they depend on besides the blade.
 
-    rotor has the flow at its sections, water_density is in kg/m³. Without a `Structure` there is no
+    water_density is in kg/m³. Without a `Structure` there is no
     stress, without a `Cavitation` no cavitation.
     """
 
-    rotor: Hydrodynamics
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     cavitation: Cavitation | None = None
 
     @property
-    def names(self):
+    def load_names(self):
         """Names of the loads that the model gives.
 
         Returns
@@ -123,7 +122,7 @@ class LoadModel:
         structural = ("stress",) if self.structure else ()
         return "thrust", "root_moment", *structural, *(("cavitation",) if self.cavitation else ())
 
-    def coefficients(self, blade, tip_speed_ratio, derivatives=False, names=None, flow=None):
+    def loads(self, blade, tip_speed_ratio, derivatives=False, names=None, flow=None):
         """Return a `Load` for each name: thrust, root_moment, stress, cavitation, all over q.
 
         thrust (m²) is that of the rotor along its axis; root_moment (m³) bends one blade flapwise
@@ -146,7 +145,7 @@ class LoadModel:
         derivatives : bool
             Whether the derivatives are computed.
         names : sequence of str, optional
-            Names of the loads; by default all of `names`.
+            Names of the loads; by default all of `load_names`.
         flow : Sections, optional
             The flow at the points, if it is known, or where its wake is not in equilibrium; with
             its derivatives if they are asked for.
@@ -161,13 +160,13 @@ class LoadModel:
         ValueError
             See above.
         """
-        if derivatives and self.rotor.follows_reynolds:
+        if derivatives and self.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
-        names = self.names if names is None else names
-        if missing := [name for name in names if name not in self.names]:
+        names = self.load_names if names is None else names
+        if missing := [name for name in names if name not in self.load_names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = self.rotor.sections(blade, ratio, derivatives) if flow is None else flow
+        flow = self.sections(blade, ratio, derivatives) if flow is None else flow
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _beam(self, blade):
@@ -263,14 +262,14 @@ class LoadModel:
         r : ndarray of shape (n_r,)
             Radii along the blade (m).
         flow : Sections, optional
-            As `coefficients` takes it.
+            As `loads` takes it.
 
         Returns
         -------
         ndarray of shape (n_points, n_r)
             In m**3.
         """
-        flow = self.rotor.sections(blade, tip_speed_ratio) if flow is None else flow
+        flow = self.sections(blade, tip_speed_ratio) if flow is None else flow
         return _moments(blade, flow, np.asarray(r, dtype=float))[0]
 
     def tip_deflection(self, blade, tip_speed_ratio):
@@ -302,7 +301,7 @@ class LoadModel:
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
-        flow = self.rotor.sections(blade, tip_speed_ratio)
+        flow = self.sections(blade, tip_speed_ratio)
         fine, structure, _ = self._beam(blade)
         r = between(fine.edges).ravel()
         several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy

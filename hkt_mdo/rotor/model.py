@@ -6,23 +6,23 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.rotor import steady_optimum
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import RotorMass, mass_and_inertia, water_inertia
-from hkt_mdo.rotor.loads import Cavitation, LoadModel
-from hkt_mdo.rotor.strength import Structure, StructureByThickness
+from hkt_mdo.rotor.loads import LoadModel
 
 JUMP, JUMP_SAMPLES = 1e-4, 2001
 """Share of the torque, and tip speed ratios, by which a jump of the torque is found."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class RotorModel(Hydrodynamics):
+class RotorModel(LoadModel):
     """The data of a rotor that do not depend on its design, and the models of any of its blades.
 
     Attributes
     ----------
     polar, solver
         See `Hydrodynamics`.
+    water_density, structure, cavitation
+        See `LoadModel`.
     section_area : float or ndarray of shape (n_stations,) or CubicSpline
         Area of a section's material over chord squared: one, one a station, or a function of the
         thickness over chord.
@@ -31,12 +31,6 @@ class RotorModel(Hydrodynamics):
     hub_inertia : float
         Inertia about the rotor's axis of all that is not a blade (kg*m**2), where a blade does not
         have its own, which is designed.
-    water_density : float
-        Density of the water (kg/m**3).
-    structure : Structure or StructureByThickness, optional
-        Area and second moments of the sections; without it there is no stress.
-    cavitation : Cavitation, optional
-        Suction and depth; without it there is no load `cavitation`.
     inertia_factor : float
         Inertia of the actual rotor over that of blades, hub and water.
     added_inertia : str
@@ -49,23 +43,9 @@ class RotorModel(Hydrodynamics):
     section_area: float | np.ndarray | CubicSpline
     material_density: float
     hub_inertia: float = 0.0
-    water_density: float = 1000.0
-    structure: Structure | StructureByThickness | None = None
-    cavitation: Cavitation | None = None
     inertia_factor: float = 1.0
     added_inertia: str = "none"
     thickness: float | np.ndarray = 0.0
-
-    @property
-    def loads(self):
-        """The `LoadModel`, which computes the loads of a blade.
-
-        Returns
-        -------
-        LoadModel
-            The loads of any blade of this rotor.
-        """
-        return LoadModel(self, self.water_density, self.structure, self.cavitation)
 
     def mass_and_inertia(self, blade):
         """Return mass and inertia of the rotor with a blade.

@@ -460,8 +460,8 @@ def _limits(found: Findings) -> Rows:
         deflection = loads.tip_deflection(found.physics.rotor, blade, several)
         if deflection is not None:
             yield tip_deflection(deflection, found.start.blade.tip_radius)
-    if found.physics.rotor.loads.structure:
-        yield weight_moment(found.physics.rotor.loads.weight_moment(found.start.blade))
+    if found.physics.rotor.structure:
+        yield weight_moment(found.physics.rotor.weight_moment(found.start.blade))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

@@ -206,7 +206,7 @@ class Findings:
         self.running = self.start.operation.running
         several = on_start(physics, self.start)
         if self.running:
-            names = tuple(name for name in physics.rotor.loads.names if name not in several[0])
+            names = tuple(name for name in physics.rotor.load_names if name not in several[0])
             several = [x | loads_along(physics.rotor, self.start.blade, x, names) for x in several]
         self.at_start = {
             name: several[first]

@@ -49,16 +49,16 @@ def over_span(
     """
     found, several = {}, list(trajectories)
     for name in ("stress", "cavitation"):
-        if name not in rotor.loads.names:
+        if name not in rotor.load_names:
             continue
         known = max(several, key=lambda known, name=name: np.max(known[name]))  # type: ignore[misc]
         worst = int(np.argmax(known[name]))
         flow = float(known["inflow_speed"][worst])
         ratio = max(float(known["tip_speed_ratio"][worst]), SLOWEST_RATIO)
-        model, pressure = rotor.at_flow(flow).loads, 0.5 * rotor.water_density * flow**2
+        model, pressure = rotor.at_flow(flow), 0.5 * rotor.water_density * flow**2
         seen = known.get("sections")  # of a wake that is not in equilibrium
         seen = seen and type(seen)(*(each[worst : worst + 1] for each in seen))
-        load = model.coefficients(blade, ratio, names=(name,), flow=seen)[name]
+        load = model.loads(blade, ratio, names=(name,), flow=seen)[name]
         if name == "cavitation":
             both_surfaces = load.exact[0].reshape(2, -1)
             found[name] = blade.r, pressure * np.max(both_surfaces, axis=0)
@@ -118,7 +118,7 @@ def resolved(
 def _cavitation(rotor, blade, known, stations) -> Known:
     """Return the largest suction at some stations, (n_stations,) of bool, at each time."""
     ratio = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO)
-    load = rotor.loads.coefficients(blade, ratio, names=("cavitation",))["cavitation"]
+    load = rotor.loads(blade, ratio, names=("cavitation",))["cavitation"]
     largest = load.exact.reshape(ratio.size, 2, -1)[..., stations].max(axis=(1, 2))
     return {"cavitation": 0.5 * rotor.water_density * known["inflow_speed"] ** 2 * largest}
 
@@ -132,6 +132,6 @@ def tip_deflection(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known
         ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
         ratio = np.maximum(ratio, SLOWEST_RATIO)
         at = np.linspace(ratio.min(), ratio.max(), 201)
-        found = np.interp(ratio, at, rotor.loads.tip_deflection(blade, at))
+        found = np.interp(ratio, at, rotor.tip_deflection(blade, at))
         most = max(most, float(np.max(0.5 * rotor.water_density * flow**2 * found)))
     return most

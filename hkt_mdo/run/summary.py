@@ -267,7 +267,7 @@ def _extremes(finished, scenarios):
             over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
-    blade, model = finished.result.point.blade, physics.rotor.loads
+    blade, model = finished.result.point.blade, physics.rotor
     bent = [
         loads.tip_deflection(physics.rotor_in(each.scenario), blade, [each.told])
         for each in finished.verifications

@@ -84,7 +84,7 @@ class SimulatedDesign:
 
     def loads(self, known: dict) -> dict[str, np.ndarray]:
         """Return all loads of the model, of a trajectory's quantities, by direct BEM."""
-        return loads_along(self.rotor, self.plant.blade, known, self.rotor.loads.names)
+        return loads_along(self.rotor, self.plant.blade, known, self.rotor.load_names)
 
     @cached_property
     def simulated_loads(self) -> dict[str, np.ndarray]:

@@ -119,7 +119,7 @@ class SteadyFlow:
         if blade not in self._curves:
             physics, nodes = self.physics, self.spline.nodes
             values = {"torque": physics.rotor.coefficients(blade, nodes).torque}
-            loads = physics.rotor.loads.coefficients(blade, nodes, names=physics.load_names)
+            loads = physics.rotor.loads(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
                 values[name] = load.envelope().values
             design = scalars(physics, physics.rotor, blade)

@@ -140,8 +140,8 @@ def test_a_wake_in_equilibrium_has_the_torque_and_loads_of_direct_bem(blade, tau
     ratio = speed * plant.blade.rotor_radius / flow
     about = {"tip_speed_ratio": ratio, "names": ("thrust", "root_moment")}
     seen = plant.wake.sections(speed, flow, state)
-    given = model.loads.coefficients(plant.blade, **about, flow=seen)
-    for name, load in model.loads.coefficients(plant.blade, **about).items():
+    given = model.loads(plant.blade, **about, flow=seen)
+    for name, load in model.loads(plant.blade, **about).items():
         np.testing.assert_allclose(given[name].largest, load.largest, rtol=1e-10)
 
 

@@ -83,11 +83,11 @@ def test_rotor_has_the_performance_loads_and_mass_of_its_blade(rotor):
     np.testing.assert_allclose(problem["hydrodynamic_power"], power, rtol=1e-8)
     np.testing.assert_allclose(problem["hydrodynamic_torque"] * speed, power, rtol=1e-8)
     np.testing.assert_allclose(problem["thrust"], pressure * area * found.thrust, rtol=1e-8)
-    for name, load in world.rotor.loads.coefficients(blade, ratio).items():
+    for name, load in world.rotor.loads(blade, ratio).items():
         over = problem[name] / (pressure * load.largest) - 1.0
         assert np.all(over > -1e-8), name
         assert np.all(over < (0.03 if name in ("stress", "cavitation") else 1e-8)), name
-    assert set(world.rotor.loads.names) == set(LOADS)
+    assert set(world.rotor.load_names) == set(LOADS)
     mass = world.rotor.mass_and_inertia(blade)
     assert (problem["mass"][0], problem["inertia"][0]) == pytest.approx(mass[:2], rel=1e-8)
 

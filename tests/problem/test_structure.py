@@ -33,7 +33,7 @@ def plant(rotor=None, **limits):
 
 def stress(found):
     """Return the stress over q at tip speed ratios and places."""
-    return found.rotor.loads.coefficients(found.blade, RATIO, names=("stress",))["stress"].exact
+    return found.rotor.loads(found.blade, RATIO, names=("stress",))["stress"].exact
 
 
 # Closed forms
@@ -44,7 +44,7 @@ def test_tube(wall):
     """Area pi/4 (1 - k²), second moments pi/64 (1 - k⁴), k the inner over the outer diameter."""
     found, k = plant({"outline": "cylinder", "wall": wall}), 1.0 - 2.0 * wall
     area, second = 0.25 * np.pi * (1.0 - k**2), np.pi / 64.0 * (1.0 - k**4)
-    structure = found.rotor.loads.structure
+    structure = found.rotor.structure
     assert structure.area == pytest.approx(area, rel=2e-3)
     assert [*structure.xx, *structure.yy] == pytest.approx([second, second], rel=2e-3)
     assert abs(structure.xy) < 1e-12
@@ -76,9 +76,9 @@ def test_given_numbers_stand_in_for_the_outlines():
     heavy = plant({"sections": [SECTION | {"area": 0.05, "wall": 0.01}]})
     mass = 3.0 * DENSITY * 0.05 * CHORD**2 * (TIP - HUB)
     assert heavy.mass_and_inertia(heavy.blade)[0] == pytest.approx(mass, rel=1e-12)
-    hollow = plant({"wall": 0.01}).rotor.loads.structure
-    assert heavy.rotor.loads.structure.area == 0.05
-    assert heavy.rotor.loads.structure.xx == hollow.xx
+    hollow = plant({"wall": 0.01}).rotor.structure
+    assert heavy.rotor.structure.area == 0.05
+    assert heavy.rotor.structure.xx == hollow.xx
 
 
 def spanwise(inner, outer, tmp_path):
@@ -102,7 +102,7 @@ def test_sections_are_linear_between_those_that_are_given(tmp_path):
     found = spanwise(inner | {"area": 0.1}, outer | {"area": 0.06}, tmp_path)
     np.testing.assert_allclose(found.rotor.section_area, np.linspace(0.1, 0.06, 5), rtol=1e-12)
     share = place_weights(5) @ np.linspace(0.0, 1.0, 5)
-    structure = found.rotor.loads.structure
+    structure = found.rotor.structure
     for name, key in (("xx", "flapwise"), ("yy", "edgewise"), ("xy", "product")):
         one, two = (each[key] for each in moments)
         expected = (1.0 - share) * one + share * two
@@ -112,7 +112,7 @@ def test_sections_are_linear_between_those_that_are_given(tmp_path):
 
 def test_a_solid_section_beside_a_hollow_one(tmp_path):
     found, solid = spanwise({}, {"wall": 0.02}, tmp_path), spanwise({}, {}, tmp_path)
-    at, whole = found.rotor.loads.structure, solid.rotor.loads.structure
+    at, whole = found.rotor.structure, solid.rotor.structure
     base = Outline.from_file("naca4415")
     thin = material_section(base.stretched(0.12 / base.thickness), 0.02)
     assert (at.area[0], at.xx[0]) == pytest.approx((whole.area[0], whole.xx[0]), rel=1e-9)
@@ -133,7 +133,7 @@ def test_shipped_materials(name):
     solid, own = plant(), MATERIALS[name]
     mass = [each.mass_and_inertia(each.blade)[0] for each in (found, solid)]
     assert mass[0] / mass[1] == pytest.approx(own["density"] / DENSITY, rel=1e-12)
-    sag = [each.rotor.loads.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
+    sag = [each.rotor.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
     assert sag[0] / sag[1] == pytest.approx(68.9e9 / own["modulus"], rel=1e-12)
     assert {each.name: each.upper for each in found.limits}["stress"] == own["allowable_stress"]
     assert 500.0 < own["density"] < 9e3
@@ -145,9 +145,9 @@ def test_a_material_of_ones_own_and_keys_beside_it():
     own = {"density": "1.9 g/cm^3", "modulus": "30 GPa", "allowable_stress": "60 MPa"}
     rotor = {"material": own, "material_density": None}
     found = plant(rotor, stress={"bound": "allowable"})
-    assert found.rotor.loads.structure.density == pytest.approx(1900.0)
-    assert found.rotor.loads.structure.modulus == 30e9
+    assert found.rotor.structure.density == pytest.approx(1900.0)
+    assert found.rotor.structure.modulus == 30e9
     assert {each.name: each.upper for each in found.limits}["stress"] == pytest.approx(60e6)
     beside = plant(rotor | {"material_density": 900.0, "modulus": "20 GPa"})
-    structure = beside.rotor.loads.structure
+    structure = beside.rotor.structure
     assert (structure.density, structure.modulus) == (900.0, 20e9)

@@ -31,7 +31,7 @@ def suction(angle):
 def model_of(polar, **changes):
     structure = Structure.of(Outline.from_file("naca63815"), METAL, 70e9)
     return replace(
-        LoadModel(Hydrodynamics(polar), WATER, structure, Cavitation(suction, 3.0)), **changes
+        LoadModel(polar, structure=structure, cavitation=Cavitation(suction, 3.0)), **changes
     )
 
 
@@ -84,7 +84,7 @@ def test_stress_of_a_uniformly_loaded_rectangle(loaded):
     """6 M / (b h²) by the normal load and 6 M / (h b²) by the tangential one, at the root."""
     blade, q = uniform_blade(401), 1.0
     n = blade.r.size
-    model = LoadModel(Hydrodynamics(None), WATER, Structure.of(rectangle(), 1e-12))
+    model = LoadModel(None, structure=Structure.of(rectangle(), 1e-12))
     width, height = 0.1, 0.02
     for normal, tangential, twist in ((5.0, 0.0, 0.0), (0.0, 3.0, 0.0), (5.0, 3.0, 0.3)):
         loaded(np.full(n, normal), np.full(n, tangential))
@@ -93,14 +93,14 @@ def test_stress_of_a_uniformly_loaded_rectangle(loaded):
         weak = flapwise * np.cos(twist) + edgewise * np.sin(twist)
         strong = edgewise * np.cos(twist) - flapwise * np.sin(twist)
         expected = 6.0 * (abs(weak) / (width * height**2) + abs(strong) / (height * width**2))
-        stress = model.coefficients(turned, [5.0])["stress"]
+        stress = model.loads(turned, [5.0])["stress"]
         assert stress.largest == pytest.approx(expected, rel=1e-4)
         assert stress.r[np.argmax(stress.exact, axis=1)] == pytest.approx(0.2, abs=1e-5)
 
 
 def test_weight_in_water_of_a_uniform_bar():
     """M = g (rho_b - rho) A L² / 2 about the axis, and 6 M / (h b²) where that bends edgewise."""
-    blade, model = uniform_blade(401), LoadModel(None, WATER, Structure.of(rectangle(), METAL))
+    blade, model = uniform_blade(401), LoadModel(None, structure=Structure.of(rectangle(), METAL))
     moment = 9.80665 * (METAL - WATER) * 0.1 * 0.02 * 1.2**2 / 2.0
     assert model.weight_moment(blade) == pytest.approx(moment, rel=1e-9)
     for twist, shape in ((0.0, 0.02 * 0.1**2), (0.5 * np.pi, 0.1 * 0.02**2)):
@@ -115,8 +115,8 @@ def test_weight_in_water_of_a_uniform_bar():
 def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
     """rho w² (R² - r²) / 2 with a free end."""
     blade = Blade(np.array([0.3, 0.55, 0.9, 1.2]), np.full(4, 0.1), np.zeros(4), 0.2, 1.4, 3)
-    model = LoadModel(Hydrodynamics(nothing), WATER, Structure.of(rectangle(), METAL))
-    found = model.coefficients(blade, RATIO, derivatives=True)["stress"]
+    model = LoadModel(nothing, structure=Structure.of(rectangle(), METAL))
+    found = model.loads(blade, RATIO, derivatives=True)["stress"]
     flow_speed = 1.7
     speed = RATIO[:, None] * flow_speed / 1.4
     expected = 0.5 * METAL * speed**2 * (1.4**2 - found.r**2)
@@ -133,8 +133,8 @@ def test_the_centrifugal_force_bends_coned_blades(nothing):
     """A uniform bar: rho A w² cos sin integral of s (s - r), on 6 / (b h²)."""
     cone, hub, tip, chord, height = 0.2, 0.2, 1.4, 0.1, 0.02
     blade = uniform_blade(5, cone=cone, chord=chord)
-    model = LoadModel(Hydrodynamics(nothing), WATER, Structure.of(rectangle(), METAL))
-    found = model.coefficients(blade, [6.0])["stress"]
+    model = LoadModel(nothing, structure=Structure.of(rectangle(), METAL))
+    found = model.loads(blade, [6.0])["stress"]
     r = found.r
     rate = METAL * 2.0 * 36.0 / (WATER * (tip * np.cos(cone)) ** 2) * np.cos(cone)  # of w²
     tension = rate * np.cos(cone) * 0.5 * (tip**2 - r**2)
@@ -150,7 +150,7 @@ def test_deflection_of_a_uniformly_loaded_cantilever(loaded, twist):
     blade = uniform_blade(801, twist=twist)
     loaded(np.full(801, 4.0), np.zeros(801))
     modulus, length, height = 70e9, 1.2, 0.02
-    model = LoadModel(Hydrodynamics(None), WATER, Structure.of(rectangle(), METAL, modulus))
+    model = LoadModel(None, structure=Structure.of(rectangle(), METAL, modulus))
     weak, strong = 0.1 * height**3 / 12.0, height * 0.1**3 / 12.0
     flexibility = np.cos(twist) ** 2 / weak + np.sin(twist) ** 2 / strong
     expected = 4.0 * length**4 / (8.0 * modulus) * flexibility
@@ -163,7 +163,7 @@ def test_deflection_of_a_uniformly_loaded_cantilever(loaded, twist):
 @pytest.mark.parametrize("cone", [0.0, 0.15])
 def test_thrust_is_that_of_the_rotor_coefficients(blade, polar, cone):
     coned = replace(blade, cone=cone)
-    found = model_of(polar).coefficients(coned, RATIO)["thrust"].largest
+    found = model_of(polar).loads(coned, RATIO)["thrust"].largest
     disc = np.pi * coned.rotor_radius**2
     expected = bem.rotor_coefficients(coned, polar, RATIO).thrust * disc
     assert found == pytest.approx(expected, rel=1e-14)
@@ -175,7 +175,7 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
     blade, flow_speed, depth = replace(blade, cone=cone), 1.7, 3.0
     model = model_of(polar)
     outline, q = Outline.from_file("naca63815"), 0.5 * WATER * flow_speed**2
-    found = model.coefficients(blade, RATIO)
+    found = model.loads(blade, RATIO)
     state = bem.sections(blade, polar, RATIO / np.cos(cone))
     stations = np.argmax(place_weights(blade.r.size) == 1.0, axis=0)
     kx, ky, kxy = outline.second_moments
@@ -217,18 +217,18 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
 def test_loads_with_polars_at_the_local_reynolds_number(blade, polar):
     """Equal polars at every number give the loads of one; derivatives are refused."""
     same = LocalReynolds(np.log([1e5, 1e6]), ((polar, polar),), 1.5, 1e-6)
-    local, expected = model_of(same), model_of(polar).coefficients(blade, RATIO)
-    for name, mine in local.coefficients(blade, RATIO).items():
+    local, expected = model_of(same), model_of(polar).loads(blade, RATIO)
+    for name, mine in local.loads(blade, RATIO).items():
         assert mine.exact == pytest.approx(expected[name].exact, rel=1e-11)
     with pytest.raises(ValueError, match="local Reynolds"):
-        local.coefficients(blade, RATIO, derivatives=True)
+        local.loads(blade, RATIO, derivatives=True)
 
 
 # Envelopes
 
 
 def test_envelopes_are_never_below_the_largest(blade, polar):
-    found = model_of(polar).coefficients(blade, np.linspace(3.0, 12.0, 37))
+    found = model_of(polar).loads(blade, np.linspace(3.0, 12.0, 37))
     for name, load in found.items():
         most = load.largest
         outline = 30.0 ** (1.0 / 400.0) if name == "stress" else 1.0  # its points, at most
@@ -242,7 +242,7 @@ def test_a_negative_thrust_keeps_its_sign(blade, study):
     """A propeller brake has no positive load to bound."""
     alpha = np.linspace(-np.pi, np.pi, 73)
     polar = study.circle_polar(alpha, -0.5 * np.ones(73), np.full(73, 0.01))
-    thrust = LoadModel(Hydrodynamics(polar)).coefficients(blade, [6.0])["thrust"]
+    thrust = LoadModel(polar).loads(blade, [6.0])["thrust"]
     assert thrust.envelope().values[0] == thrust.largest[0] < 0.0
 
 
@@ -253,7 +253,7 @@ def test_surfaces_under_pressure_do_not_cavitate(blade, polar):
         return np.full((2, *angle.shape), -0.3), np.ones((2, *angle.shape))
 
     model = model_of(polar, cavitation=Cavitation(pressed, 3.0))
-    found = model.coefficients(blade, RATIO, derivatives=True)["cavitation"].envelope()
+    found = model.loads(blade, RATIO, derivatives=True)["cavitation"].envelope()
     assert not np.any(np.concatenate([each.ravel() for each in found]))
 
 
@@ -268,7 +268,7 @@ def stepped_loads(model, blade, points, **steps):
     """
     h = 1e-30j
     cosine = np.cos(blade.cone)
-    flow = bem.sections(blade, model.rotor.polar, points / cosine, True)
+    flow = bem.sections(blade, model.polar, points / cosine, True)
     by_ratio, by_chord, by_twist = (flow.derivatives[:, place] for place in range(3))
     chord, twist = (steps.get(name, np.zeros(blade.r.size)) for name in ("chord", "twist"))
     change = steps.get("ratio", 0.0) / cosine * by_ratio + chord * by_chord + twist * by_twist
@@ -312,7 +312,7 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
         wall = np.linspace(0.05, 0.01, blade.r.size)
         outline = Outline.from_file("naca63815")
         model = model_of(polar, structure=Structure.of(outline, METAL, wall=wall))
-    found = model.coefficients(blade, RATIO, derivatives=True)
+    found = model.loads(blade, RATIO, derivatives=True)
     unit = np.eye(blade.r.size)
     steps = {"tip_speed_ratio": [{"ratio": 1.0}], "rotor_radius": [{"radius": 1.0}]}
     steps |= {name: [{name: each} for each in unit] for name in ("chord", "twist")}
@@ -361,7 +361,7 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     changed = changed.with_shape(1.1 * blade.chord, blade.twist)
     torque = bem.rotor_coefficients(changed, polar, RATIO).torque
     assert np.array_equal(problem["torque_coefficient_table"], torque)
-    for name, load in model_of(polar).coefficients(changed, RATIO).items():
+    for name, load in model_of(polar).loads(changed, RATIO).items():
         assert problem[f"{name}_table"] == pytest.approx(load.envelope().values, rel=1e-14)
     found = problem.check_partials(out_stream=None, form="central", step=1e-6, step_calc="abs")
     for (output, _), partial in found["table"].items():
@@ -377,14 +377,14 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
 def test_what_cannot_be_computed_is_refused(blade, polar):
     shallow = model_of(polar, cavitation=Cavitation(suction, 0.9 * blade.rotor_radius))
     with pytest.raises(ValueError, match="out of the water"):
-        shallow.coefficients(blade, RATIO)
+        shallow.loads(blade, RATIO)
     outline = Outline.from_file("naca63815")
     other = model_of(polar, structure=Structure.of([outline, outline.stretched(1.2)], METAL))
     with pytest.raises(ValueError, match="stations"):
-        other.coefficients(blade, RATIO)
+        other.loads(blade, RATIO)
     with pytest.raises(ValueError, match="no stress, cavitation"):
-        LoadModel(Hydrodynamics(polar)).coefficients(blade, RATIO, names=NAMES)
+        LoadModel(polar).loads(blade, RATIO, names=NAMES)
     with pytest.raises(ValueError, match="structure"):
-        LoadModel(Hydrodynamics(polar)).tip_deflection(blade, RATIO)
+        LoadModel(polar).tip_deflection(blade, RATIO)
     with pytest.raises(ValueError, match="modulus"):
         model_of(polar, structure=Structure.of(outline, METAL)).tip_deflection(blade, RATIO)

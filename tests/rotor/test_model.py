@@ -77,7 +77,7 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
     problem.run_model()
     expected = rotor.coefficients(blade, RATIOS)
     np.testing.assert_allclose(problem["torque_coefficient_table"], expected.torque, rtol=1e-9)
-    stress = rotor.loads.coefficients(blade, RATIOS)["stress"].largest
+    stress = rotor.loads(blade, RATIOS)["stress"].largest
     np.testing.assert_allclose(problem["stress_table"], stress, rtol=0.02)
     mass = rotor.mass_and_inertia(blade)
     assert (problem["mass"][0], problem["inertia"][0]) == pytest.approx(mass[:2], rel=1e-9)

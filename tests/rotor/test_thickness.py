@@ -46,7 +46,7 @@ def outlines():
 def model_of(family, **changes):
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
     cavitation = Cavitation(family.suction_at, 3.0)
-    model = LoadModel(Hydrodynamics(family), 1000.0, structure, cavitation)
+    model = LoadModel(family, structure=structure, cavitation=cavitation)
     return replace(model, **changes)
 
 
@@ -104,10 +104,10 @@ def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family
     walls = None if wall is None else np.full(3, wall)
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
-    found = model_of(family, structure=structure).coefficients(same, RATIO, names=("stress",))
+    found = model_of(family, structure=structure).loads(same, RATIO, names=("stress",))
     single = Structure.of(outlines()[1], METAL, wall=wall)
-    model = LoadModel(Hydrodynamics(family).as_built(same), 1000.0, single)
-    expected = model.coefficients(same, RATIO, names=("stress",))["stress"]
+    model = LoadModel(family, structure=single).as_built(same)
+    expected = model.loads(same, RATIO, names=("stress",))["stress"]
     np.testing.assert_allclose(found["stress"].exact, expected.exact, rtol=2e-3)
 
 
@@ -153,13 +153,13 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
     model, n = model_of(family, structure=structure), thick.r.size
     changes = np.vstack((np.eye(n)[[0, 3, 8]], np.random.default_rng(2).normal(size=n)))
-    found = model.coefficients(thick, RATIO, derivatives=True)
+    found = model.loads(thick, RATIO, derivatives=True)
     assert set(found) == {"thrust", "root_moment", "stress", "cavitation"}
     for change in changes:
 
         def at(step, name, change=change):
             moved = replace(thick, thickness=thick.thickness + step * change)
-            return model.coefficients(moved, RATIO)[name].envelope().values
+            return model.loads(moved, RATIO)[name].envelope().values
 
         for name, load in found.items():
             expected = slope(lambda step, name=name: at(step, name), 1e-5)

@@ -210,7 +210,7 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     told = texts(report.tables["Limits, and values of the starting blade"])
     q = 0.5 * world.density * start["inflow_speed"] ** 2
     blade, ratio = report.findings.start.blade, start["tip_speed_ratio"]
-    loads = {n: q * x.largest for n, x in world.rotor.loads.coefficients(blade, ratio).items()}
+    loads = {n: q * x.largest for n, x in world.rotor.loads(blade, ratio).items()}
     over, left = loads["stress"].max() / 1e6 - 100.0, 20.0 - loads["thrust"].max() / 1e3
     slow = start["inflow_speed"][loads["stress"] > 1.001 * 100e6].min()
     broken = f"broken by {over:.3g} MPa ({over:.3g} %), in flows from {slow:.4g} m/s"

@@ -39,7 +39,7 @@ def trajectory(world, count=40):
         "tip_speed_ratio": speed * world.blade.rotor_radius / flow,
         "generator_power": 600.0 * speed,
     }
-    known |= loads_along(world.rotor, world.blade, known, world.rotor.loads.names)
+    known |= loads_along(world.rotor, world.blade, known, world.rotor.load_names)
     return known | scalars(world, world.rotor, world.blade) | {"inertia": 10.0}
 
 
@@ -53,7 +53,7 @@ def pressure(world, known, at):
 def test_flapwise_moment_is_the_integral_of_load_times_arm():
     """The trapezoidal rule over stations and tip, by hand; at the hub it is the root moment."""
     world = physics(load_case(PLAIN))
-    blade, model, ratio = world.blade, world.rotor.loads, 6.3
+    blade, model, ratio = world.blade, world.rotor, 6.3
     normal = bem.sections(blade, world.rotor.polar, np.array([ratio])).normal_load[0]
     edges = np.append(blade.r, blade.tip_radius)
     by_hand = []
@@ -62,7 +62,7 @@ def test_flapwise_moment_is_the_integral_of_load_times_arm():
         by_hand.append(np.trapezoid(arm, edges[first:]))
     found = model.flapwise_moment(blade, ratio, blade.r)[0]
     np.testing.assert_allclose(found, by_hand, rtol=1e-12, atol=1e-12 * by_hand[0])
-    root = model.coefficients(blade, ratio, names=("root_moment",))["root_moment"].exact
+    root = model.loads(blade, ratio, names=("root_moment",))["root_moment"].exact
     hub = model.flapwise_moment(blade, ratio, [blade.hub_radius])
     np.testing.assert_allclose(hub, root, rtol=1e-12)
 
@@ -70,7 +70,7 @@ def test_flapwise_moment_is_the_integral_of_load_times_arm():
 def test_the_span_is_that_of_the_worst_instants():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
-    weaker = known | {name: 0.9 * known[name] for name in world.rotor.loads.names}
+    weaker = known | {name: 0.9 * known[name] for name in world.rotor.load_names}
     found = loads.over_span(world.rotor, world.blade, [weaker, known])
     assert set(found) == {"stress", "flapwise_moment", "cavitation"}
     for name in ("stress", "cavitation"):
@@ -79,12 +79,12 @@ def test_the_span_is_that_of_the_worst_instants():
         assert world.blade.r[0] <= r[np.argmax(values)] <= world.blade.r[-1]
     at = np.argmax(known["stress"])
     ratio = known["tip_speed_ratio"][at]
-    moment = world.rotor.loads.flapwise_moment(world.blade, ratio, found["stress"][0])[0]
+    moment = world.rotor.flapwise_moment(world.blade, ratio, found["stress"][0])[0]
     expected = pressure(world, known, at) * moment
     np.testing.assert_allclose(found["flapwise_moment"][1], expected, rtol=1e-12)
     at = np.argmax(known["cavitation"])
     sections = bem.sections(world.blade, world.rotor.polar, known["tip_speed_ratio"][at : at + 1])
-    suction, _ = world.rotor.loads.cavitation.suction(sections.angle_of_attack)
+    suction, _ = world.rotor.cavitation.suction(sections.angle_of_attack)
     available = 101325.0 - 1705.0 + 9.80665 * world.density * (3.0 - world.blade.r)
     dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
@@ -95,11 +95,11 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
     """More instants than are looked at together; each as if it were alone."""
     rotor = {"polar": "naca63815", "reynolds": "local"}
     world = physics(load_case(PLAIN | {"rotor": rotor}))
-    assert world.rotor.loads.names == ("thrust", "root_moment", "stress")
+    assert world.rotor.load_names == ("thrust", "root_moment", "stress")
     known = trajectory(world, RATIOS + 20)
     for at in (0, RATIOS - 1, RATIOS, RATIOS + 19):
-        model = world.rotor.at_flow(known["inflow_speed"][at]).loads
-        found = model.coefficients(world.blade, known["tip_speed_ratio"][at])
+        model = world.rotor.at_flow(known["inflow_speed"][at])
+        found = model.loads(world.blade, known["tip_speed_ratio"][at])
         for name, load in found.items():
             expected = pressure(world, known, at) * load.largest[0]
             assert known[name][at] == pytest.approx(expected, rel=1e-9)
@@ -126,7 +126,7 @@ def test_the_tables_have_the_loads(result):
     for table in (result.trajectory, result.simulation):
         assert set(table) == set(TABLES["trajectory"])
         q = 0.5 * world.density * table["inflow_speed_m_s"] ** 2
-        model = world.rotor.loads.coefficients(found, table["tip_speed_ratio"])
+        model = world.rotor.loads(found, table["tip_speed_ratio"])
         for name, load in model.items():
             np.testing.assert_allclose(table[COLUMNS[name]], q * load.largest, rtol=1e-8)
     span, simulation = result.loads, result.simulation
