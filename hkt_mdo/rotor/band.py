@@ -18,6 +18,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 FACTORS = np.linspace(0.7, 1.3, 13)
 """Tip speed ratios of the rotor over those of its wake at which loads are computed."""
+_ACROSS = TorqueSpline(FACTORS)
 BEYOND = 0.1
 """Share of the range of a table's tip speed ratios by which the wake's may be beyond them."""
 PLACE = 0.7
@@ -153,10 +154,6 @@ class Band:
         """
         return TorqueSpline(self.nodes)
 
-    @cached_property
-    def _across(self):
-        return TorqueSpline(FACTORS)
-
     def values(self, table, ratio, wake_ratio):
         """Return a table's values at tip speed ratios of rotor and wake, and their slopes by both.
 
@@ -174,7 +171,7 @@ class Band:
         """
         factor = ratio / wake_ratio
         columns, slopes = self.spline.values(table.reshape(-1, FACTORS.size), wake_ratio)
-        basis, by_factor = (self._across.basis(factor, order) for order in (0, 1))
+        basis, by_factor = (_ACROSS.basis(factor, order) for order in (0, 1))
         value = np.sum(columns * basis, axis=1)
         across = np.sum(columns * by_factor, axis=1) / wake_ratio
         return value, across, np.sum(slopes * basis, axis=1) - across * factor
@@ -192,7 +189,7 @@ class Band:
         ndarray
             The matrix.
         """
-        along, across = self.spline.basis(wake_ratio), self._across.basis(ratio / wake_ratio)
+        along, across = self.spline.basis(wake_ratio), _ACROSS.basis(ratio / wake_ratio)
         return (along[:, :, None] * across[:, None]).reshape(ratio.size, -1)
 
     def wake_ratio(self, table, induction):

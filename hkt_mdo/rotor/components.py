@@ -273,23 +273,19 @@ class InertiaComp(BladeComp):
         names = rotor_inputs(self.options["blade"])
         return [name for name in names if name != "twist" or moves_water]
 
-    def _evaluate(self, values):
-        """Return the `RotorMass` of the blade with values of some of its fields."""
-        blade = self.options["blade"].with_rotor_radius(values["rotor_radius"])
-        fields = {name: value for name, value in values.items() if name != "rotor_radius"}
-        return self.options["rotor"].mass_and_inertia(replace(blade, **fields))
-
-    def _values(self, inputs):
-        return {name: x[0] if name in _SCALARS else x for name, x in inputs.items()}
+    def _evaluate(self, inputs, **moved):
+        """Return the `RotorMass` of the blade of the inputs, some of which are moved."""
+        values = {name: x[0] if name in _SCALARS else x for name, x in inputs.items()} | moved
+        blade = self.options["blade"].with_rotor_radius(values.pop("rotor_radius"))
+        return self.options["rotor"].mass_and_inertia(replace(blade, **values))
 
     def compute(self, inputs, outputs):
-        outputs["mass"], outputs["inertia"] = self._evaluate(self._values(inputs))
+        outputs["mass"], outputs["inertia"] = self._evaluate(inputs)
 
     def compute_partials(self, inputs, partials):
-        values = self._values(inputs)
-        for name, value in values.items():
-            unit = 1.0 if name in _SCALARS else np.eye(value.size)
-            moved = self._evaluate(values | {name: value + 1j * STEP * unit})
+        for name, value in inputs.items():
+            moved = value + 1j * STEP * np.eye(value.size)
+            moved = self._evaluate(inputs, **{name: moved[0, 0] if name in _SCALARS else moved})
             partials["mass", name] = np.imag(moved.mass) / STEP
             partials["inertia", name] = np.imag(moved.inertia) / STEP
 

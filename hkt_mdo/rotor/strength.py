@@ -209,9 +209,8 @@ class Structure:
         if self.modulus is None:
             raise ValueError("deflections need the modulus of the material")
         d = (self.xx * self.yy - self.xy**2) * chord**4 * self.modulus
-        across = self.yy * weak + self.xy * strong
-        along = self.xx * strong + self.xy * weak
-        return (across * np.cos(twist) - along * np.sin(twist)) / d
+        u, v = self._gradient(weak, strong, d)
+        return -(v * np.cos(twist) + u * np.sin(twist))
 
 
 @dataclass(frozen=True, eq=False)
