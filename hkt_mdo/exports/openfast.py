@@ -17,6 +17,7 @@ from hkt_mdo.exports.base import Format, Source, filled
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -128,10 +129,10 @@ class _Rotor:
         self.blade, self.world = self.design.blade, self.design.physics
 
     @cached_property
-    def polars(self) -> list[tuple[Polar, ...]]:
+    def polars(self) -> tuple[tuple[Polar, ...], ...]:
         """The tables of each station: one, or those of the Reynolds numbers."""
         rotor = self.world.rotor.as_built(self.blade)
-        return [rotor.polars_at(station) for station in range(self.blade.r.size)]
+        return station_polars(rotor.polar, self.blade.r.size)
 
     @property
     def has_suction(self) -> bool:

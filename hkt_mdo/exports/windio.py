@@ -18,6 +18,7 @@ from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -160,8 +161,8 @@ def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
     outlines, built = station_outlines(design), rotor.as_built(blade)
     numbers, names = _reynolds(design), []
     found: dict[tuple, dict] = {}
-    for station in range(blade.r.size):
-        polars, outline = built.polars_at(station), outlines[station]
+    for station, polars in enumerate(station_polars(built.polar, blade.r.size)):
+        outline = outlines[station]
         key = (*map(id, polars), id(outline))
         if key not in found:
             number = len(found) + 1

@@ -31,6 +31,7 @@ from hkt_mdo.problem.plausible import doubts
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.quantities import LOADS, RATES
+from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import Cavitation
@@ -291,7 +292,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")
-    polars = {polar for station in range(shape.blade.r.size) for polar in flow.polars_at(station)}
+    polars = {x for each in station_polars(turbine.polar, shape.blade.r.size) for x in each}
     asked = limited.get("cavitation", CavitationLimit())
     depth = case.site.hub_depth if asked.depth is None else asked.depth
     if "cavitation" in limited:

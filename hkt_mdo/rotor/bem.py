@@ -510,20 +510,42 @@ def polar_at(polar, station):
     return polar if isinstance(polar, Polar) else polar[station]
 
 
+def station_polars(polar, n_stations):
+    """Return the polars of every station: by Reynolds number or thickness, or its only one.
+
+    Parameters
+    ----------
+    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
+        Polars of the sections: one, one a station, or what they follow.
+    n_stations : int
+        Number of stations.
+
+    Returns
+    -------
+    tuple of tuple of Polar
+        All that a station's section is mixed of, for each.
+
+    Raises
+    ------
+    ValueError
+        If there is neither one polar nor one a station.
+    """
+    if isinstance(polar, Polar):
+        return ((polar,),) * n_stations
+    several = isinstance(polar, LocalReynolds | ByThickness)
+    stations = polar.polars if several else tuple((single,) for single in polar)
+    stations = stations * n_stations if several and len(stations) == 1 else stations
+    if len(stations) != n_stations:
+        text = f"{len(stations)} polars for {n_stations} stations: give one polar, or one for each"
+        raise ValueError(text)
+    return stations
+
+
 def _arguments(blade, polar, blade_ratio=()):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
-    n, mixture = blade.r.size, np.empty((2, 0, 0, 0))
-    if isinstance(polar, Polar):
-        stations = ((polar,),) * n
-    elif isinstance(polar, LocalReynolds | ByThickness):
-        stations = polar.polars * n if len(polar.polars) == 1 else polar.polars
+    stations, mixture = station_polars(polar, blade.r.size), np.empty((2, 0, 0, 0))
+    if isinstance(polar, LocalReynolds | ByThickness):
         mixture = polar.mixture(blade, blade_ratio)
-    else:
-        stations = tuple((single,) for single in polar)
-    if len(stations) != n:
-        raise ValueError(
-            f"{len(stations)} polars for {n} stations: give one polar, or one for each"
-        )
     places = {family: i * len(family) for i, family in enumerate(dict.fromkeys(stations))}
     return (
         *(np.ascontiguousarray(x, dtype=float) for x in (blade.r, blade.chord, blade.twist)),

@@ -9,7 +9,7 @@ from hkt_mdo.errors import needed
 from hkt_mdo.rotor.bem import Coefficients, Table, polar_at
 
 
-def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
+def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=None):
     """Return the `Coefficients` by CCBlade, as `hkt_mdo.rotor.bem.rotor_coefficients` does.
 
     Raises InputError if WISDEM is not installed.
@@ -24,6 +24,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False):
         Omega R / V of the disc, positive.
     derivatives : bool
         Whether the derivatives are computed.
+    flow : Sections, optional
+        Without effect: CCBlade solves the flow itself.
 
     Returns
     -------

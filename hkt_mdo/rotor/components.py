@@ -222,12 +222,11 @@ class TablesComp(BladeComp):
         rotor, loads, tables = self.options["rotor"], self.options["loads"], {}
         if self.options["band"] is not None:
             return self.options["band"].solve(rotor, blade, loads, derivatives=True)
-        flow = rotor.sections(blade, ratio, derivatives=True) if loads else None
+        flow = rotor.sections(blade, ratio, derivatives=True)
         if self.options["torque"]:
             found = rotor.coefficients(blade, ratio, True, flow)
             tables["torque_coefficient_table"] = found.torque_table
-        for name in loads:
-            (load,) = rotor.loads(blade, ratio, True, (name,), flow).values()
+        for name, load in rotor.loads(blade, ratio, True, loads, flow).items():
             tables[f"{name}_table"] = load.envelope()
         return tables
 

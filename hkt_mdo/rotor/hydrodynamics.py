@@ -67,23 +67,6 @@ class Hydrodynamics:
         """
         return isinstance(self.polar, tuple | ByThickness)
 
-    def polars_at(self, station):
-        """Return the polars of a station: by Reynolds number or thickness, or its only one.
-
-        Parameters
-        ----------
-        station : int
-            Index of the station.
-
-        Returns
-        -------
-        tuple of Polar
-            All that the station's sections are mixed of.
-        """
-        if self.follows_reynolds or self.follows_thickness:
-            return self.polar.polars[station % len(self.polar.polars)]
-        return (bem.polar_at(self.polar, station),)
-
     def at_station(self, station):
         """Return the same rotor for a strip of sections at one station, by its index.
 
@@ -171,7 +154,7 @@ class Hydrodynamics:
         derivatives : bool
             Whether the derivatives of the torque coefficient are computed.
         flow : Sections, optional
-            What `sections` returns for the same, if it is known; not for CCBlade.
+            What `sections` returns for the same, if it is known; without effect for CCBlade.
 
         Returns
         -------
@@ -185,8 +168,7 @@ class Hydrodynamics:
         InputError
             If the solver is CCBlade and WISDEM is not installed.
         """
-        known = {"flow": flow} if self.solver == "vectorized" else {}
-        return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives, **known)
+        return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives, flow)
 
     def suction(self, angle_of_attack, *thickness):
         """Return the largest -Cp of the sections of a blade and its slopes.

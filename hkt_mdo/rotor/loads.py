@@ -69,7 +69,7 @@ class Cavitation:
     suction takes angles of attack[n_points, n_stations] (rad) and returns the largest -Cp of the
     upper and the lower surface, [2, n_points, n_stations], and its slopes by the angle; where the
     polars follow the thickness it is `ByThickness.suction_at`. depth is that of the hub (m), margin
-    a factor on the suction; pressures in Pa, gravity in m/s².
+    a factor on the suction; pressures are in Pa.
     """
 
     suction: Callable[..., tuple[np.ndarray, ...]]
@@ -77,25 +77,6 @@ class Cavitation:
     margin: float = 1.1
     atmospheric_pressure: float = 101325.0
     vapour_pressure: float = 1705.0  # of water at 15 degrees Celsius
-    gravity: float = GRAVITY
-
-    def available_pressure(self, height, water_density):
-        """Return the pressure above that of vapour (Pa) at a height over the hub (m).
-
-        Parameters
-        ----------
-        height : float or ndarray
-            Height over the hub (m).
-        water_density : float
-            In kg/m**3.
-
-        Returns
-        -------
-        float or ndarray
-            In Pa.
-        """
-        static = water_density * self.gravity * (self.depth - height)
-        return self.atmospheric_pressure - self.vapour_pressure + static
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -492,7 +473,8 @@ def _cavitation(model, blade, flow, ratio):
     height = blade.r * cosine
     if np.any(np.real(height) >= settings.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
-    pressure = settings.available_pressure(height, model.water_density)
+    static = model.water_density * GRAVITY * (settings.depth - height)
+    pressure = settings.atmospheric_pressure - settings.vapour_pressure + static
     thickness = () if blade.thickness is None else (blade.thickness,)
     suction, by_angle, *by_section = settings.suction(flow.angle_of_attack, *thickness)
     speed = flow.relative_speed
@@ -512,7 +494,7 @@ def _cavitation(model, blade, flow, ratio):
     ]
     for by_own_thickness in by_section:
         by[-1] = by[-1] + flat(scale * speed**2 * by_own_thickness)
-    lift = model.water_density * settings.gravity * np.tile(height / pressure, 2)
+    lift = model.water_density * GRAVITY * np.tile(height / pressure, 2)
 
     def slopes(share):
         both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]

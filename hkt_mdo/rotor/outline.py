@@ -94,16 +94,15 @@ class Outline:
         float
             Over the chord.
         """
-        next_x, next_y = np.roll(self.x, -1), np.roll(self.y, -1)
-        run, rise = next_x - self.x, next_y - self.y
-        largest = 0.0
-        for x in self.x:  # the thickness is linear between the points
-            sides = (np.minimum(self.x, next_x) <= x) & (x <= np.maximum(self.x, next_x))
-            upright = run[sides] == 0.0
-            share = (x - self.x[sides]) / np.where(upright, 1.0, run[sides])
-            y = np.concatenate((self.y[sides] + share * rise[sides], next_y[sides][upright]))
-            largest = max(largest, float(np.ptp(y)))
-        return largest
+        next_x, at = np.roll(self.x, -1), self.x[:, None]  # it is linear between the points
+        sides = (np.minimum(self.x, next_x) <= at) & (at <= np.maximum(self.x, next_x))
+        share = (at - self.x) / np.where(next_x == self.x, 1.0, next_x - self.x)
+        y = self.y + share * (np.roll(self.y, -1) - self.y)
+        highest, lowest = (
+            np.where(sides, y, -np.inf).max(axis=1),
+            np.where(sides, y, np.inf).min(axis=1),
+        )
+        return float(np.max(highest - lowest))
 
     @cached_property
     def centroid(self):

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -71,16 +72,13 @@ class ByThickness:
             Where the drag between sections is not positive.
         """
         family = cls(np.array(thickness, dtype=float), tuple(sections), tuple(bounds))
-        for inner, outer in zip(family.thickness[:-1], family.thickness[1:], strict=True):
-            between = np.linspace(inner, outer, BETWEEN + 2)[1:-1]
-            for at, polar in zip(between, family.at(between), strict=True):
-                if np.min(polar.coefficients[:, 4]) <= 0.0:
-                    raise InputError(
-                        f"the curve through the sections has no positive drag at a thickness of "
-                        f"{at:.3g}",
-                        "give a section there, or leave out those that differ too much",
-                        key="rotor.sections",
-                    )
+        between = [np.linspace(*ends, BETWEEN + 2)[1:-1] for ends in pairwise(family.thickness)]
+        between = np.concatenate(between)
+        for at, polar in zip(between, family.at(between), strict=True):
+            if np.min(polar.coefficients[:, 4]) <= 0.0:
+                problem = "the curve through the sections has no positive drag at a thickness of"
+                remedy = "give a section there, or leave out those that differ too much"
+                raise InputError(f"{problem} {at:.3g}", remedy, key="rotor.sections")
         return family
 
     @property

@@ -19,7 +19,6 @@ from hkt_mdo.results.words import measured, number
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.run.checks import energy_bound
 from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.start.find import find_start
@@ -59,8 +58,7 @@ class Stations(NamedTuple):
     @classmethod
     def of(cls, blade: Blade, polar, working: tuple[float, float]) -> "Stations":
         """Return the angles of stations; `polar` is as in `Physics`."""
-        local = isinstance(polar, LocalReynolds)
-        polars = polar.polars if local else [(bem.polar_at(polar, i),) for i in range(blade.r.size)]
+        polars = bem.station_polars(polar, blade.r.size)
         found = bem.sections(blade, polar, np.linspace(*working, 31) / np.cos(blade.cone))
         angles = found.angle_of_attack
         lowest = [max(each.alpha_min for each in tables) for tables in polars]

@@ -89,11 +89,11 @@ def points(name, kept):
         rows = kept[np.isclose(kept["tip_speed_ratio"], ratio)][1:-1]  # without hub and tip
         loads = np.array([rows["normal_load_N_m"], rows["tangential_load_N_m"]]) / pressure
         angle = np.deg2rad(rows["phi_deg"])
-        own = rotor.sections(blade, [ratio])
+        own, polars = rotor.sections(blade, [ratio]), bem.station_polars(rotor.polar, blade.r.size)
         at, apart = [], []
         for j, phi in enumerate(angle):
             station = (blade.chord[j], blade.twist[j], blade.r[j], blade.hub_radius)
-            station += (blade.tip_radius, blade.blade_count, rotor.polars_at(j)[0].coefficients)
+            station += (blade.tip_radius, blade.blade_count, polars[j][0].coefficients)
             (s, c, by_s, by_c), (tangential, normal, *_), _ = bem._terms(phi, *station)
             local = ratio * blade.r[j] / blade.tip_radius
             apart.append((s - c / local) / (by_s - by_c / local))
@@ -184,7 +184,7 @@ def test_openfast_io_reads_the_rotor_back(exported, name):
     angles = np.deg2rad(np.linspace(-10.0, 20.0, 121))  # knots: every quarter of a degree
     for station, number in enumerate(rows["BlAFID"][inner].astype(int)):
         (table,) = aerodyn["af_data"][number - 1]
-        polar = rotor_of(design).polars_at(station)[0]
+        polar = bem.station_polars(rotor_of(design).polar, blade.r.size)[station][0]
         read = [np.interp(np.rad2deg(angles), table["Alpha"], table[each]) for each in ("Cl", "Cd")]
         np.testing.assert_allclose(read, polar.evaluate(angles), atol=1e-12)
         lowest = -np.max(polar.suction_at(angles)[0], axis=0)

@@ -14,6 +14,7 @@ from hkt_mdo.exports.base import Source, export
 from hkt_mdo.exports.solids import station_outlines
 from hkt_mdo.exports.tables import steady_operation
 from hkt_mdo.problem.physics import physics
+from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.outline import Outline
 from tests.exports.made import made
 
@@ -128,7 +129,7 @@ def test_the_airfoils_are_those_of_the_stations(turbine):
         at = np.searchsorted(place, span[station] - 1e-12)
         airfoil = airfoils[positions[at]["name"]]
         sets = airfoil["polars"][0]["re_sets"]
-        polars = built.polars_at(station)
+        polars = station_polars(built.polar, blade.r.size)[station]
         assert len(sets) == len(polars)
         for each, polar in zip(sets, polars, strict=True):
             alpha, probes = np.deg2rad(each["cl"]["grid"]), np.linspace(-3.1, 3.1, 777)
