@@ -532,9 +532,10 @@ def station_polars(polar, n_stations):
     """
     if isinstance(polar, Polar):
         return ((polar,),) * n_stations
-    several = isinstance(polar, LocalReynolds | ByThickness)
-    stations = polar.polars if several else tuple((single,) for single in polar)
-    stations = stations * n_stations if several and len(stations) == 1 else stations
+    if isinstance(polar, LocalReynolds | ByThickness):
+        stations = polar.polars * n_stations if len(polar.polars) == 1 else polar.polars
+    else:
+        stations = tuple((single,) for single in polar)
     if len(stations) != n_stations:
         text = f"{len(stations)} polars for {n_stations} stations: give one polar, or one for each"
         raise ValueError(text)

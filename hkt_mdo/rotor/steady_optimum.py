@@ -231,17 +231,6 @@ def _best_stations(blades, rotor, ratio, thickness):
     return blades[0].with_shape(*shapes[best, :, stations].T)
 
 
-def _loads(blade, rotor, ratio):
-    """Return the tangential loads of the stations, and their derivatives by their shape."""
-    flow = rotor.sections(blade, ratio, derivatives=True)
-    _, *by_shape, by_followed = flow.derivatives[0, :, 0]
-    if rotor.follows_reynolds:
-        by_shape[0] = by_shape[0] + by_followed / blade.chord
-    if rotor.follows_thickness:
-        by_shape.append(by_followed)
-    return flow.tangential_load[0], np.stack(by_shape)
-
-
 def _climb(start, rotor, ratio, bounds, tolerance):
     """Return the local optimum over chord, twist and maybe thickness next to a blade.
 
@@ -258,7 +247,14 @@ def _climb(start, rotor, ratio, bounds, tolerance):
     unit[0] = CHORD_MOVE * x[0]
 
     def at(x):
-        return _loads(start.with_shape(*x), rotor, ratio)
+        # the tangential loads of the stations, and their derivatives by their shape
+        flow = rotor.sections(start.with_shape(*x), ratio, derivatives=True)
+        _, *by_shape, by_followed = flow.derivatives[0, :, 0]
+        if rotor.follows_reynolds:
+            by_shape[0] = by_shape[0] + by_followed / x[0]
+        if rotor.follows_thickness:
+            by_shape.append(by_followed)
+        return flow.tangential_load[0], np.stack(by_shape)
 
     load, slope = at(x)
     radius = np.ones(load.size)
