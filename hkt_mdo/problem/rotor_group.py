@@ -104,8 +104,7 @@ class RotorGroup(om.Group):
         blades = BladeGroup(
             rotor=world.rotor, blade=blade, nodes=ratio, vary=True, shape=shape, loads=loads
         )
-        outputs = ["chord", "twist", *(["thickness"] if shape.designs_thickness else [])]
-        outputs += ["mass", "inertia", *(f"{name}_table" for name in loads)]
+        outputs = [*shape.offsets, "mass", "inertia", *(f"{name}_table" for name in loads)]
         outputs += [("torque_coefficient_table", "torque_coefficient")]
         self.add_subsystem("blades", blades, promotes_inputs=["*"], promotes_outputs=outputs)
         start |= {"torque_coefficient": ratio} | {f"{name}_table": ratio for name in loads}
