@@ -15,7 +15,7 @@ from hkt_mdo.exports.solids import Stl
 from hkt_mdo.pages.panels import Chart, escaped
 from hkt_mdo.results import style
 from hkt_mdo.results.charts import Labelled
-from hkt_mdo.results.panel import COLORS, GREY
+from hkt_mdo.results.panel import GREY
 from hkt_mdo.results.sections import outline_names
 
 SOLIDS = tuple(Stl(spanwise=n, points=m, hub="cylinder") for n, m in ((44, 48), (20, 24)))
@@ -54,14 +54,13 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     starts: list[Body] = []
     reasons: list[str] = []
     known: list[np.ndarray] = []
-    for index, each in enumerate(labelled):
+    for each in labelled:
         try:
             source = Source(each.solution)
             outline_names(each.solution)  # refuses where the polars have no outline of their own
-            color = COLORS[index % len(COLORS)]
             start, kind = _start(source.design, each.solution), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
-            found.append(_body(source.design, kind, name, color))
+            found.append(_body(source.design, kind, name, each.color()))
             if start is None:
                 continue
             shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist))

@@ -75,7 +75,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     drawn, views = panels.designs(results), panels.views(results)
     if found:
         drawn["solid"] = blade.solid(found)
-    names = [label or "result" for _, label in results]
+    names = [each.label or "result" for each in results]
     return rendered(
         "report.html",
         title=_title(order),

@@ -244,21 +244,20 @@ def limit_bars(results: Results) -> Chart | None:
     """
     data: list[Chart] = []
     names: dict[str, None] = {}
-    for index, (solution, label) in enumerate(results):
+    for solution, label, index in results:
         most = {x: 100.0 * share for x, share in charts.largest_shares(solution).items()}
         if not most:
             continue
         own = COLORS[index % len(COLORS)]
         words = [limit_words(limit) for limit in most]
         names |= dict.fromkeys(words)
-        bar: Chart = {"type": "bar", "orientation": "h", "cliponaxis": False}
-        bar |= {"name": escaped(label)}
-        bar |= {"x": plain([*most.values()]), "y": words, "insidetextanchor": "end"}
         gap = "\u2002" if label else ""  # beside the bar
-        bar["text"] = [f"{gap}{x:.1f} %" for x in most.values()]
-        bar["textposition"] = "outside" if label else "auto"
         pattern = {"shape": HATCHES[index % len(HATCHES)], "fillmode": "overlay"}
         color = own if label else [QUANTITY_COLORS.get(limit, own) for limit in most]
+        bar: Chart = {"type": "bar", "orientation": "h", "cliponaxis": False}
+        bar |= {"name": escaped(label), "x": plain([*most.values()]), "y": words}
+        bar |= {"insidetextanchor": "end", "textposition": "outside" if label else "auto"}
+        bar["text"] = [f"{gap}{x:.1f} %" for x in most.values()]
         data.append(bar | {"marker": {"color": color, "pattern": pattern}})
     if not data:
         return None
@@ -301,7 +300,7 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
         )
     for name in names:
         alone = charts.of_scenario(results, name)
-        time = [*charts.operation(alone, charts.over_time), charts.margins_over_time(alone)]
+        time = [*charts.operation(alone), charts.margins_over_time(alone)]
         found[name] = _drawn(
             flow=stacked(charts.power_curve(alone), 170),
             year=stacked(charts.year(alone), 130),

@@ -6,7 +6,7 @@ has the same colour in every chart.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,7 @@ from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel, Span
 from hkt_mdo.results.sections import STACKING
 from hkt_mdo.results.sections import sections as sections_of
-from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
 
@@ -80,10 +80,33 @@ Solutions = Solution | Sequence[Solution]
 
 
 class Labelled(NamedTuple):
-    """A result and its name among several; "" where it is the only one."""
+    """A result, its name among several, "" where it is the only one, and its place among them."""
 
     solution: Solution
     label: str
+    index: int = 0
+
+    @property
+    def table(self) -> dict[str, np.ndarray]:
+        """The integration of one scenario, else its trajectory; empty where there is none."""
+        return self.solution.simulation or self.solution.trajectory
+
+    def color(self, quantity: str = "") -> str:
+        """Return the colour of a result among several, or of a quantity of the only one."""
+        color = COLORS[self.index % len(COLORS)]
+        return color if self.label else QUANTITY_COLORS.get(quantity, color)
+
+    def curve(
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        name: str,
+        quantity: str = "",
+        kind: str = "line",
+        low: np.ndarray | None = None,
+    ) -> Curve:
+        """Return a curve in the colour and line style of the result."""
+        return Curve(x, y, name, self.color(quantity), self.index, kind, low)
 
 
 Results = Sequence[Labelled]
@@ -117,62 +140,57 @@ def labels(solutions: Sequence[Solution]) -> list[str]:
 def labelled(solutions: Solutions) -> list[Labelled]:
     """Return results with their names."""
     several = [solutions] if isinstance(solutions, Solution) else list(solutions)
-    return list(map(Labelled, several, labels(several)))
+    return list(map(Labelled, several, labels(several), range(len(several))))
 
 
 def by_scenario(results: Results) -> list[Labelled]:
     """Return each scenario of results as a result of its own."""
-    return [
-        Labelled(one, joined(label, scenario) if len(solution.scenarios) > 1 else label)
-        for solution, label in results
+    parts = [
+        (one, joined(label, scenario) if len(solution.scenarios) > 1 else label)
+        for solution, label, _ in results
         for one, scenario in zip(solution.by_scenario, solution.scenarios, strict=True)
     ]
+    return [Labelled(*part, index) for index, part in enumerate(parts)]
 
 
 def of_scenario(results: Results, name: str) -> list[Labelled]:
-    """Return one scenario of results; without tables where a result has no such scenario."""
+    """Return one scenario of the results that have it."""
     return [
-        Labelled(
-            solution.scenario(name)
-            if name in solution.scenarios
-            else replace(solution, tables={name: ScenarioTables({}, {}, {})}),
-            label,
-        )
-        for solution, label in results
+        each._replace(solution=each.solution.scenario(name))
+        for each in results
+        if name in each.solution.scenarios
     ]
 
 
-def _color(index: int, label: str, quantity: str = "") -> str:
-    """Return the colour of a result among several, or of a quantity of the only one."""
-    color = COLORS[index % len(COLORS)]
-    return color if label else QUANTITY_COLORS.get(quantity, color)
-
-
-def _table(solution: Solution) -> dict[str, np.ndarray]:
-    """Return the integration of one scenario, else its trajectory; empty where there is none."""
-    return solution.simulation or solution.trajectory
+def _alone(results: Results) -> list[Labelled]:
+    """Return the scenarios of results that have tables, with the names of the results."""
+    parts = [each._replace(solution=one) for each in results for one in each.solution.by_scenario]
+    return [each for each in parts if each.table]
 
 
 def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, float]:
-    """Return the empty panel of a quantity of `WORDS`, and the scale of values in SI.
+    """Return the panel of a quantity of `WORDS` with its limits, and the scale of values in SI.
 
     Torques of large machines are in kN m.
     """
     words, unit, scale = WORDS[quantity]
-    most = max((each.summary.control_torque_max_Nm or 0.0 for each, _ in results), default=0.0)
+    most = max(
+        (each.solution.summary.control_torque_max_Nm or 0.0 for each in results), default=0.0
+    )
     if unit == "N m" and most >= LARGE_TORQUE:
         unit, scale = "kN m", 1e-3
-    return Panel(f"{words} ({unit})", across), scale
+    levels = levels_of(results, quantity, scale)
+    return Panel(f"{words} ({unit})", across, levels=levels), scale
 
 
 def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]:
-    """Return the limits of a quantity in results of one scenario each, one for equal ones.
+    """Return the limits of a quantity in all scenarios of results, one for equal ones.
 
     Their words name the results where not all have the limit.
     """
     found: dict[tuple[str, float], list[str]] = {}
-    results = [each for each in results if _table(each.solution)]
-    for solution, label in results:
+    results = _alone(results)
+    for solution, label, _ in results:
         levels: dict[str, float] = {}
         for each in LIMITED_BY.get(quantity, (quantity,)):
             levels |= solution.limit_levels(each)
@@ -190,37 +208,30 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
 # ---- over time and over the flow speed, of results of one scenario each
 
 
-def over_time(results: Results, quantity: str) -> Panel:
-    """Return a quantity over time with its limits, interrupted at a standstill."""
+def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
+    """Return a quantity over time with its limits, interrupted at a standstill.
+
+    With `nodes`, a single result is shown at the collocation nodes, too.
+    """
     column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(results, quantity, "time (s)")
-    for index, (solution, label) in enumerate(results):
-        table, name = solution.simulation, label or "simulation"
-        if column not in table:
-            table, name = solution.trajectory, label or "collocation nodes"
-        if column in table and not solution.steady:
-            time, color = table["time_s"], _color(index, label, quantity)
-            x, y = (solution.across_gaps(time, each) for each in (time, scale * table[column]))
-            panel.curves.append(Curve(x, y, name, color, index))
-    if panel.curves:
-        panel.levels = levels_of(results, quantity, scale)
+    for each in results:
+        one = each.solution
+        both = {"simulation": one.simulation, "collocation nodes": one.trajectory}
+        known = [(name, x) for name, x in both.items() if column in x and not one.steady]
+        for name, table in known[:1]:
+            x, y = one.across_gaps(table["time_s"], scale * table[column])
+            panel.curves.append(each.curve(x, y, each.label or name, quantity))
+        for name, table in known[1:] if nodes and not each.label else ():
+            x, y = table["time_s"], scale * table[column]
+            panel.curves.append(Curve(x, y, name, GREY, 0, "points"))
     return panel
 
 
-def at_nodes(results: Results, quantity: str) -> Panel:
-    """Return a quantity over time, of a single result at the collocation nodes, too."""
-    panel, column = over_time(results, quantity), QUANTITIES[quantity].column
-    if len(results) == 1 and panel.curves and column in results[0].solution.simulation:
-        nodes = results[0].solution.trajectory
-        if column in nodes:
-            y = _panel_of(results, quantity, "")[1] * nodes[column]
-            panel.curves.append(Curve(nodes["time_s"], y, "collocation nodes", GREY, 0, "points"))
-    return panel
-
-
-def operation(results: Results, make=at_nodes) -> list[Panel]:
+def operation(results: Results, nodes: bool = False) -> list[Panel]:
     """Return operation over time, with the loads that are limited."""
-    given = {limit.name for solution, _ in results for limit in solution.limits}
-    return [make(results, each) for each in (*TIME, *(x for x in LIMITED if x in given))]
+    given = {limit.name for each in results for limit in each.solution.limits}
+    names = *TIME, *(x for x in LIMITED if x in given)
+    return [over_time(results, each, nodes) for each in names]
 
 
 def over_flow(results: Results, quantity: str) -> Panel:
@@ -228,35 +239,33 @@ def over_flow(results: Results, quantity: str) -> Panel:
     column = QUANTITIES[quantity].column
     panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
     panel.from_zero = panel.across_from_zero = panel.left = True  # curves are low on the left
-    for index, (solution, label) in enumerate(results):
-        table, color = _table(solution), _color(index, label, quantity)
+    for each in results:
+        solution, label, table = each.solution, each.label, each.table
         if column not in table:
             continue
         flow = table["inflow_speed_m_s"]
         speed, mean, low, high = binned(flow, scale * table[column], solution.steady)
         if not solution.steady:
             name = "" if label else "90 % of the instants"
-            panel.curves.append(Curve(speed, high, name, color, index, "band", low))
+            panel.curves.append(each.curve(speed, high, name, quantity, "band", low))
         name = label or "mean at this flow speed"
-        panel.curves.append(Curve(speed, mean, name, color, index, "marked"))
+        panel.curves.append(each.curve(speed, mean, name, quantity, "marked"))
         steady = steady_curve(solution)
         if column in steady:
-            name, ink = ("", color) if label else ("in steady flow", GREY)
+            name, ink = ("", each.color()) if label else ("in steady flow", GREY)
             x, y = steady["inflow_speed_m_s"], scale * steady[column]
             panel.curves.append(Curve(x, y, name, ink, None))
         if quantity == "generator_power":
-            panel.curves += _power_curves(solution, label, color, index)
+            panel.curves += _power_curves(each)
         stop = solution.case.control.cut_out
         panel.marks |= {} if stop is None else {f"cut-out {stop:g} m/s": stop}
-    if panel.curves:
-        panel.levels = levels_of(results, quantity, scale)
     return panel
 
 
-def _power_curves(solution: Solution, label: str, color: str, index: int) -> Iterator[Curve]:
+def _power_curves(each: Labelled) -> Iterator[Curve]:
     """Yield the electrical power of a generator with losses, and the rated point."""
-    table = _table(solution)
-    electrical = table["electrical_power_W"]
+    (solution, label, index), table = each, each.table
+    color, electrical = each.color("generator_power"), table["electrical_power_W"]
     if not np.allclose(electrical, table["generator_power_W"]):
         found = binned(table["inflow_speed_m_s"], 1e-3 * electrical, solution.steady)
         name = joined(label, "electrical power, mean")
@@ -276,10 +285,10 @@ def by_bin(results: Results, column: str) -> Panel:
     """Return a column of a year by the bins of the flow speed."""
     title, scale, quantity = YEAR[column]
     panel = Panel(title, "inflow speed (m/s)", from_zero=True)
-    for index, (solution, label) in enumerate(results):
-        if table := solution.year:
-            color, y = _color(index, label, quantity), scale * table[column]
-            panel.curves.append(Curve(table["inflow_speed_m_s"], y, label, color, index, "bar"))
+    for each in results:
+        if table := each.solution.year:
+            x, y = table["inflow_speed_m_s"], scale * table[column]
+            panel.curves.append(each.curve(x, y, each.label, quantity, "bar"))
     return panel
 
 
@@ -304,19 +313,18 @@ def largest_shares(solution: Solution) -> dict[str, float]:
 
 def margins_over_time(results: Results) -> Panel:
     """Return the margin of each limit of a single result, the smallest of each of several."""
-    several = len(results) > 1
+    several = any(each.label for each in results)
     words = "smallest margin of all limits" if several else "margin of each limit"
     panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
-    for index, (solution, label) in enumerate(results):
-        left = {} if solution.steady else margins(solution)
+    for each in results:
+        left = {} if each.solution.steady else margins(each.solution)
         if several and left:
-            left = {label: np.min([*left.values()], axis=0)}
+            left = {each.label: np.min([*left.values()], axis=0)}
         for number, (limit, values) in enumerate(left.items()):
-            time = _table(solution)["time_s"]
-            x, y = (solution.across_gaps(time, each) for each in (time, values))
-            name = label if several else f"margin: {limit_words(limit)}"
-            color = _color(index, label, limit)
-            panel.curves.append(Curve(x, y, name, color, index if several else number))
+            x, y = each.solution.across_gaps(each.table["time_s"], values)
+            name = each.label or f"margin: {limit_words(limit)}"
+            style = each.index if several else number
+            panel.curves.append(Curve(x, y, name, each.color(limit), style))
     return panel
 
 
@@ -329,16 +337,13 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
     across = "time (s)" if over == "time" else "inflow speed (m/s)"
     panel, scale = _panel_of(results, quantity, across)
     panel.left = panel.from_zero = panel.across_from_zero = over != "time"
-    for index, (solution, label) in enumerate(results):
-        tables = [_table(one) for one in _over(solution, over)]
+    for each in results:
+        tables = [one.table for one in _over(each, over)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         if parts:
             place, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
-            name = label or "smallest to largest of all scenarios"
-            color = _color(index, label, quantity)
-            panel.curves.append(Curve(place, high, name, color, index, "band", low))
-    if panel.curves:
-        panel.levels = levels_of(_alone(results), quantity, scale)
+            name = each.label or "smallest to largest of all scenarios"
+            panel.curves.append(each.curve(place, high, name, quantity, "band", low))
     return panel
 
 
@@ -346,25 +351,18 @@ def smallest_margin(results: Results) -> Panel:
     """Return the smallest margin of all limits and scenarios over time."""
     title = "smallest margin of all limits and scenarios (%)"
     panel = Panel(title, "time (s)", levels={"limit": 0.0})
-    for index, (solution, label) in enumerate(results):
-        left = [(_table(one)["time_s"], margins(one)) for one in _over(solution, "time")]
+    for each in results:
+        left = [(one.table["time_s"], margins(one.solution)) for one in _over(each, "time")]
         parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
         if parts:
             x, low, _ = _ranges(parts, ENVELOPE)
-            name, color = label or "smallest margin", _color(index, label)
-            panel.curves.append(Curve(x, low, name, color, index))
+            panel.curves.append(each.curve(x, low, each.label or "smallest margin"))
     return panel
 
 
-def _alone(results: Results) -> list[Labelled]:
-    """Return the scenarios of results, with the names of the results."""
-    return [Labelled(one, label) for solution, label in results for one in solution.by_scenario]
-
-
-def _over(solution: Solution, over: str) -> list[Solution]:
+def _over(result: Labelled, over: str) -> list[Labelled]:
     """Return the scenarios with tables; those without time have none over time."""
-    known = [one for one in solution.by_scenario if _table(one)]
-    return [one for one in known if over != "time" or not one.steady]
+    return [one for one in _alone([result]) if over != "time" or not one.solution.steady]
 
 
 def _ranges(
@@ -391,8 +389,8 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
     The start is there once if it is the same.
     """
     starts: list[np.ndarray] = []
-    for index, (solution, label) in enumerate(results):
-        table = getattr(solution, source)
+    for each in results:
+        table = getattr(each.solution, source)
         if y not in table:
             continue
         start = table.get(f"start_{y}")
@@ -401,8 +399,8 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
         if not same and not known:
             starts.append(start)
             yield Curve(table[x], start, "blade at the start", GREY, None, kind)
-        name = label or ("blade" if same else "optimized blade")
-        yield Curve(table[x], table[y], name, _color(index, label), index, kind)
+        name = each.label or ("blade" if same else "optimized blade")
+        yield each.curve(table[x], table[y], name, kind=kind)
 
 
 def over_radius(results: Results, column: str) -> Panel:
@@ -418,8 +416,8 @@ def over_radius(results: Results, column: str) -> Panel:
 def _near_bounds(results: Results, column: str, values: np.ndarray) -> dict[str, float]:
     """Return the bounds of a column that all designs share and that are near the values."""
     quantity, unit = column.split("_", 1)
-    designs = [each.case.design for each, _ in results if each.case.design.blade == "optimized"]
-    given = {getattr(each, f"{quantity}_bounds") for each in designs}
+    designs = [each.solution.case.design for each in results]
+    given = {getattr(x, f"{quantity}_bounds") for x in designs if x.blade == "optimized"}
     bounds = (given.pop() or ()) if len(given) == 1 else ()
     low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
     return {
@@ -437,12 +435,12 @@ def shape(results: Results) -> list[Panel]:
 def planform(results: Results) -> Panel:
     """Return the outline of the untwisted blade in scale, with its axis."""
     panel = Panel("planform,\nin scale (m)", "radius (m)", in_scale=True, across_from_zero=True)
-    for index, (solution, label) in enumerate(results):
-        if blade := solution.blade:
+    for each in results:
+        if blade := each.solution.blade:
             radius, chord = blade["r_m"], blade["chord_m"]
             around = np.r_[radius, radius[::-1], radius[:1]]
             edges = np.r_[STACKING * chord, (STACKING - 1.0) * chord[::-1], STACKING * chord[:1]]
-            panel.curves.append(Curve(around, edges, label, _color(index, label), index))
+            panel.curves.append(each.curve(around, edges, each.label))
     if panel.curves:
         ends = np.array([0.0, panel.curves[0].x.max()])
         panel.curves.append(Curve(ends, np.zeros(2), AXIS, GREY, None))
@@ -456,20 +454,17 @@ def sections(results: Results) -> Panel:
     """
     panel = Panel("sections,\nin scale (m)", "", in_scale=True)
     known = []
-    for index, (solution, label) in enumerate(results):
-        try:
-            known.append((index, label, sections_of(solution, SHOWN)))
-        except InputError:
-            continue
+    for each in results:
+        with suppress(InputError):
+            known.append((each, sections_of(each.solution, SHOWN)))
     end = 0.0
     for number, place in enumerate(SHOWN if known else ()):
-        drawn = np.array([found[number] for *_, found in known])
+        drawn = np.array([found[number] for _, found in known])
         low, high = drawn.min(axis=(0, 1)), drawn.max(axis=(0, 1))
         axis = end - low[0]
-        for index, label, found in known:
+        for each, found in known:
             x, y = np.append(found[number], found[number][:1], axis=0).T
-            name = "" if number else label
-            panel.curves.append(Curve(axis + x, y, name, _color(index, label), index))
+            panel.curves.append(each.curve(axis + x, y, "" if number else each.label))
         name = "" if number else AXIS
         panel.curves.append(Curve(np.array([axis]), np.zeros(1), name, GREY, None, "points"))
         middle = end + 0.5 * (high[0] - low[0])
@@ -490,16 +485,16 @@ def coefficient(results: Results, word: str) -> Panel:
     for curve in _beside_start(results, "coefficients", "tip_speed_ratio", column, "line"):
         curve.y = np.where(curve.y >= 0.0, curve.y, np.nan)  # below, it drives the water
         panel.curves.append(curve)
-    for index, (solution, label) in enumerate(results if panel.curves else ()):
-        summary, color = solution.summary, _color(index, label)
+    for each in results if panel.curves else ():
+        summary = each.solution.summary
         peak = getattr(summary, f"{column}_max", None)
-        if peak is not None and column in solution.coefficients:
+        if peak is not None and column in each.solution.coefficients:
             x = np.array([getattr(summary, f"tip_speed_ratio_at_{column}_max")])
-            name = "" if index else "largest value"
-            panel.curves.append(Curve(x, np.array([peak]), name, color, index, "points"))
+            name = "" if each.index else "largest value"
+            panel.curves.append(each.curve(x, np.array([peak]), name, kind="points"))
         if summary.tip_speed_ratio and (ends := summary.tip_speed_ratio.ends):
-            several = index if label else None
-            panel.spans.append(Span(*ends, "" if index else "range operated in", color, several))
+            name, place = "" if each.index else "range operated in", each.index
+            panel.spans.append(Span(*ends, name, each.color(), place if each.label else None))
     return panel
 
 
@@ -515,17 +510,16 @@ def over_span(results: Results, column: str) -> Panel:
     """
     load, quantity, title, scale = OVER_SPAN[column]
     panel = Panel(title, "radius over that of the tip, r/R (-)", from_zero=True)
-    for index, (solution, label) in enumerate(results):
-        tables = [one.loads for one in solution.by_scenario if column in one.loads]
+    for each in results:
+        tables = [one.loads for one in each.solution.by_scenario if column in one.loads]
         if tables:
-            entry = (solution.summary.loads or {}).get(load)
+            entry = (each.solution.summary.loads or {}).get(load)
             words = f"at the largest {'suction' if load == 'cavitation' else load}"
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
-            x, y = tables[0]["r_over_R"], scale * np.max([each[column] for each in tables], axis=0)
-            color = _color(index, label, quantity)
-            panel.curves.append(Curve(x, y, label or words, color, index))
-    if panel.curves and column == QUANTITIES[quantity].column:  # not a moment along the blade
-        panel.levels = levels_of(_alone(results), quantity, scale)
+            x, y = tables[0]["r_over_R"], scale * np.max([x[column] for x in tables], axis=0)
+            panel.curves.append(each.curve(x, y, each.label or words, quantity))
+    if column == QUANTITIES[quantity].column:  # not a moment along the blade
+        panel.levels = levels_of(results, quantity, scale)
     return panel
 
 
@@ -537,19 +531,19 @@ def loads(results: Results) -> list[Panel]:
 def convergence(results: Results) -> list[Panel]:
     """Return infeasibility, and the distance of the energy from its last value, by evaluation."""
     panel = Panel(f"relative, at least {LEAST_SHOWN:.0e} (-)", "evaluation (-)", log=True)
-    for index, (solution, label) in enumerate(results):
-        if table := solution.convergence:
+    for each in results:
+        if table := each.solution.convergence:
             energy = table["energy_J"]
             known = energy[np.isfinite(energy)]
             last = known[-1] if known.size and known[-1] else 1.0
             distance = np.maximum(np.abs(energy / last - 1.0), LEAST_SHOWN)
             broken = np.maximum(table["infeasibility"], LEAST_SHOWN)
-            first, second = _color(index, label), COLORS[index % len(COLORS) if label else 1]
-            count, infeasibility = table["evaluation"], joined(label, "infeasibility, scaled")
-            name = joined(label, "energy: distance from its last value")
-            panel.curves.append(Curve(count, distance, name, first, index, "marked"))
-            after = index + len(results)  # another line style
-            panel.curves.append(Curve(count, broken, infeasibility, second, after, "marked"))
+            name = joined(each.label, "energy: distance from its last value")
+            panel.curves.append(each.curve(table["evaluation"], distance, name, kind="marked"))
+            name = joined(each.label, "infeasibility, scaled")
+            color = each.color() if each.label else COLORS[1]
+            after = each.index + len(results)  # another line style
+            panel.curves.append(Curve(table["evaluation"], broken, name, color, after, "marked"))
     return [panel]
 
 

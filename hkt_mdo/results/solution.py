@@ -289,15 +289,15 @@ class Solution:
         """What was converted, repaired or left out of the case's files, a printable line each."""
         return tuple(printable(note) for note in self.summary.get("notes") or ())
 
-    def across_gaps(self, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """Return values (n_times,) with NaN wherever the machine stood still between two times.
+    def across_gaps(self, time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return times and values (n_times,) with NaN wherever the machine stood still between two.
 
         A line through them is then interrupted there; `time` is that of the table.
         """
         operation = self.summary.operation
         spans = np.reshape(operation.intervals_s if operation else [], (-1, 2))
-        between = 0.5 * (spans[:-1, 1] + spans[1:, 0])
-        return np.insert(values, np.searchsorted(time, between), np.nan)
+        gaps = np.searchsorted(time, 0.5 * (spans[:-1, 1] + spans[1:, 0]))
+        return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
 
     @property
     def limits(self) -> tuple[Limit, ...]:

@@ -282,8 +282,6 @@ class PassEntry(_Entry):
     why: str = ""
     """The reason for the remedy."""
 
-    _text = "{number}: {iterations} iterations, {seconds:.1f} s; {remedy}: {why}"
-
 
 class ObjectiveEntry(_Entry):
     """What was optimized: by collocation, by the integration, and its upper bound."""

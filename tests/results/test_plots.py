@@ -2,6 +2,7 @@
 
 import types
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import matplotlib as mpl
@@ -14,8 +15,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
-from hkt_mdo.results.figures import figure_of, figures, save_figures
-from hkt_mdo.results.plots import plot_limits
+from hkt_mdo.results.figures import figure_of, figures, plot_limits, save_figures
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution
 
@@ -57,8 +57,11 @@ plots = types.SimpleNamespace(
     plot_power_coefficient=of_whole(charts.coefficient, "power"),
     plot_thrust_coefficient=of_whole(charts.coefficient, "thrust"),
     plot_convergence=of_whole(lambda results: charts.convergence(results)[0]),
-    plot_limits=plot_limits,
-    **{f"plot_{name}": drawn_by(charts.at_nodes, each) for name, each in OVER_TIME.items()},
+    plot_limits=lambda found, ax=None: plot_limits(charts.by_scenario(charts.labelled(found)), ax),
+    **{
+        f"plot_{name}": drawn_by(partial(charts.over_time, nodes=True), each)
+        for name, each in OVER_TIME.items()
+    },
     **{f"plot_{name}": drawn_by(charts.over_flow, each) for name, each in OVER_FLOW.items()},
     **{f"plot_{name}": drawn_by(charts.over_span, each) for name, each in OVER_SPAN.items()},
 )
