@@ -112,44 +112,33 @@ def _title(solutions: Sequence[Solution]) -> str:
 
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
-    summary = solution.summary
-    verdict, good = summary.verdict(solution.case), not summary.breaks(solution.case)
-    state = "verified" if solution.success and good else "refused"
-    state = state if solution.finished else "unfinished"
-    folder = solution.folder.resolve().name
+    summary, state = solution.summary, "unfinished"
+    if solution.finished:
+        good = solution.success and not summary.breaks(solution.case)
+        state = "verified" if good else "refused"
     seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
     work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
+    versions = (f"{key} {value}" for key, value in (summary.versions or {}).items())
     origin = {
         "case": solution.name,
-        "result folder": folder,
+        "result folder": solution.folder.resolve().name,
         "control law": solution.case.control.law,
-        "optimizer": joined(summary.optimizer, work) if summary.optimizer else "not recorded",
-        "digest of files and code": summary.digest or "not recorded",
-        "versions": joined(*(f"{key} {value}" for key, value in (summary.versions or {}).items()))
-        or "not recorded",
+        "optimizer": joined(summary.optimizer, work) if summary.optimizer else "",
+        "digest of files and code": summary.digest,
+        "versions": joined(*versions),
     }
-    text = read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE)
     return {
         "name": name,
-        "folder": folder,
+        "solution": solution,
         "state": state,
-        "badge": verdict if solution.finished else "the run did not come to its end",
-        "message": "" if solution.success else solution.message,
-        "law": solution.case.control.law,
-        "failed": solution.failed_checks,
-        "cautions": summary.warnings(solution.case),
-        "notes": solution.notes,
-        "bounds": [str(each.row()) for each in summary.at_bounds or ()],
-        "passes": summary.passes or (),
-        "starts": [str(row) for row in summary.rows(solution.case) if row.label == "starts"],
         "scenarios": _scenarios(summary),
-        "origin": {key: printable(value) for key, value in origin.items()},
-        "yaml": text,
+        "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
+        "yaml": read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE),
     }
 
 
-def _aligned(columns: Sequence[dict[str, str]]) -> list[tuple[str, list[str]]]:
-    """Return texts by their labels as rows, one text a column."""
+def _aligned(columns: Sequence[dict[str, Any]]) -> list[tuple[str, list[Any]]]:
+    """Return cells by their labels as rows, one cell a column; "" where there is none."""
     names = dict.fromkeys(label for column in columns for label in column)
     return [(name, [column.get(name, "") for column in columns]) for name in names]
 
@@ -209,34 +198,28 @@ _LARGEST = {
 }
 
 
-def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry | None]]]:
+def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry]]]:
     """Return the checks by name, those that refused a result first, with a check a result."""
-    entries = [{x.name: x for x in each.summary.checks or ()} for each in solutions]
-    names = dict.fromkeys(name for each in entries for name in each)
-    rows = [(limit_words(name), [each.get(name) for each in entries]) for name in names]
-    return sorted(rows, key=lambda row: all(x is None or x.passed for x in row[1]))
+    columns = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in solutions]
+    return sorted(_aligned(columns), key=lambda row: all(not x or x.passed for x in row[1]))
 
 
-def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[dict[str, Any] | None]]]:
-    """Return the limits with a cell a result, and below them the loads without a limit."""
+def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[Any, Any, str]]]]:
+    """Return the limits, and below them the loads without a limit; of each result load and limit.
+
+    Beside them is a remark on a large load without a limit.
+    """
     columns = []
-    for solution in solutions:
-        limits, loads = solution.summary.limits or {}, solution.summary.loads or {}
-        column = {}
-        for name, entry in (loads | limits).items():
-            limit = limits.get(name)
-            column[name] = {
-                "most": measured(entry.value, entry.unit, 4),
-                "limit": "none" if limit is None else measured(limit.limit, limit.unit, 4),
-                "margin": "" if limit is None else limit.margin,
-                "binds": limit is not None and bool(limit.binding),
-                "when": loads.get(name, entry).place,
-                "large": "" if limit else unasked(name, entry.value, solution.case),
+    for each in solutions:
+        limits, loads = each.summary.limits or {}, each.summary.loads or {}
+        large = {x: unasked(x, load.value, each.case) for x, load in loads.items()}
+        columns.append(
+            {
+                limit_words(name): (loads.get(name), limits.get(name), large.get(name, ""))
+                for name in limits | loads
             }
-        columns.append(column)
-    limited = [name for each in solutions for name in each.summary.limits or {}]
-    names = dict.fromkeys([*limited, *(name for column in columns for name in column)])
-    return [(limit_words(name), [column.get(name) for column in columns]) for name in names]
+        )
+    return sorted(_aligned(columns), key=lambda row: not any(x and x[1] for x in row[1]))
 
 
 def _scenarios(summary: Summary) -> list[dict[str, str]]:
@@ -273,13 +256,9 @@ def _per_cent(shares: dict[str, float]) -> dict[str, str]:
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
     """Return the keys in which cases differ, with the value of each case in people's units."""
-    flat = [_flat(case) for case in cases]
-    rows = []
-    for key in dict.fromkeys(key for each in flat for key in each):
-        values = [each.get(key, "-") for each in flat]
-        if len(set(values)) > 1 and key != "name":
-            rows.append((key, [printable(value) for value in values]))
-    return rows
+    rows = _aligned([_flat(case) for case in cases])
+    different = [row for row in rows if len(set(row[1])) > 1 and row[0] != "name"]
+    return [(key, [printable(value or "-") for value in values]) for key, values in different]
 
 
 def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
