@@ -27,6 +27,7 @@ DARK = dict(
 )
 """The colour on a dark screen of each colour on a light one."""
 DASHES = "solid", "dash", "dashdot", "longdashdot", "dot", "longdash"
+SYMBOLS = "circle", "square", "triangle-up", "diamond", "triangle-down", "x"
 HATCHES = "", "/", ".", "x", "-", "+"
 GAP = 42
 """Pixels between two panels, for title and labels."""
@@ -113,14 +114,21 @@ def escaped(text: str) -> str:
     return html.escape(printable(text))
 
 
-def _traces(curve: Curve, most: int) -> list[Chart]:
-    """Return a curve as traces, of at most so many points."""
+def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
+    """Return a curve as traces, of at most so many points; `shades` names what its colours are."""
     kept = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
     index, name = curve.index or 0, escaped(curve.name)
     dash = "dot" if curve.index is None else DASHES[index % len(DASHES)]
     trace: Chart = {"type": "scatter", "name": name, "legendgroup": name, "showlegend": bool(name)}
     trace |= {"x": plain(curve.x[kept], 7), "y": plain(curve.y[kept]), "mode": "lines"}
     marker: Chart = {"color": curve.color}
+    trace |= {"customdata": list(curve.links)} if len(curve.links) else {}
+    if curve.kind == "runs":
+        marker |= {"symbol": SYMBOLS[index], "size": 9 if curve.shade is None else 14}
+        if curve.shade is not None:
+            marker |= {"color": plain(curve.shade), "colorscale": "Viridis", "showscale": True}
+            marker["colorbar"] = {"title": {"text": shades}}
+        return [trace | {"mode": "markers", "marker": marker}]
     if curve.kind == "bar":
         return [trace | {"type": "bar", "marker": marker}]
     trace["line"] = {"color": curve.color, "dash": dash, "width": 1.6}
@@ -172,7 +180,7 @@ def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE)
         text = f"<b>{panel.title}</b>".replace("\n", " ")
         title = {"text": text, "x": 0, "xanchor": "left", "xref": "paper"}
         layout["annotations"].append(title | _at(f"y{key} domain", 1.0))
-        traces = [trace for curve in panel.curves for trace in _traces(curve, most)]
+        traces = [trace for curve in panel.curves for trace in _traces(curve, most, panel.shades)]
         layout[f"yaxis{key}"] = axis | _vertical(panel, traces)
         for trace in traces:
             first = trace["name"] not in named and trace["showlegend"]

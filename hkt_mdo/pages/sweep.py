@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,11 +10,10 @@ from hkt_mdo.case.kinds import Extension
 from hkt_mdo.files.table import write_files
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.pages.page import write_report
-from hkt_mdo.results import style
+from hkt_mdo.pages.panels import stacked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable
-
-RED = style.COLORS[1]
+from hkt_mdo.results.sweep_plots import sweep_charts
 
 
 def write_sweep_report(
@@ -58,13 +56,11 @@ def write_sweep_report(
             solution = Solution.load(folder, extensions=extensions)
             write_report([solution], page, shared="../../plotly.js")
             told(f"{number} of {len(runs)}: {page}")
-    pages = [Path(run, "report.html") for run in runs]
-    made = [page.as_posix() if (table.folder / page).is_file() else "" for page in pages]
-    links = np.array(made)
-    charts = {"front": _front(table, links), "map": _map(table, links)}
+    drawn = sweep_charts(table)
+    charts = {x: stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
     good = int(np.sum(table.verified))
     failed = [
-        (links[at], runs[at] or "no run", table.columns["message"][at])
+        (table.pages[at], runs[at] or "no run", table.columns["message"][at])
         for at in np.flatnonzero(~table.verified)
     ]
     text = rendered(
@@ -77,46 +73,3 @@ def write_sweep_report(
     out = table.folder / "report.html"
     write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
     return out
-
-
-def _front(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
-    """Return the chart of the Pareto front."""
-    if not table.cost or not table.verified.any():
-        return None
-    (cost, across), (objective, up) = table.shown(table.cost), table.shown("objective")
-    known = np.flatnonzero(table.verified & np.isfinite(cost))
-    kinds = (known, {"color": "#888"}, "verified"), (table.front(), {"color": RED}, "Pareto front")
-    return _chart(across, up, cost, objective, kinds, links)
-
-
-def _map(table: SweepTable, links: np.ndarray) -> dict[str, Any] | None:
-    """Return the chart of the objective over two keys."""
-    if len(table.numeric) < 2 or not table.verified.any():
-        return None
-    good = np.flatnonzero(table.verified)
-    objective, label = table.shown("objective")
-    shades = {"color": objective[good].tolist(), "colorscale": "Viridis", "size": 14}
-    shades |= {"symbol": "square", "showscale": True, "colorbar": {"title": {"text": label}}}
-    crosses = (
-        np.flatnonzero(~table.verified),
-        {"symbol": "x", "color": RED, "size": 9},
-        "no success",
-    )
-    (x, across), (y, up) = map(table.shown, table.numeric[:2])
-    return _chart(across, up, x, y, ((good, shades, "verified"), crosses), links)
-
-
-def _chart(
-    across: str, up: str, x: np.ndarray, y: np.ndarray, kinds: Any, links: np.ndarray
-) -> dict[str, Any]:
-    """Return a chart of points with links, of some kinds: their places, markers and name."""
-    data = [
-        {"type": "scatter", "mode": "lines+markers" if name == "Pareto front" else "markers"}
-        | {"x": x[at].tolist(), "y": y[at].tolist(), "customdata": links[at].tolist()}
-        | {"name": name, "marker": marker}
-        for at, marker, name in kinds
-    ]
-    layout = {"xaxis": {"title": {"text": across}}, "yaxis": {"title": {"text": up}}}
-    look = {"height": 420, "hovermode": "closest", "legend": {"orientation": "h", "y": 1.12}}
-    look["margin"] = {"l": 60, "r": 20, "t": 40, "b": 50}
-    return {"data": data, "layout": {**layout, **look}}

@@ -4,7 +4,7 @@ The panels of a chart stand one below the other over one horizontal axis. One wi
 data, and is left out.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -29,7 +29,8 @@ QUANTITY_COLORS = {
 class Curve:
     """A curve, points, a band or bars.
 
-    `kind` is one of line, marked (a line with markers), points, band (from `low` to `y`) and bar.
+    `kind` is one of line, marked (a line with markers), points, runs (points of which each is
+    drawn), band (from `low` to `y`) and bar.
     `index` is the place of the result among several, which gives line style and marker; None: a
     reference, which is dotted. A curve without a `name` is not in the legend.
     """
@@ -41,6 +42,10 @@ class Curve:
     index: int | None = 0
     kind: str = "line"
     low: np.ndarray | None = None
+    shade: np.ndarray | None = None
+    """Values whose colours the points have in place of `color`."""
+    links: Sequence[str] = ()
+    """Pages that the points of a report lead to."""
 
 
 class Span(NamedTuple):
@@ -65,6 +70,8 @@ class Panel:
     spans: list[Span] = field(default_factory=list)
     notes: list[tuple[float, float, str]] = field(default_factory=list)
     """Texts above points x, y."""
+    shades: str = ""
+    """What the shades of curves are."""
     from_zero: bool = False
     """Whether the vertical axis begins at zero, if no value is below."""
     across_from_zero: bool = False

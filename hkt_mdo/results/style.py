@@ -145,6 +145,8 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
         ax.xaxis.set_minor_formatter(NullFormatter())
     for curve in panel.curves:
         _draw_curve(curve, ax, sum(each.kind == "bar" for each in panel.curves))
+        if curve.shade is not None:
+            ax.figure.colorbar(ax.collections[-1], ax=ax, label=panel.shades)
     for span in panel.spans:
         foot = 0.0 if span.index is None else 0.015 + 0.04 * span.index
         top = 1.0 if span.index is None else foot + 0.03
@@ -178,7 +180,10 @@ def legend_name(name: str) -> str:
 def _draw_curve(curve: Curve, ax: Axes, n_bars: int) -> None:
     """Draw a curve; of several groups of bars, one beside the other."""
     index, label = curve.index or 0, legend_name(curve.name)
-    if curve.kind == "band":
+    if curve.kind == "runs":
+        look = {"color": curve.color} if curve.shade is None else {"c": curve.shade, "s": 60}
+        ax.scatter(curve.x, curve.y, marker=MARKERS[index], label=label, **look)
+    elif curve.kind == "band":
         look = {"color": curve.color, "alpha": 0.2, "linewidth": 0}
         ax.fill_between(curve.x, curve.low, curve.y, label=label, **look)
     elif curve.kind == "bar":

@@ -166,6 +166,12 @@ class SweepTable:
         return cls(folder, sweep, columns)
 
     @property
+    def pages(self) -> np.ndarray:
+        """Links to the reports of the runs from the sweep's folder, "" for none, (n_runs,)."""
+        paths = [Path(str(run), "report.html") for run in self.columns["run"]]
+        return np.array([x.as_posix() if (self.folder / x).is_file() else "" for x in paths])
+
+    @property
     def verified(self) -> np.ndarray:
         """Whether each run is a success, shape (n_runs,)."""
         return (self.columns["state"] == VERIFIED) & np.isfinite(self.objective)

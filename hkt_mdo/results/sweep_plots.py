@@ -1,4 +1,4 @@
-"""Figures of a sweep: Pareto front, map, parallel coordinates."""
+"""The charts of a sweep, Pareto front and map, and its figures, with parallel coordinates."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -10,37 +10,45 @@ from matplotlib.axes import Axes
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import style
+from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel
 from hkt_mdo.results.sweep import SweepTable
 
 
-def plot_front(table: SweepTable, ax: Axes | None = None) -> Axes:
-    """Plot the objective over the cost of every run, and the Pareto front."""
-    ax, front, good = ax or style.new_axes(), table.front(), table.verified
+def sweep_charts(table: SweepTable) -> dict[str, Panel]:
+    """Return front and map of a sweep, as far as it has their data; points link to their pages."""
+    made = {"front": _front} if table.cost else {}
+    made |= {"map": _map} if len(table.numeric) > 1 else {}
+    return {name: make(table) for name, make in made.items() if table.verified.any()}
+
+
+def _front(table: SweepTable) -> Panel:
+    """Return the objective over the cost of every run, and the Pareto front."""
     (cost, across), (objective, up) = table.shown(table.cost), table.shown("objective")
-    look = {"linestyle": "none", **style.marker(0, 4.0)}
-    ax.plot(cost[good], objective[good], color="0.6", label="verified runs", **look)
-    words = "Pareto front: none is better in both"
-    ax.plot(cost[front], objective[front], marker="s", label=words, **style.line(1))
-    return style.finish(ax, across, up)
+    runs, front = np.flatnonzero(table.verified & np.isfinite(cost)), table.front()
+    words, links = "Pareto front: none is better in both", table.pages
+    curves = [
+        Curve(cost[runs], objective[runs], "verified runs", GREY, 0, "runs", links=links[runs]),
+        Curve(cost[front], objective[front], words, COLORS[1], 1, "marked", links=links[front]),
+    ]
+    return Panel(up, across, curves)
 
 
-def plot_map(table: SweepTable, ax: Axes | None = None) -> Axes:
-    """Plot the objective over the first two keys of numbers; crosses are runs without success.
+def _map(table: SweepTable) -> Panel:
+    """Return the objective over the first two keys of numbers; crosses are runs without success.
 
     Of runs that differ in other keys, the best is on top.
     """
-    ax, axes = ax or style.new_axes(), [table.shown(key) for key in table.numeric[:2]]
-    good, sign = table.verified, 1.0 if table.maximize else -1.0
-    order = np.flatnonzero(good)[np.argsort(sign * table.objective[good])]
-    objective, label = table.shown("objective")
-    drawn = ax.scatter(
-        *(x[order] for x, _ in axes), c=objective[order], s=60, marker="s", cmap="viridis"
-    )
-    ax.figure.colorbar(drawn, ax=ax, label=label)
-    if not good.all():
-        look = {"linestyle": "none", "marker": "x", "color": style.COLORS[1]}
-        ax.plot(*(x[~good] for x, _ in axes), label="no success", **look)
-    return style.finish(ax, *(label for _, label in axes))
+    (x, across), (y, up) = map(table.shown, table.numeric[:2])
+    (objective, label), links = table.shown("objective"), table.pages
+    order = np.argsort(table.objective if table.maximize else -table.objective)
+    good, failed = order[table.verified[order]], np.flatnonzero(~table.verified)
+    curves = [
+        Curve(
+            x[good], y[good], "verified runs", GREY, 1, "runs", None, objective[good], links[good]
+        ),
+        Curve(x[failed], y[failed], "no success", COLORS[1], 5, "runs", links=links[failed]),
+    ]
+    return Panel(up, across, [each for each in curves if each.x.size], shades=label)
 
 
 def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
@@ -100,15 +108,11 @@ def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png
     """
     if not table.verified.any():
         raise InputError("has no verified run to draw", "see its column message", file=table.folder)
-    width = 1.2 * len(table.sweep.over) + 5.5
-    plots = {"parallel": (plot_parallel, "all runs, in the colour of their objective", width)}
-    if table.cost:
-        plots["front"] = plot_front, "Pareto front", 6.2
-    if len(table.numeric) > 1:
-        plots["map"] = plot_map, "objective over two keys", 6.2
-    case = Path(table.sweep.case).stem
-    figures = {
-        name: style.figure_of(wide, 4.4, [partial(plot, table)], title=f"{case}: {words}")
-        for name, (plot, words, wide) in plots.items()
-    }
+    width, case = 1.2 * len(table.sweep.over) + 5.5, Path(table.sweep.case).stem
+    title = f"{case}: all runs, in the colour of their objective"
+    parallel = partial(plot_parallel, table)
+    figures = {"parallel": style.figure_of(width, 4.4, [parallel], title=title)}
+    titles = {"front": "Pareto front", "map": "objective over two keys"}
+    for name, panel in sweep_charts(table).items():
+        figures[name] = style.figure_of_panels([panel], 6.2, 3.1, f"{case}: {titles[name]}")
     return style.save(figures, folder, formats)
