@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from rich.console import Console
 from rich.table import Table
@@ -17,11 +15,6 @@ from hkt_mdo.cli import parts
 from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, Seed, read_result
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports import FORMATS
-
-if TYPE_CHECKING:
-    from hkt_mdo.case import Case
-    from hkt_mdo.studies.other_flows import Run, Told
-    from hkt_mdo.studies.uncertainty import Sensor
 
 TABLE = "table.csv"
 """What only the folder of a sweep has."""
@@ -252,128 +245,31 @@ def simulate(
     --out writes them. With --inflow-dynamics oye the wake needs time to change: the command prints
     what that changes, and whether the rotor runs away.
     """
-    from hkt_mdo.results.words import flow_words, joined
-    from hkt_mdo.studies.other_flows import largest, records, runs_of, write
-    from hkt_mdo.studies.start_stop import start_and_stop
+    from hkt_mdo.results.words import flow_words, limit_words
+    from hkt_mdo.studies.other_flows import largest, records, simulations, write
     from hkt_mdo.studies.uncertainty import Sensor
 
-    for_program = parts.one_form(as_json, as_csv)
-    _check_sensor(snr, reference, rate, cutoff)
-    _check_start(start, stop, snr)
-    solution = read_result(result)
-    if condition is not None:
-        solution = replace(solution, case=solution.case.with_overrides(f"condition={condition}"))
-    memory = _memory(solution.case, inflow_dynamics, tau1, snr, start)
-    chosen = solution if scenario is None else solution.scenario(scenario)
-    runs = runs_of(chosen, flow, flow_seeds, *memory)
-    several, told = len(runs) > 1, []
+    for_program, solution = parts.one_form(as_json, as_csv), read_result(result)
+    sensor = Sensor(inf if snr is None else snr, reference, rate, cutoff or None)
+    noise = None if snr is None else (sensor, repeats, seed)
+    only = solution if scenario is None else solution.scenario(scenario)
+    how = condition, inflow_dynamics, tau1, start, stop, noise
+    runs = simulations(only, flow, flow_seeds, *how)
+    several = len(runs) > 1
     words = f"{flow}: {len(runs)} simulations" if several else flow_words(runs[0].inflow)
     words += f"; condition {condition}" if condition else ""
     echo(f"{solution.name} in flow {words}", err=for_program)
     for run in runs:
-        if start:
-            began = start_and_stop(run.design, run.inflow, stop)
-            lines, given = list(began.lines()), began.operation
-            told += [replace(run, given=given)] if given is not None else []
-        else:
-            lines, told = run.memory or [f"without noise: {run.outcome}"], [*told, run]
-            if several:
-                lines[0] += f"; limits: {run.verdicts}"
-            if snr is not None:
-                sensor = Sensor(snr, reference, rate, cutoff or None)
-                lines += _with_noise(run, sensor, repeats, seed)
-        echo("  " + "\n  ".join([joined(run.name, lines[0]), *lines[1:]]), err=for_program)
+        with Console(stderr=True).status("simulating"):
+            lines = run.lines(several)
+        echo("  " + "\n  ".join(lines), err=for_program)
+    told = [each for each in runs if each.operates]
     if for_program:
         parts.print_records(records(told), as_json)
     elif rows := [entry.row(name) for name, entry in largest(told).items()]:
         parts.print_tables({"Largest values" + several * f" of {len(told)} simulations": rows})
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
-    if strict:
-        _refuse_broken(largest(told))
-
-
-def _refuse_broken(most: dict[str, Told]) -> None:
-    """End with the code of no success where a limit is not kept."""
-    from hkt_mdo.results.words import limit_words
-
-    broken = [limit_words(name) for name, entry in most.items() if entry.kept is False]
-    if broken:
+    broken = [limit_words(name) for name, x in largest(told).items() if x.kept is False]
+    if strict and broken:
         raise parts.ended(parts.NO_SUCCESS, f"not kept: {', '.join(broken)}")
-
-
-def _check_start(start: bool, stop: float | None, snr: float | None) -> None:
-    """Refuse a shut-down without a start, and a start with noise."""
-    if (start or stop is not None) and (not start or snr is not None):
-        remedy = "give --start-up with --shut-down" if snr is None else "leave --noise-snr out"
-        raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
-
-
-def _memory(
-    case: Case, name: str | None, tau1: float | None, snr: float | None, start: bool
-) -> tuple[bool, float | None]:
-    """Return whether the wake has memory, and its time constant, s; refuse what contradicts it."""
-    own, key = case.inflow_dynamics, "--inflow-dynamics"
-    if name is not None or tau1 is not None:
-        asked = json.dumps({"model": name or own.model, "tau1": tau1})
-        own = case.with_overrides(f"inflow_dynamics={asked}").inflow_dynamics
-    for other, contradicts, why in (
-        ("--noise-snr", snr is not None, "whose runs take the torque from a table"),
-        ("--start-up", start, "which begins where the model is not valid (docs/dynamic_inflow.md)"),
-    ):
-        if own.remembers and contradicts:
-            if name is None:  # that of the case is left out
-                return False, None
-            problem = f"does not go with {other}, {why}"
-            raise InputError(problem, "leave one of them out", key=key, value=name)
-    return own.remembers, own.tau1
-
-
-def _check_sensor(snr: float | None, reference: str, rate: float, cutoff: float) -> None:
-    """Refuse a sensor whose values are impossible."""
-    from hkt_mdo.studies.uncertainty import REFERENCES
-
-    for name, value, least, most in (
-        ("--noise-snr", snr or 0.0, -200.0, 1e6),
-        ("--sample-rate", rate, 2.0, 1e6),
-        ("--filter-cutoff", cutoff, 0.0, 0.4 * rate),  # below half of the samples a second
-    ):
-        if not least <= value <= most:
-            remedy = f"give a number between {least:g} and {most:g}"
-            raise InputError("is out of range", remedy, key=name, value=value)
-    if reference not in REFERENCES:
-        remedy = f"choose {' or '.join(REFERENCES)}"
-        raise InputError("is unknown", remedy, key="--noise-reference", value=reference)
-
-
-def _with_noise(run: Run, sensor: Sensor, repeats: int, seed: int) -> list[str]:
-    """Return the results of many runs with a noisy sensor, as lines of text."""
-    from hkt_mdo.studies.uncertainty import fly_noisy
-
-    design, inflow, quiet = run.design, run.inflow, run.simulation
-    if not design.law.is_feedback:
-        return ["open loop reads no sensor: the noise changes nothing"]
-    behind = "none"
-    if sensor.cutoff:
-        behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
-    with Console(stderr=True).status(f"{repeats} noisy runs"):
-        noisy = fly_noisy(design, inflow, sensor, repeats, seed)
-        if sensor.cutoff and noisy.stalled and quiet.stopped_at is None:
-            if fly_noisy(design, inflow, replace(sensor, snr=inf), 1, seed).stalled:
-                behind += ", whose delay stops the rotor without any noise"
-    energy = noisy.energy[noisy.energy == noisy.energy]  # NaN: the rotor stopped
-    told = "no run reached the end"
-    if energy.size:
-        mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
-        told = f"energy of the others: mean {mean / 1e3:.3f} kJ, standard deviation "
-        change = 100.0 * (mean / quiet.energy - 1.0)
-        told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
-        told += f"({change:+.3f} % of the run without noise)"
-    return [
-        f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
-        f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
-        f"BEM table within {noisy.torque_error:.1e}",
-        f"filter behind it: {behind}",
-        f"rotor stopped in {noisy.stalled} of {repeats} runs",
-        told,
-    ]

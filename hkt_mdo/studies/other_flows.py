@@ -25,7 +25,8 @@ from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import placed
 from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
-from hkt_mdo.studies.uncertainty import Design, flow_given
+from hkt_mdo.studies.start_stop import StartStop, start_and_stop
+from hkt_mdo.studies.uncertainty import Design, Sensor, flow_given, fly_noisy
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
 MOST_SEEDS = 10_000
@@ -93,18 +94,24 @@ class Run:
         Name of the scenario; empty if only one is simulated.
     seed : int or None
         Seed of the flow, where several were asked for.
-    given : Simulation or None
-        The simulation of the design in the flow; None: it is computed when it is first needed.
     without : Run or None
         The same without dynamic inflow, where the design has it.
+    start : bool
+        Whether the rotor starts from standstill.
+    stop : float or None
+        Time from which it is shut down after a start, s.
+    noise : tuple of Sensor, int and int, or None
+        A noisy sensor, the number of runs with it, and the seed of its noise.
     """
 
     design: Design
     inflow: Inflow
     scenario: str = ""
     seed: int | None = None
-    given: Simulation | None = None
     without: Run | None = None
+    start: bool = False
+    stop: float | None = None
+    noise: tuple[Sensor, int, int] | None = None
 
     @cached_property
     def simulation(self) -> Simulation:
@@ -115,7 +122,79 @@ class Run:
         Simulation
             Sampled densely over the flow.
         """
-        return self.given or self.design.simulate(self.inflow)
+        began = self.began.operation if self.start else None
+        return began or self.design.simulate(self.inflow)
+
+    @cached_property
+    def began(self) -> StartStop:
+        """The start from standstill, the operation and the shut-down.
+
+        Returns
+        -------
+        StartStop
+            Parts that do not take place are None.
+        """
+        return start_and_stop(self.design, self.inflow, self.stop)
+
+    def lines(self, several: bool = False) -> list[str]:
+        """Describe the simulation.
+
+        Parameters
+        ----------
+        several : bool
+            Whether there are other ones, so that the limits are told for each.
+
+        Returns
+        -------
+        list of str
+            Energies and speeds, the start from standstill, and what noise and memory change.
+        """
+        if self.start:
+            lines = [*self.began.lines()]
+        else:
+            lines = self.memory or [f"without noise: {self.outcome}"]
+            lines[0] += f"; limits: {self.verdicts}" if several else ""
+            lines += self._with_noise(*self.noise) if self.noise else []
+        return [joined(self.name, lines[0]), *lines[1:]]
+
+    def _with_noise(self, sensor: Sensor, repeats: int, seed: int) -> list[str]:
+        """Return the results of many runs with a noisy sensor, as lines of text."""
+        design, inflow, quiet = self.design, self.inflow, self.simulation
+        if not design.law.is_feedback:
+            return ["open loop reads no sensor: the noise changes nothing"]
+        behind, noisy = "none", fly_noisy(design, inflow, sensor, repeats, seed)
+        if sensor.cutoff:
+            behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
+            if noisy.stalled and quiet.stopped_at is None:
+                if fly_noisy(design, inflow, replace(sensor, snr=np.inf), 1, seed).stalled:
+                    behind += ", whose delay stops the rotor without any noise"
+        energy = noisy.energy[np.isfinite(noisy.energy)]  # NaN: the rotor stopped
+        told = "no run reached the end"
+        if energy.size:
+            mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
+            change = 100.0 * (mean / quiet.energy - 1.0)
+            told = f"energy of the others: mean {mean / 1e3:.3f} kJ, standard deviation "
+            told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
+            told += f"({change:+.3f} % of the run without noise)"
+        return [
+            f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
+            f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
+            f"BEM table within {noisy.torque_error:.1e}",
+            f"filter behind it: {behind}",
+            f"rotor stopped in {noisy.stalled} of {repeats} runs",
+            told,
+        ]
+
+    @property
+    def operates(self) -> bool:
+        """Whether there is an operation, as after any start that succeeds.
+
+        Returns
+        -------
+        bool
+            Without it, nothing is told of limits.
+        """
+        return not self.start or self.began.operation is not None
 
     @property
     def name(self) -> str:
@@ -286,6 +365,60 @@ def runs_of(
     if not memory:
         return runs
     return [replace(run, design=run.design.with_memory(tau1), without=run) for run in runs]
+
+
+def simulations(
+    solution: Solution,
+    flow: str | Mapping[str, Any] = "design",
+    seeds: str | None = None,
+    condition: str | None = None,
+    dynamics: str | None = None,
+    tau1: float | None = None,
+    start: bool = False,
+    stop: float | None = None,
+    noise: tuple[Sensor, int, int] | None = None,
+) -> list[Run]:
+    """Return the simulations that the options of `hkt simulate` ask for.
+
+    Parameters
+    ----------
+    solution, flow, seeds
+        As of `runs_of`.
+    condition : str or None
+        Fouling in place of that of the case, as text.
+    dynamics, tau1 : str or None, float or None
+        Model of the wake and its time constant, s; None: those of the case.
+    start, stop, noise
+        As of `Run`.
+
+    Returns
+    -------
+    list of Run
+
+    Raises
+    ------
+    InputError
+        As of `runs_of`, and if options contradict one another.
+    """
+    if (start or stop is not None) and (not start or noise):
+        remedy = "leave --noise-snr out" if noise else "give --start-up with --shut-down"
+        raise InputError("is for a start from standstill, without noise", remedy, key="--start-up")
+    if condition is not None:
+        case = solution.case.with_overrides(f"condition={condition}")
+        solution = replace(solution, case=case)
+    own, against = solution.case.inflow_dynamics, ""
+    if dynamics is not None or tau1 is not None:
+        asked = json.dumps({"model": dynamics or own.model, "tau1": tau1})
+        own = solution.case.with_overrides(f"inflow_dynamics={asked}").inflow_dynamics
+    if noise:
+        against = "--noise-snr, whose runs take the torque from a table"
+    if start:
+        against = "--start-up, which begins where the model is not valid (docs/dynamic_inflow.md)"
+    if own.remembers and against and dynamics is not None:  # that of the case is left out
+        problem, where = f"does not go with {against}", {"key": "--inflow-dynamics"}
+        raise InputError(problem, "leave one of them out", value=dynamics, **where)
+    runs = runs_of(solution, flow, seeds, own.remembers and not against, own.tau1)
+    return [replace(run, start=start, stop=stop, noise=noise) for run in runs]
 
 
 def _seeds(text: str) -> tuple[int | None, ...]:

@@ -77,6 +77,20 @@ class Sensor:
     rate: float = 100.0
     cutoff: float | None = 0.5
 
+    def __post_init__(self) -> None:
+        """Refuse values that are impossible, by the options of `hkt simulate`."""
+        for key, value, least, most in (
+            ("--noise-snr", 0.0 if self.snr == np.inf else self.snr, -200.0, 1e6),
+            ("--sample-rate", self.rate, 2.0, 1e6),
+            ("--filter-cutoff", self.cutoff or 0.0, 0.0, 0.4 * self.rate),  # below half of the rate
+        ):
+            if not least <= value <= most:
+                remedy = f"give a number between {least:g} and {most:g}"
+                raise InputError("is out of range", remedy, key=key, value=value)
+        if self.reference not in REFERENCES:
+            remedy, key = f"choose {' or '.join(REFERENCES)}", "--noise-reference"
+            raise InputError("is unknown", remedy, key=key, value=self.reference)
+
     def deviation(self, speed):
         """Return the standard deviation of the noise.
 
