@@ -4,8 +4,7 @@ Nothing is drawn by pyplot, and no rcParams are set.
 """
 
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -16,7 +15,6 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import TightLayoutEngine
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from hkt_mdo.errors import InputError
@@ -37,26 +35,6 @@ BESIDES = 1.3
 """Inches of a figure's height that its axes do not share: labels, legend and title."""
 
 
-class _Layout(TightLayoutEngine):
-    """A layout in which the labels of the vertical axes are aligned.
-
-    `Figure.align_ylabels` measures all vertical axes again for each of them.
-    """
-
-    def execute(self, fig: Figure) -> None:
-        """Lay the axes out, then move each label as far to the left as the leftmost one."""
-        super().execute(fig)
-        if scaled := [ax for ax in fig.axes if ax.get_aspect() == 1.0]:
-            for ax in scaled:
-                ax.apply_aspect()  # to this size, which gives it other ticks
-            super().execute(fig)
-        axes = [ax.yaxis for ax in fig.axes if ax.get_ylabel()]
-        labels = [axis for axis in axes if axis.get_label_position() == "left"]  # no colour bar
-        left = [axis.label.get_window_extent().x0 for axis in labels]
-        for axis, start in zip(labels, left, strict=True):
-            axis.labelpad += (start - min(left)) * 72.0 / fig.dpi
-
-
 def new_axes() -> Axes:
     """Return the axes of a new figure."""
     return figure_of(6.2, 3.9, [lambda ax: ax]).axes[0]
@@ -74,7 +52,7 @@ def figure_of(
     `share`: how many, up to the lowest, have one horizontal axis; None: all. Axes in scale are as
     high as what they show, and change the height of the figure.
     """
-    figure = Figure(figsize=(width, height), layout=_Layout())
+    figure = Figure(figsize=(width, height), layout="tight")
     FigureCanvasAgg(figure)
     if title:
         figure.suptitle(title.replace("$", r"\$"), fontsize=FONT_SIZE + 1.5)
@@ -99,6 +77,7 @@ def figure_of(
         for ax in panels
     ]
     grid.set_height_ratios(heights)
+    figure.align_ylabels()
     rows = legend(figure.axes)
     figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, rows - 2))
     return figure
@@ -256,23 +235,6 @@ def _widen(ax: Axes) -> None:
     ax.set_ylim(middle - half, middle + half)
 
 
-@contextmanager
-def _laid_out(figure: Figure, dpi: float) -> Iterator[None]:
-    """Lay a figure out once, since `savefig` would draw everything twice to compute the layout."""
-    engine, before = figure.get_layout_engine(), figure.dpi
-    if engine is None:
-        yield
-        return
-    figure.set_dpi(dpi)
-    engine.execute(figure)
-    figure.set_layout_engine(None)
-    try:
-        yield
-    finally:
-        figure.set_layout_engine(engine)
-        figure.set_dpi(before)
-
-
 def png(figure: Figure) -> bytes:
     """Return a figure as a PNG."""
     drawn = io.BytesIO()
@@ -302,10 +264,10 @@ def save(
     make_folder(Path(folder))
     written = []
     for name, figure in figures.items():
-        with rc_context({"pdf.fonttype": 42}), _laid_out(figure, DPI):  # as journals ask for
-            for form in formats:
-                drawn = io.BytesIO()
+        for form in formats:
+            drawn = io.BytesIO()
+            with rc_context({"pdf.fonttype": 42}):  # as journals ask for
                 figure.savefig(drawn, format=form, dpi=DPI, **_OPTIONS.get(form, {}))
-                written.append(Path(folder, f"{name}.{form}"))
-                write_files({written[-1]: drawn.getvalue()})
+            written.append(Path(folder, f"{name}.{form}"))
+            write_files({written[-1]: drawn.getvalue()})
     return written
