@@ -1,6 +1,5 @@
 """Files of `hkt polar`: polars of an outline as a CSV file, and a figure of them."""
 
-import io
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +11,7 @@ from matplotlib.figure import Figure
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import SURFACES, PolarTable
-from hkt_mdo.files.table import parse_number, refuse_existing, write_new
+from hkt_mdo.files.table import csv_text, parse_number, refuse_existing, write_new
 from hkt_mdo.results import style
 from hkt_mdo.results.charts import polar_panels
 from hkt_mdo.rotor.airfoil import Polar
@@ -75,7 +74,7 @@ def report_polars(
     for polar in polars:
         Polar.from_polar_table(polar.table)  # refuses what could not be used
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
-    table = _csv(polars, f"# {conditions}, outline {show(Path(source).name)}")
+    table = _csv(polars, f"{conditions}, outline {show(Path(source).name)}")
     picture = style.png(draw_report(f"{name}: {conditions}", polars, others))
     write_new({table_file: table, figure_file: picture}, force)
     return [
@@ -146,16 +145,14 @@ def parse_alpha(text: str) -> np.ndarray:
 
 def _csv(polars: Sequence[ComputedPolar], remark: str) -> bytes:
     """Return the polars, one below the other, as CSV with a remark and a header."""
-    rows = []
+    rows: list[list[str]] = []
     for table, confidence in polars:
         coefficients = table.lift, table.drag, table.moment, *np.asarray(table.smallest_pressure)
-        reynolds = np.full(table.alpha.size, table.reynolds)
-        columns = np.rad2deg(table.alpha), *coefficients, confidence, reynolds
-        rows.append(np.column_stack(columns))
-    names = ",".join(("alpha_deg,cl,cd,cm", *SURFACES, "confidence,reynolds"))
-    file, header = io.BytesIO(), f"{remark}\n{names}"
-    np.savetxt(file, np.vstack(rows), 7 * "%.6f," + "%.10g", header=header, comments="")
-    return file.getvalue()
+        columns = np.rad2deg(table.alpha), *coefficients, confidence
+        values = np.column_stack(columns)
+        rows += [[*(f"{x:.6f}" for x in row), f"{table.reynolds:.10g}"] for row in values]
+    names = "alpha_deg", "cl", "cd", "cm", *SURFACES, "confidence", "reynolds"
+    return csv_text(names, rows, [remark]).encode()
 
 
 def _reynolds(table: PolarTable) -> str:

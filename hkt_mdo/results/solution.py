@@ -196,18 +196,14 @@ class Solution:
         """The results of all scenarios, each alone."""
         return tuple(self.scenario(name) for name in self.tables)
 
-    def _only(self, scenario: str | None = None) -> ScenarioTables:
-        """Return the tables of a scenario, None: of the only one."""
-        if scenario is not None:
-            (found,) = self.scenario(scenario).tables.values()
-        elif len(self.tables) == 1:
-            (found,) = self.tables.values()
-        else:
+    def _only(self) -> ScenarioTables:
+        """Return the tables of the only scenario."""
+        first = next(iter(self.tables))
+        if len(self.tables) > 1:
             problem = f"has several scenarios: {', '.join(self.tables)}"
-            first = next(iter(self.tables))
             remedy = f"choose one, such as solution.scenario({first!r}), or --scenario {first}"
             raise InputError(problem, remedy, file=self.folder)
-        return found
+        return self.tables[first]
 
     @property
     def trajectory(self) -> dict[str, np.ndarray]:
@@ -262,7 +258,7 @@ class Solution:
     @property
     def success(self) -> bool:
         """Whether the optimizer converged and every check of the result passed."""
-        return bool(self.summary["success"])
+        return self.summary.success
 
     @property
     def finished(self) -> bool:
@@ -272,7 +268,7 @@ class Solution:
     @property
     def message(self) -> str:
         """Why the run ended, one printable line."""
-        return printable(self.summary.get("message") or "")
+        return printable(self.summary.message or "")
 
     @property
     def energy(self) -> float | None:
@@ -287,7 +283,7 @@ class Solution:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was converted, repaired or left out of the case's files, a printable line each."""
-        return tuple(printable(note) for note in self.summary.get("notes") or ())
+        return tuple(printable(note) for note in self.summary.notes or ())
 
     def across_gaps(self, time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return times and values (n_times,) with NaN wherever the machine stood still between two.
@@ -352,7 +348,7 @@ class Solution:
     @property
     def blade(self) -> dict[str, np.ndarray]:
         """Chord and twist of the blade and of the blade at the start, column[n_stations]."""
-        columns = {name: self.summary.get(name) for name in BLADE}
+        columns = {name: getattr(self.summary, name) for name in BLADE}
         return {name: np.array(values) for name, values in columns.items() if values is not None}
 
     def table(self, name: str, scenario: str | None = None) -> dict[str, np.ndarray]:
@@ -378,8 +374,9 @@ class Solution:
         """
         if name not in TABLES:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
-        of = self._only(scenario) if name in _OF_SCENARIOS else self
-        if not (table := getattr(of, name)):
+        one = self if scenario is None else self.scenario(scenario)
+        table: dict[str, np.ndarray] = getattr(one, name)
+        if not table:
             raise InputError(f"has no {name}", "let the run finish", file=self.folder)
         return table
 
@@ -454,17 +451,12 @@ def _read_csv(path: Path, columns: tuple[str, ...], maybe: set[str]) -> dict[str
     """
     if not path.exists():
         return {}
+    required = [name for name in columns if name not in maybe]
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
-    table = Csv(text, path, ",".join(name for name in columns if name not in maybe))
+    table = Csv(text, path, ",".join(required))
+    table.check(required, "table of a result", sorted(maybe))
     rows = list(table)
-    columns = tuple(name for name in columns if name not in maybe or name in table.header)
-    for name in columns:
-        if name not in table.header:
-            raise table.refuse(f"lacks the column {name}", "run the case again")
-        table.place(name)
-    if not rows:
-        return {}
-    found = number_columns(rows, table.header, path, columns, parse=_any_number)
+    found = number_columns(rows, table.header, path, columns, parse=_any_number) if rows else {}
     for column in found.values():
         column.values.flags.writeable = False
     return {name: column.values for name, column in found.items()}

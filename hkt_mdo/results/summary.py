@@ -365,12 +365,10 @@ class YearEntry(_Entry):
         lost = "" if self.kept in (None, 1.0) else f"times {self.kept:.4g} for what is lost"
         gross = measured(self.energy_kWh, "", 6)
         net, factor = self.net_energy_kWh, self.capacity_factor
-        parts = {name: f"{100.0 * (x or 0.0):.2g} %" for name, x in self.uncertainty_by.items()}
         both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
-        causes = (
-            f"by the flow's speed {parts['speed']}" if "speed" in parts else "",
-            f"by the length of the record {parts['record']}" if "record" in parts else "",
-        )
+        words = {"speed": "by the flow's speed", "record": "by the length of the record"}
+        shares = ((word, self.uncertainty_by.get(name)) for name, word in words.items())
+        causes = (f"{word} {100.0 * x:.2g} %" for word, x in shares if x is not None)
         known = f"standard uncertainty: {joined(*causes)}" if both else "uncertainty not known"
         note = f"electrical, of 8766 h; {known}"
         yield Row("annual energy", f"{gross} kWh{both}", note=note)
