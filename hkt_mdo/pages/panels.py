@@ -14,7 +14,7 @@ import numpy as np
 from hkt_mdo.results import charts
 from hkt_mdo.results.charts import Results
 from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel
-from hkt_mdo.results.words import limit_words, printable
+from hkt_mdo.results.words import printable
 
 Chart = dict[str, Any]
 GROUND = "#ffffff"
@@ -116,11 +116,18 @@ def escaped(text: str) -> str:
 
 def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
     """Return a curve as traces, of at most so many points; `shades` names what its colours are."""
-    kept = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
     index, name = curve.index or 0, escaped(curve.name)
+    named: Chart = {"name": name, "legendgroup": name, "showlegend": bool(name)}
+    if curve.kind == "across":
+        look = {"type": "bar", "orientation": "h", "offsetgroup": str(index)}
+        look |= {"textposition": "auto", "insidetextanchor": "end"}
+        pattern = {"shape": HATCHES[index % len(HATCHES)], "fillmode": "overlay"}
+        values = {"x": plain(curve.x), "y": curve.y.tolist(), "text": f"{curve.x[0]:.1f} %"}
+        return [named | look | values | {"marker": {"color": curve.color, "pattern": pattern}}]
+    kept = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
     dash = "dot" if curve.index is None else DASHES[index % len(DASHES)]
-    trace: Chart = {"type": "scatter", "name": name, "legendgroup": name, "showlegend": bool(name)}
-    trace |= {"x": plain(curve.x[kept], 7), "y": plain(curve.y[kept]), "mode": "lines"}
+    trace = named | {"type": "scatter", "mode": "lines"}
+    trace |= {"x": plain(curve.x[kept], 7), "y": plain(curve.y[kept])}
     marker: Chart = {"color": curve.color}
     trace |= {"customdata": list(curve.links)} if len(curve.links) else {}
     if curve.kind == "runs":
@@ -165,6 +172,7 @@ def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE)
     panels = [panel for panel in panels if panel.curves]
     if not panels:
         return None
+    height += 26 * sum(curve.kind == "across" for panel in panels for curve in panel.curves)
     plotted = len(panels) * (height + GAP)
     layout: Chart = {"height": plotted, "annotations": [], "shapes": []}
     last = "y" if len(panels) == 1 else f"y{len(panels)}"
@@ -197,6 +205,8 @@ def _at(reference: str, place: float, size: int = 12) -> Chart:
 
 def _vertical(panel: Panel, traces: Sequence[Chart]) -> Chart:
     """Return the vertical axis of a panel, which shows its levels too."""
+    if panel.curves[0].kind == "across":
+        return {"autorange": "reversed", "ticksuffix": "  ", "showgrid": False}
     if panel.log:
         return {"type": "log", "exponentformat": "power", "dtick": 2}
     if panel.in_scale:
@@ -213,7 +223,8 @@ def _vertical(panel: Panel, traces: Sequence[Chart]) -> Chart:
 def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
     """Draw the levels, marks, spans and notes of a panel with their names."""
     look: Chart = {"line": {"color": GREY, "width": 1.2, "dash": "dashdot"}, "type": "line"}
-    look["layer"] = "below"  # a curve at its limit is seen
+    across = panel.curves[0].kind == "across"
+    look["layer"] = "above" if across else "below"  # a curve at its limit is seen
     shapes, notes = layout["shapes"], layout["annotations"]
     for name, level, left in panel.placed_levels:
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
@@ -226,7 +237,7 @@ def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
         ends = {"xref": "x", "x0": at, "x1": at, "yref": f"y{key} domain", "y0": 0, "y1": 1}
         shapes.append(look | ends)
         words = {"text": escaped(name), "xref": "x", "x": at, "xanchor": "right"}
-        notes.append(words | _at(f"y{key} domain", 0.0, 11))
+        notes.append(words | _at(f"y{key} domain", 1.0 if across else 0.0, 11))
     for low, high, _, color, index in panel.spans:
         foot = 0.0 if index is None else 0.05 * index
         tall = {"y0": foot, "y1": 1.0 if index is None else foot + 0.04}
@@ -235,51 +246,6 @@ def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
         shapes.append({"type": "rect", "layer": "below"} | ends | fill)
     for x, y, text in panel.notes:
         notes.append({"text": text, "xref": "x", "x": x} | _at(f"y{key}", y))
-
-
-def limit_bars(results: Results) -> Chart | None:
-    """Return a bar for each limit of each result: the largest value over the limit, in per cent.
-
-    Parameters
-    ----------
-    results : sequence of Labelled
-        The results; of several scenarios, the largest of all.
-
-    Returns
-    -------
-    dict or None
-        The chart; None where no result has a limit.
-    """
-    data: list[Chart] = []
-    names: dict[str, None] = {}
-    for solution, label, index in results:
-        most = {x: 100.0 * share for x, share in charts.largest_shares(solution).items()}
-        if not most:
-            continue
-        own = COLORS[index % len(COLORS)]
-        words = [limit_words(limit) for limit in most]
-        names |= dict.fromkeys(words)
-        gap = "\u2002" if label else ""  # beside the bar
-        pattern = {"shape": HATCHES[index % len(HATCHES)], "fillmode": "overlay"}
-        color = own if label else [QUANTITY_COLORS.get(limit, own) for limit in most]
-        bar: Chart = {"type": "bar", "orientation": "h", "cliponaxis": False}
-        bar |= {"name": escaped(label), "x": plain([*most.values()]), "y": words}
-        bar |= {"insidetextanchor": "end", "textposition": "outside" if label else "auto"}
-        bar["text"] = [f"{gap}{x:.1f} %" for x in most.values()]
-        data.append(bar | {"marker": {"color": color, "pattern": pattern}})
-    if not data:
-        return None
-    high = max(100.0, max(x for bar in data for x in bar["x"]))
-    line = {"type": "line", "xref": "x", "x0": 100, "x1": 100, "yref": "paper", "y0": 0, "y1": 1}
-    layout = {
-        "height": (12 + 24 * len(data)) * len(names),
-        "bargap": 0.3,
-        "xaxis": {"title": {"text": "largest value, % of the limit"}, "range": [0, 1.18 * high]},
-        "yaxis": {"autorange": "reversed", "ticksuffix": "  ", "showgrid": False},
-        "showlegend": len(data) > 1,
-        "shapes": [line | {"line": {"color": GREY, "width": 1.6, "dash": "dashdot"}}],
-    }
-    return {"data": data, "layout": layout}
 
 
 def views(results: Results) -> dict[str, dict[str, Chart]]:
@@ -303,7 +269,7 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
         found["all scenarios"] = _drawn(
             flow=stacked(flow, 170),
             time=stacked([*time, charts.smallest_margin(results)], 130),
-            limits=limit_bars(results),
+            limits=stacked(charts.limits(results), 40),
             span=stacked(charts.loads(results), 160),
         )
     for name in names:
@@ -313,7 +279,7 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
             flow=stacked(charts.power_curve(alone), 170),
             year=stacked(charts.year(alone), 130),
             time=stacked(time, 130, most),
-            limits=limit_bars(alone),
+            limits=stacked(charts.limits(alone), 40),
             span=stacked(charts.loads(alone), 160),
         )
     return found

@@ -311,6 +311,18 @@ def largest_shares(solution: Solution) -> dict[str, float]:
     return most
 
 
+def limits(results: Results) -> list[Panel]:
+    """Return a bar for each limit of each result: the largest value over the limit (%)."""
+    across = "largest value over its limit (%)"
+    panel = Panel("", across, marks={"limit": 100.0}, across_from_zero=True)
+    for each in results:
+        for limit, share in largest_shares(each.solution).items():
+            value, row = np.array([100.0 * share]), np.array([limit_words(limit)])
+            name = each.label or "largest value"
+            panel.curves.append(each.curve(value, row, name, limit, "across"))
+    return [panel]
+
+
 def margins_over_time(results: Results) -> Panel:
     """Return the margin of each limit of a single result, the smallest of each of several."""
     several = any(each.label for each in results)

@@ -7,33 +7,31 @@ import base64
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.charts import Results, Solutions
-from hkt_mdo.results.panel import QUANTITY_COLORS, Panel
+from hkt_mdo.results.panel import Panel
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.words import joined, limit_words, printable
+from hkt_mdo.results.words import joined, printable
 
 _OF_ONE = "operation", "limits", "year"
 """Figures of one scenario each."""
 _OF_DESIGN = "blade", "coefficients", "convergence"
 """Figures of a result as a whole."""
-FIGURES: dict[str, tuple[Callable[[Results], list[Panel]] | None, float, float]] = {
+FIGURES: dict[str, tuple[Callable[[Results], list[Panel]], float, float]] = {
     "blade": (charts.blade, 6.6, 1.8),
     "coefficients": (charts.coefficients, 5.6, 2.2),
     "operation": (partial(charts.operation, nodes=True), 7.4, 1.55),
     "power_curve": (charts.power_curve, 7.0, 2.05),
     "year": (charts.year, 6.4, 2.05),
-    "limits": (None, 7.0, 1.0),
+    "limits": (charts.limits, 7.0, 0.8),
     "loads": (charts.loads, 5.6, 2.0),
     "convergence": (charts.convergence, 6.2, 2.7),
 }
-"""By the name of a figure: its panels, None for bars, its width and a panel's height (inches)."""
+"""By the name of a figure: its panels, its width and a panel's height (inches)."""
 
 
 def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
@@ -49,41 +47,9 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
         results = charts.of_scenario(results, scenario)
     elif name not in _OF_DESIGN:
         results = charts.by_scenario(results)
-    if make is not None:
-        panels = make(results)
-        known = any(panel.curves for panel in panels)
-        return style.figure_of_panels(panels, width, height, title) if known else None
-    bars = [len(each.solution.limit_shares()) for each in results]
-    if not any(bars):
-        return None
-    height += style.BESIDES + 0.2 * max(bars) * len(bars)  # each bar has room for its number
-    return style.figure_of(width, height, [partial(plot_limits, results)], title=title)
-
-
-def plot_limits(results: Results, ax: Axes | None = None) -> Axes:
-    """Plot a bar for each limit: the largest value over the limit, which is 1; of each result."""
-    ax = ax or style.new_axes()
-    shares = [charts.largest_shares(each.solution) for each in results]
-    rows = list(dict.fromkeys(limit for each in shares for limit in each))[::-1]
-    height = 0.8 / len(results)
-    for number, (each, most) in enumerate(zip(results, shares, strict=True)):
-        shift = (0.5 * len(results) - number - 0.5) * height
-        places, look = [rows.index(limit) + shift for limit in most], style.bar(each.index)
-        if not each.label:
-            look["color"] = [QUANTITY_COLORS.get(limit, look["color"]) for limit in most]
-        look |= {"label": style.legend_name(each.label or "largest value")}
-        if most:
-            ax.barh(places, [*most.values()], height=0.9 * height, alpha=0.85, **look)
-        for place, value in zip(places, most.values(), strict=True):
-            words: dict[str, Any] = {"va": "center", "fontsize": style.FONT_SIZE - 1.5}
-            ax.text(max(value, 1.0), place, f" {value:.3f}", **words)  # beyond the limit's line
-    ax.axvline(1.0, label="limit", **style.REFERENCE | {"linewidth": 1.6})
-    ax.set_xlim(0.0, 1.12 * max(1.0, ax.get_xlim()[1] / 1.05))
-    room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
-    ax.set_ylim(-room, len(rows) - 1 + room)
-    style.finish(ax, "largest value over its limit (-)", "")
-    ax.set_yticks(range(len(rows)), [limit_words(limit) for limit in rows])
-    return ax
+    panels = make(results)
+    known = any(panel.curves for panel in panels)
+    return style.figure_of_panels(panels, width, height, title) if known else None
 
 
 class Figures(dict[str, Figure]):

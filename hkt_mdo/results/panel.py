@@ -30,7 +30,7 @@ class Curve:
     """A curve, points, a band or bars.
 
     `kind` is one of line, marked (a line with markers), points, runs (points of which each is
-    drawn), band (from `low` to `y`) and bar.
+    drawn), band (from `low` to `y`), bar and across, one horizontal bar, whose row `y` names.
     `index` is the place of the result among several, which gives line style and marker; None: a
     reference, which is dotted. A curve without a `name` is not in the legend.
     """

@@ -91,7 +91,9 @@ def figure_of_panels(panels: Sequence[Panel], width: float, height: float, title
     panels = [panel for panel in panels if panel.curves]
     share = sum(1 for _ in takewhile(lambda x: x.across == panels[-1].across, reversed(panels)))
     plots = [partial(draw, panel) for panel in panels]
-    return figure_of(width, BESIDES + height * len(plots), plots, share, title)
+    bars = sum(curve.kind == "across" for panel in panels for curve in panel.curves)
+    height = BESIDES + height * len(plots) + 0.2 * bars
+    return figure_of(width, height, plots, share, title)
 
 
 def line(index: int) -> dict[str, Any]:
@@ -122,7 +124,10 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())
-    for curve in panel.curves:
+    bars = [each for each in panel.curves if each.kind == "across"]
+    rows = list(dict.fromkeys(str(each.y[0]) for each in bars))[::-1]
+    _draw_bars(bars, rows, ax)
+    for curve in panel.curves if not bars else ():
         _draw_curve(curve, ax, sum(each.kind == "bar" for each in panel.curves))
         if curve.shade is not None:
             ax.figure.colorbar(ax.collections[-1], ax=ax, label=panel.shades)
@@ -140,7 +145,7 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
         ax.set_aspect("equal", adjustable="datalim")
     elif panel.from_zero and all(np.nanmin(x) > -0.01 * np.nanmax(x) for x in values if x.size):
         ax.set_ylim(bottom=0.0)
-    elif not panel.log:
+    elif not panel.log and not bars:
         _widen(ax)
     if panel.across_from_zero:
         ax.set_xlim(left=0.0)
@@ -148,7 +153,10 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
         _draw_level(ax, value, name, left)
     for name, place in panel.marks.items():
         ax.axvline(place, label=name, linestyle=":", **REFERENCE)
-    return finish(ax, panel.across, panel.title)
+    finish(ax, panel.across, panel.title)
+    if bars:
+        ax.set_yticks(range(len(rows)), rows)
+    return ax
 
 
 def legend_name(name: str) -> str:
@@ -179,6 +187,22 @@ def _draw_curve(curve: Curve, ax: Axes, n_bars: int) -> None:
         if curve.kind == "points":
             look |= {"linestyle": "none", "markerfacecolor": "none"}
         ax.plot(curve.x, curve.y, **look)
+
+
+def _draw_bars(bars: Sequence[Curve], rows: Sequence[str], ax: Axes) -> None:
+    """Draw horizontal bars with their values; those of several results beside one another."""
+    results = list(dict.fromkeys(each.index for each in bars))
+    for each in bars:
+        height, number = 0.8 / len(results), results.index(each.index)
+        place = rows.index(str(each.y[0])) + (0.5 * len(results) - number - 0.5) * height
+        look = bar(each.index or 0) | {"color": each.color, "label": legend_name(each.name)}
+        ax.barh(place, each.x, height=0.9 * height, alpha=0.85, **look)
+        words: dict[str, Any] = {"va": "center", "fontsize": FONT_SIZE - 1.5}
+        ax.text(max(each.x[0], 100.0), place, f" {each.x[0]:.1f} %", **words)  # beyond the limit
+    if bars:
+        room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
+        ax.set_ylim(-room, len(rows) - 1 + room)
+        ax.set_xlim(right=1.12 * max(100.0, *(each.x[0] for each in bars)))
 
 
 def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:

@@ -15,7 +15,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
-from hkt_mdo.results.figures import figure_of, figures, plot_limits, save_figures
+from hkt_mdo.results.figures import figure_of, figures, save_figures
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution
 
@@ -57,7 +57,7 @@ plots = types.SimpleNamespace(
     plot_power_coefficient=of_whole(charts.coefficient, "power"),
     plot_thrust_coefficient=of_whole(charts.coefficient, "thrust"),
     plot_convergence=of_whole(lambda results: charts.convergence(results)[0]),
-    plot_limits=lambda found, ax=None: plot_limits(charts.by_scenario(charts.labelled(found)), ax),
+    plot_limits=drawn_by(lambda results: charts.limits(results)[0]),
     **{
         f"plot_{name}": drawn_by(partial(charts.over_time, nodes=True), each)
         for name, each in OVER_TIME.items()
@@ -154,9 +154,9 @@ def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path
     names = [label.get_text() for label in ax.get_yticklabels()]
     assert names[::-1] == [*expected]  # the first at the top
     for bar, (name, values) in zip(ax.patches, expected.items(), strict=True):
-        assert bar.get_width() == pytest.approx(np.max(values), rel=1e-9)
+        assert bar.get_width() == pytest.approx(100.0 * np.max(values), rel=1e-9)
         assert names[round(bar.get_y() + 0.5 * bar.get_height())] == name
-    assert list(line_of(ax, "limit").get_xdata()) == [1.0, 1.0]
+    assert list(line_of(ax, "limit").get_xdata()) == [100.0, 100.0]
 
 
 def test_classes_of_the_flow_speed_have_mean_and_range() -> None:
