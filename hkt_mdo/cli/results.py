@@ -75,19 +75,17 @@ def plot(
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
     """
+    folder, forms = out or result / "figures", formats or ["png"]
     if (result / TABLE).is_file():
         from hkt_mdo.results.sweep import SweepTable
         from hkt_mdo.results.sweep_plots import save_figures as save_sweep
 
-        folder = out or result / "figures"
-        for path in save_sweep(SweepTable.load(result), folder, formats or ["png"]):
-            echo(str(path))
-        return
-    solution = read_result(result)
+        written = save_sweep(SweepTable.load(result), folder, forms)
+    else:
+        solution = read_result(result)
+        from hkt_mdo.results.figures import save_figures
 
-    from hkt_mdo.results.figures import save_figures
-
-    written = save_figures(solution, out or result / "figures", formats or ["png"])
+        written = save_figures(solution, folder, forms)
     if not written:
         raise InputError("holds no data to draw", "let the run finish", file=result)
     for path in written:

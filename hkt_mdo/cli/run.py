@@ -6,8 +6,7 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any
@@ -83,7 +82,7 @@ def run(
         check_folder(folder, force)  # which takes no time, unlike what a run imports
     before = _written(folder)
     try:
-        with _live(f"{loaded.name}: searching for a start", quiet, loaded.name) as live:
+        with _Live(f"{loaded.name}: searching for a start", quiet, loaded.name) as live:
             from hkt_mdo.run import run as runner
 
             if not quiet:
@@ -124,7 +123,7 @@ def _reporters(unit: str, live: _Live) -> tuple[Callable[..., None], ...]:
         ended = "converged" if entry.converged else "did not converge"
         line = f"pass {entry.number} {ended} in {entry.iterations} iterations, "
         line += measured(entry.objective_J, unit)
-        live.update("optimizing again" if entry.remedy else "checking")
+        live.update(live.line, description="optimizing again" if entry.remedy else "checking")
         live.tell(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
     def started(record: Any) -> None:
@@ -137,49 +136,41 @@ def _reporters(unit: str, live: _Live) -> tuple[Callable[..., None], ...]:
     return evaluation, passed, started
 
 
-class _Live:
-    """The last line of a terminal, and the lines that are told above it.
+class _Live(Progress):
+    """A line of a terminal with the time since it began, and the lines that are told above it.
 
     Parameters
     ----------
-    progress : rich.progress.Progress
-        Has the line as its only task.
+    first : str
+        The first line, which is told too.
+    quiet : bool
+        Whether nothing is shown.
     name : str
-        Where given, lines begin with it and the time.
+        Where given, the other lines begin with it and the time.
     """
 
-    def __init__(self, progress: Progress, name: str) -> None:
-        self.progress, self.name = progress, name
-        self.began = self.last = time.monotonic()
-
-    def update(self, line: str) -> None:
-        self.progress.update(self.progress.task_ids[0], description=line)
+    def __init__(self, first: str, quiet: bool, name: str = "") -> None:
+        one_line = Column(no_wrap=True, overflow="ellipsis")  # what wraps would stay on the screen
+        text = TextColumn("{task.description}", markup=False, table_column=one_line)
+        columns = SpinnerColumn(), TimeElapsedColumn(), text
+        super().__init__(*columns, console=Console(quiet=quiet), transient=True)
+        self.name, self.began, self.last = "", time.monotonic(), time.monotonic()
+        self.tell(first)
+        self.name, self.line = name, self.add_task(first)
 
     def show(self, line: str, ends: bool = False) -> None:
         """Update the line; where it is no terminal, tell it every few seconds, and at the end."""
-        if self.progress.console.is_terminal:
-            self.update(line)
+        if self.console.is_terminal:
+            self.update(self.line, description=line)
         elif ends or time.monotonic() - self.last >= _SECONDS_BETWEEN_LINES:
             self.last = time.monotonic()
             self.tell(line)
 
     def tell(self, line: str) -> None:
         """Print a line above the live one; where it is no terminal, without a line break within."""
-        console = self.progress.console
         line = f"{self.name}: {time.monotonic() - self.began:.0f} s, {line}" if self.name else line
-        console.print(line, markup=False, highlight=False, soft_wrap=not console.is_terminal)
-
-
-@contextmanager
-def _live(first: str, quiet: bool, name: str = "") -> Iterator[_Live]:
-    """Give a line of a terminal that tells the time since it began; elsewhere a plain first one."""
-    one_line = Column(no_wrap=True, overflow="ellipsis")  # what wraps would stay on the screen
-    text = TextColumn("{task.description}", markup=False, table_column=one_line)
-    columns = SpinnerColumn(), TimeElapsedColumn(), text
-    with Progress(*columns, console=Console(quiet=quiet), transient=True) as progress:
-        _Live(progress, "").tell(first)
-        progress.add_task(first)
-        yield _Live(progress, name)
+        soft = not self.console.is_terminal
+        self.console.print(line, markup=False, highlight=False, soft_wrap=soft)
 
 
 def _written(folder: Path) -> list[int]:
@@ -259,15 +250,15 @@ def sweep(
     folder = out or Path("results") / sweep.stem
     how: dict[str, Any] = {"scheduler": scheduler, "extensions": parts.EXTENSIONS.get()}
     try:
-        with _live(f"{sweep.stem}: {asked.size:,} runs", quiet) as live:
+        with _Live(f"{sweep.stem}: {asked.size:,} runs", quiet) as live:
             from hkt_mdo.run.sweep import run_sweep
 
             if asked.size > ASKED and not yes:
                 first = run_sweep(asked, folder, 1, most=2, **how)
                 seconds = [x for row in first if (x := row.get("wall_seconds"))]
-                live.progress.stop()
+                live.stop()
                 _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
-                live.progress.start()
+                live.start()
             rows = run_sweep(asked, folder, jobs, _reporter(live), **how)
     except KeyboardInterrupt:
         saved = f"finished runs are in {folder}; the same command continues"

@@ -97,16 +97,10 @@ class Labelled(NamedTuple):
         return color if self.label else QUANTITY_COLORS.get(quantity, color)
 
     def curve(
-        self,
-        x: np.ndarray,
-        y: np.ndarray,
-        name: str,
-        quantity: str = "",
-        kind: str = "line",
-        low: np.ndarray | None = None,
+        self, x: np.ndarray, y: np.ndarray, name: str, quantity: str = "", **more: Any
     ) -> Curve:
-        """Return a curve in the colour and line style of the result."""
-        return Curve(x, y, name, self.color(quantity), self.index, kind, low)
+        """Return a curve in the colour and line style of the result; `more`: of `Curve`."""
+        return Curve(x, y, name, self.color(quantity), self.index, **more)
 
 
 Results = Sequence[Labelled]
@@ -247,9 +241,9 @@ def over_flow(results: Results, quantity: str) -> Panel:
         speed, mean, low, high = binned(flow, scale * table[column], solution.steady)
         if not solution.steady:
             name = "" if label else "90 % of the instants"
-            panel.curves.append(each.curve(speed, high, name, quantity, "band", low))
+            panel.curves.append(each.curve(speed, high, name, quantity, kind="band", low=low))
         name = label or "mean at this flow speed"
-        panel.curves.append(each.curve(speed, mean, name, quantity, "marked"))
+        panel.curves.append(each.curve(speed, mean, name, quantity, kind="marked"))
         steady = steady_curve(solution)
         if column in steady:
             name, ink = ("", each.color()) if label else ("in steady flow", GREY)
@@ -288,7 +282,7 @@ def by_bin(results: Results, column: str) -> Panel:
     for each in results:
         if table := each.solution.year:
             x, y = table["inflow_speed_m_s"], scale * table[column]
-            panel.curves.append(each.curve(x, y, each.label, quantity, "bar"))
+            panel.curves.append(each.curve(x, y, each.label, quantity, kind="bar"))
     return panel
 
 
@@ -319,7 +313,7 @@ def limits(results: Results) -> list[Panel]:
         for limit, share in largest_shares(each.solution).items():
             value, row = np.array([100.0 * share]), np.array([limit_words(limit)])
             name = each.label or "largest value"
-            panel.curves.append(each.curve(value, row, name, limit, "across"))
+            panel.curves.append(each.curve(value, row, name, limit, kind="across"))
     return [panel]
 
 
@@ -355,7 +349,7 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
         if parts:
             place, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
             name = each.label or "smallest to largest of all scenarios"
-            panel.curves.append(each.curve(place, high, name, quantity, "band", low))
+            panel.curves.append(each.curve(place, high, name, quantity, kind="band", low=low))
     return panel
 
 
