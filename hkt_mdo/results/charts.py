@@ -275,20 +275,17 @@ def power_curve(results: Results) -> list[Panel]:
     return [over_flow(results, each) for each in FLOW]
 
 
-def by_bin(results: Results, column: str) -> Panel:
-    """Return a column of a year by the bins of the flow speed."""
-    title, scale, quantity = YEAR[column]
-    panel = Panel(title, "inflow speed (m/s)", from_zero=True)
-    for each in results:
-        if table := each.solution.year:
-            x, y = table["inflow_speed_m_s"], scale * table[column]
-            panel.curves.append(each.curve(x, y, each.label, quantity, kind="bar"))
-    return panel
-
-
 def year(results: Results) -> list[Panel]:
-    """Return power, hours and energy of a year."""
-    return [by_bin(results, each) for each in YEAR]
+    """Return power, hours and energy of a year by the bins of the flow speed."""
+    panels = []
+    for column, (title, scale, quantity) in YEAR.items():
+        panel = Panel(title, "inflow speed (m/s)", from_zero=True)
+        for each in results:
+            if table := each.solution.year:
+                x, y = table["inflow_speed_m_s"], scale * table[column]
+                panel.curves.append(each.curve(x, y, each.label, quantity, kind="bar"))
+        panels.append(panel)
+    return panels
 
 
 def margins(solution: Solution) -> dict[str, np.ndarray]:
