@@ -27,8 +27,7 @@ EXIT_CODES = (
 )
 
 _CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."
-CASE = Argument(metavar="CASE", help=_CASE, show_default=False)
-CaseFile = Annotated[Path, CASE]
+CaseFile = Annotated[Path, Argument(metavar="CASE", help=_CASE, show_default=False)]
 _CASES = "Case file in YAML, such as cases/sine_quadratic.yaml; several run at the same time."
 Cases = Annotated[list[Path] | None, Argument(metavar="CASE...", help=_CASES, show_default=False)]
 _RESULT = "Result folder that hkt run has written."
@@ -48,11 +47,9 @@ _JSON = "Print JSON, in SI units, in place of the table; messages go to standard
 _CSV = "Print CSV, in SI units, in place of the table; messages go to standard error."
 Json = Annotated[bool, Option("--json", help=_JSON)]
 AsCsv = Annotated[bool, Option("--csv", help=_CSV)]
-NoFigures = Annotated[bool, Option("--no-figures", help="Draw no figures.")]
 _OUT = Option("--out", metavar="DIR", help="Folder to write to; created if needed.")
 Folder = Annotated[Path, _OUT]
 OutFolder = Annotated[Path | None, _OUT]
-Seed = Annotated[int, Option(min=0, help="Seed of the random numbers.")]
 Jobs = Annotated[
     int | None, Option(min=1, max=256, help="Parallel processes.", show_default="one a core")
 ]

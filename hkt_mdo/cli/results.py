@@ -12,7 +12,7 @@ from rich.text import Text
 from typer import Argument, Option, echo
 
 from hkt_mdo.cli import parts
-from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, Seed, read_result
+from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, read_result
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports import FORMATS
 
@@ -218,7 +218,7 @@ def simulate(
     rate: Annotated[float, Option("--sample-rate", metavar="HZ", help=_RATE)] = 100.0,
     cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
     repeats: Annotated[int, Option(min=1, max=100_000, help="Number of noisy runs.")] = 20,
-    seed: Seed = 1,
+    seed: Annotated[int, Option(min=0, help="Seed of the random numbers.")] = 1,
     flow_seeds: Annotated[str | None, Option(metavar="SEEDS", help=_SEEDS)] = None,
     scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
     condition: Annotated[str | None, Option(metavar="CONDITION", help=_CONDITION)] = None,

@@ -43,7 +43,7 @@ def run(
     segments: Annotated[int | None, Option(metavar="N", help=_SEGMENTS)] = None,
     overrides: parts.Overrides = None,
     quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
-    no_figures: parts.NoFigures = False,
+    no_figures: Annotated[bool, Option("--no-figures", help="Draw no figures.")] = False,
     no_records: Annotated[bool, Option("--no-records", help=_NO_RECORDS)] = False,
     pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
     jobs: parts.Jobs = None,

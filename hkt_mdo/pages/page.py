@@ -18,7 +18,7 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import CheckEntry, Span, Summary, unasked
+from hkt_mdo.results.summary import CheckEntry, Summary, unasked
 from hkt_mdo.results.words import (
     joined,
     limit_words,
@@ -222,36 +222,18 @@ def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[Any, An
     return sorted(_aligned(columns), key=lambda row: not any(x and x[1] for x in row[1]))
 
 
-def _scenarios(summary: Summary) -> list[dict[str, str]]:
-    """Return the scenarios of a result as rows, the largest of all of them first."""
+def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
+    """Return by how much each of several scenarios uses each limit (%), by the words for it."""
     entries = summary.scenarios or {}
-    if len(entries) < 2:
-        return []
-    rows: list[dict[str, str]] = []
-    worst: dict[str, float] = {}
-    for name, entry in entries.items():
-        flow = entry.inflow_speed or Span()
-        shares = {
+    return {
+        name: {
             f"of the {limit_words(x)} limit": 100.0 * each.value / each.limit
             for x, each in (entry.limits or {}).items()
             if each.value is not None and each.limit
         }
-        worst |= {x: max(share, worst.get(x, share)) for x, share in shares.items()}
-        row = {
-            "scenario": name,
-            "share of time": measured(entry.share, digits=3),
-            "duration": measured(entry.duration_s, "s"),
-            "mean flow": measured(flow.mean, "m/s", 3),
-            "largest flow": measured(flow.max, "m/s", 3),
-            "energy": measured(entry.simulated_energy_J, "J", 4),
-            "mean power": measured(entry.mean_power_W, "W", 4),
-        }
-        rows.append(row | _per_cent(shares))
-    return [{"scenario": "largest of all"} | _per_cent(worst), *rows]
-
-
-def _per_cent(shares: dict[str, float]) -> dict[str, str]:
-    return {name: f"{share:.1f} %" for name, share in shares.items()}
+        for name, entry in entries.items()
+        if len(entries) > 1
+    }
 
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:

@@ -139,10 +139,6 @@ class LimitEntry(LoadEntry):
     share_of_time: _Number = None
     worth: _Number = None
 
-    def __str__(self) -> str:
-        value, limit = measured(self.value, self.unit), measured(self.limit, self.unit)
-        return printable(f"{value}, limit {limit}")
-
     @property
     def margin(self) -> str:
         """Distance from the limit, in per cent, and what the limit costs; empty if not known."""
