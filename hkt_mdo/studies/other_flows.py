@@ -382,18 +382,29 @@ def simulations(
 
     Parameters
     ----------
-    solution, flow, seeds
+    solution : Solution
+        A finished result.
+    flow : str or mapping
+        As of `runs_of`.
+    seeds : str or None
         As of `runs_of`.
     condition : str or None
         Fouling in place of that of the case, as text.
-    dynamics, tau1 : str or None, float or None
-        Model of the wake and its time constant, s; None: those of the case.
-    start, stop, noise
+    dynamics : str or None
+        Model of the wake; None: that of the case.
+    tau1 : float or None
+        Its time constant, s; None: that of the case.
+    start : bool
+        As of `Run`.
+    stop : float or None
+        As of `Run`.
+    noise : tuple of Sensor, int and int, or None
         As of `Run`.
 
     Returns
     -------
     list of Run
+        One for each scenario and seed.
 
     Raises
     ------
