@@ -5,6 +5,7 @@ Numbers may have Fortran's exponents (1.0D+00).
 
 import re
 from dataclasses import replace
+from itertools import dropwhile
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,11 @@ from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_
 from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_of_rows
 from hkt_mdo.files.table import (
     Column,
-    fortran_number,
+    Row,
     line_error,
     number_columns,
     numbered_lines,
+    parse_number,
     read_text,
 )
 
@@ -120,7 +122,7 @@ def _read_table(
     if "re" not in settings:
         raise line_error(path, count_line, "comes without a line Re above it", _REMEDY, "NumAlf")
     line, cell = settings["re"]
-    reynolds = check_reynolds(fortran_number(cell), cell, path, f"line {line}, Re", 1e6)
+    reynolds = check_reynolds(parse_number(cell), cell, path, f"line {line}, Re", 1e6)
     if len(lines) < int(count):
         problem = f"announces more rows than the {len(lines)} that follow"
         raise line_error(path, count_line, problem, _REMEDY, "NumAlf", value=count)
@@ -171,7 +173,7 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
     lines = numbered_lines(text)
     begin = next(at for at, (_, line) in enumerate(lines) if OLD_COUNT.search(line))
     number, counted = lines[begin]
-    count = fortran_number(counted.split()[0])
+    count = parse_number(counted.split()[0])
     about = " ".join(line for _, line in lines[:begin]).lower()
     fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
     tables: list[PolarTable] = []
@@ -195,12 +197,12 @@ def _read_old_table(
 ) -> PolarTable:
     """Read a table of AeroDyn 13 from the lines between two EOT; one alone may have Re = 0."""
     line, cells = block[0]
-    reynolds = fortran_number(cells[0])
+    reynolds = parse_number(cells[0])
     if alone and reynolds == 0.0:
         reynolds = None
     else:
         reynolds = check_reynolds(reynolds, cells[0], path, f"line {line}, Re", 1e6)
-    rows = [row for row in block if len(row[1]) > 2 and None not in map(fortran_number, row[1])]
+    rows = [row for row in block if len(row[1]) > 2 and None not in map(parse_number, row[1])]
     if not rows:
         raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
     names = [*_COLUMNS[:3], fourth][: len(rows[0][1])]
@@ -212,8 +214,8 @@ _COORDINATES = re.compile(
 )
 
 
-def coordinates_of(airfoil: Path) -> Path:
-    """Return the file that holds the coordinates of a section.
+def coordinates_of(airfoil: Path) -> Path | None:
+    """Return the file that holds the coordinates of a section, as an airfoil file says.
 
     Parameters
     ----------
@@ -222,8 +224,9 @@ def coordinates_of(airfoil: Path) -> Path:
 
     Returns
     -------
-    pathlib.Path
-        The file that the airfoil file names at ``NumCoords``, from its own folder; else itself.
+    pathlib.Path or None
+        The file that the airfoil file names at ``NumCoords``, from its own folder; itself if it
+        holds them; None if it has neither.
 
     Raises
     ------
@@ -232,9 +235,11 @@ def coordinates_of(airfoil: Path) -> Path:
     """  # noqa: DOC501 - `line_error` returns an InputError
     text = read_text(airfoil, "file with an outline")
     match = _COORDINATES.search(text)
-    named = match and _named(match, airfoil)
-    if not match or not named:
-        return airfoil
+    if not match:
+        return None
+    if not match[1].startswith("@"):
+        return airfoil if (parse_number(match[1]) or 0.0) >= FEWEST_POINTS else None
+    named = airfoil.parent / match[1].removeprefix("@").strip("\"'").replace("\\", "/")
     if not named.is_file():
         line = len(numbered_lines(text[: match.end()]))
         remedy = "put the file there, or give another outline"
@@ -256,19 +261,9 @@ def has_coordinates(airfoil: str) -> bool:
         False also for files of other formats, and for those that cannot be read.
     """
     try:
-        match = _COORDINATES.search(read_text(Path(airfoil), "file with a polar"))
+        return coordinates_of(Path(airfoil)) is not None
     except InputError:  # said where the polar is read
         return False
-    if not match:
-        return False
-    named = _named(match, Path(airfoil))
-    return named.is_file() if named else (fortran_number(match[1]) or 0.0) >= FEWEST_POINTS
-
-
-def _named(match: re.Match[str], airfoil: Path) -> Path | None:
-    """Return the file that a setting NumCoords names by an @, if it does."""
-    name = match[1].removeprefix("@").strip("\"'").replace("\\", "/")
-    return airfoil.parent / name if match[1].startswith("@") else None
 
 
 # Blade definition ---------------------------------------------------------------------------------
@@ -276,6 +271,7 @@ def _named(match: re.Match[str], airfoil: Path) -> Path | None:
 # Units of the columns; see the input files of AeroDyn at https://openfast.readthedocs.io.
 _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
+_ROW_COUNT = re.compile(r"\s*\S+\s+NumBlNds\b", re.IGNORECASE)
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
 AT_HUB = 1e-3
 """How far over the span the first row may be from the hub's radius to count as there."""
@@ -308,7 +304,7 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     InputError
         If the file is broken, with the line, or `hub_radius` is None.
     """
-    columns, messages = _blade_columns([line for _, line in numbered_lines(text.rstrip())], file)
+    columns, messages = _blade_columns(text, file)
     span, degrees, chord, section = (columns[name] for name in _NEEDED)
     unknown = np.full(span.values.size, hub_radius is None)
     problem = "is measured from the blade's root, whose radius an AeroDyn file does not contain"
@@ -352,52 +348,51 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     )
 
 
-def _blade_columns(lines: list[str], file: Path) -> tuple[dict[str, Column], list[str]]:
+def _blade_columns(text: str, file: Path) -> tuple[dict[str, Column], list[str]]:
     """Return the columns in the file's units, and messages about rows that are ignored."""
-    matches = (re.match(r"\s*(\S+)\s+NumBlNds\b", line, re.IGNORECASE) for line in lines)
-    counts = ((number, match[1]) for number, match in enumerate(matches, 1) if match)
-    count_line, cell = next(counts, (0, ""))
-    if not count_line:
+    lines = numbered_lines(text.rstrip())
+    begin = next((at for at, (_, line) in enumerate(lines) if _ROW_COUNT.match(line)), None)
+    if begin is None:
         problem = "has no line `19 NumBlNds`, so it is no AeroDyn 15 blade file"
         remedy = "give the blade file (ADBlFile) that AeroDyn's primary file names, or a CSV file"
-        raise line_error(file, 1, problem, remedy, value=lines[0])
-    number = fortran_number(cell) or 0.0
+        raise line_error(file, 1, problem, remedy, value=lines[0][1])
+    rows = [(number, re.split(r"[!#]", line)[0].split()) for number, line in lines[begin:]]
+    (count_line, (cell, *_)), *rows = rows
+    number = parse_number(cell) or 0.0
     count = int(number)
     if count != number or not FEWEST_ROWS <= count <= MOST_ROWS:
         problem = f"is no number of rows from {FEWEST_ROWS} to {MOST_ROWS}"
         remedy = "write how many rows the blade has"
         raise line_error(file, count_line, problem, remedy, "NumBlNds", value=cell)
-    names_line = count_line + 1
-    while names_line < len(lines) and not lines[names_line - 1].strip():
-        names_line += 1
-    names, units = (line.split() for line in [*lines, "", ""][names_line - 1 : names_line + 1])
-    spellings = {name.lower(): name for name in _UNITS}
-    names = [spellings.get(name.lower(), name) for name in names]
-    _check_head(names, units, names_line, file)
-    rows = [
-        (line, re.split(r"[!#]", text)[0].split())
-        for line, text in enumerate(lines[names_line + 1 :], names_line + 2)
-    ]
+    rows = [*dropwhile(lambda row: not row[1], rows)]
+    end = lines[-1][0] + 1, []
+    names = _checked_names(*[*rows, end, end][:2], file)
+    rows = rows[2:]
     if len(rows) < count:
         problem = f"announces {count} rows, but the file ends after {len(rows)}"
         remedy = "complete the rows or correct NumBlNds"
         raise line_error(file, count_line, problem, remedy, "NumBlNds", value=count)
-    ignored = sum(fortran_number(cells[0]) is not None for _, cells in rows[count:] if cells)
+    ignored = sum(parse_number(cells[0]) is not None for _, cells in rows[count:] if cells)
     message = f"NumBlNds = {count}: {ignored} rows after these are ignored, as OpenFAST does"
     return number_columns(rows[:count], names, file, _UNITS), [message] if ignored else []
 
 
-def _check_head(names: list[str], units: list[str], line: int, file: Path) -> None:
-    """Refuse columns that are missing or appear twice, and units that are not AeroDyn's."""
+def _checked_names(head: Row, below: Row, file: Path) -> list[str]:
+    """Return the columns' names as in `_UNITS`; refuse missing or repeated ones and other units."""
+    (line, given), (units_line, units) = head, below
+    spellings = {name.lower(): name for name in _UNITS}
+    names = [spellings.get(name.lower(), name) for name in given]
     missing = [f"lacks the column {name}" for name in _NEEDED if name not in names]
     repeated = [f"has the column {name} twice" for name in names if names.count(name) > 1]
     for problem in (missing + repeated)[:1]:
         remedy = f"the line after NumBlNds names the columns {_USUAL}"
         raise line_error(file, line, problem, remedy, value=" ".join(names))
     if not units or not units[0].startswith("("):
+        problem = "is not the line of units"
         remedy = "write (m) (m) (m) (deg) (deg) (m) (-) under the names of the columns"
-        raise line_error(file, line + 1, "is not the line of units", remedy, value=" ".join(units))
+        raise line_error(file, units_line, problem, remedy, value=" ".join(units))
     for name, unit in zip(names, units, strict=False) if len(names) == len(units) else ():
         if name in _UNITS and unit.strip("()").lower() != _UNITS[name]:
             problem, remedy = f"is not AeroDyn's unit ({_UNITS[name]})", "convert the column to it"
-            raise line_error(file, line + 1, problem, remedy, f"column {name}", value=unit)
+            raise line_error(file, units_line, problem, remedy, f"column {name}", value=unit)
+    return names

@@ -11,10 +11,10 @@ from hkt_mdo.files.aerodyn import FEWEST_POINTS, coordinates_of
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import (
     Csv,
-    fortran_number,
     line_error,
     number_columns,
     numbered_lines,
+    parse_number,
     read_text,
 )
 
@@ -66,7 +66,8 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
         If there is no such file, it is broken, or its points are no closed section; with file,
         line, value and remedy.
     """
-    path = coordinates_of(locate(source, "outline"))
+    path = locate(source, "outline")
+    path = coordinates_of(path) or path
     text = read_text(path, "file with an outline")
     lines = [
         (number, line.strip())
@@ -125,12 +126,12 @@ def _read_pairs(
 
 def _is_point(cells: Sequence[str]) -> bool:
     """Tell whether a row is two numbers."""
-    return len(cells) == 2 and None not in map(fortran_number, cells)
+    return len(cells) == 2 and None not in map(parse_number, cells)
 
 
 def _is_heading(line: str, cells: Sequence[str]) -> bool:
     """Tell whether a line beside the points is text, or the four ends of the grid of MSES."""
-    grid = len(cells) == 4 and None not in map(fortran_number, cells)
+    grid = len(cells) == 4 and None not in map(parse_number, cells)
     return grid or bool(_TEXT.match(line))
 
 
@@ -148,7 +149,7 @@ def _read_aerodyn(
         remedy = f"NumCoords counts the reference and the points, {FEWEST_POINTS} at least"
         raise line_error(path, line, problem, remedy, "NumCoords", value=count)
     numbers = [number for number, _ in rows[1:]]
-    x, y = np.array([list(map(fortran_number, row)) for _, row in rows[1:]]).T
+    x, y = np.array([list(map(parse_number, row)) for _, row in rows[1:]]).T
     if max(abs(x[0]), abs(x[-1])) > EDGE:
         return x, y, numbers
     # from the leading edge round to it: over the same side back from the trailing edge

@@ -97,7 +97,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     angle = table.one_of(_ANGLES, "angle of attack")
     table.check((angle, "cl", "cd"), "polar", known)
     if "reynolds" not in table.header:
-        return [polar_of_rows(table.rows, table.header, None, path, parse=parse_number)]
+        return [polar_of_rows(table.rows, table.header, None, path)]
     column = table.columns(("reynolds",), "polar")["reynolds"]
     for number, cell, key in zip(column.values, column.shown, column.keys, strict=True):
         check_reynolds(number, cell, path, key)
@@ -105,7 +105,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     for number in np.unique(column.values).tolist():
         rows = list(compress(table.rows, column.values == number))
         where = f"reynolds = {number:g}"
-        polars.append(polar_of_rows(rows, table.header, number, path, where, parse_number))
+        polars.append(polar_of_rows(rows, table.header, number, path, where))
     return polars
 
 

@@ -1,13 +1,13 @@
 """Table of a polar, the same for every file format: lift and drag at one Reynolds number."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Column, Row, fortran_number, number_columns
+from hkt_mdo.files.table import Column, Row, number_columns
 
 FEWEST_ROWS = 8
 """Fewest angles of a polar; fewer do not show where it stalls."""
@@ -161,12 +161,7 @@ def polar_table(
 
 
 def polar_of_rows(
-    rows: Sequence[Row],
-    names: Sequence[str],
-    reynolds: float | None,
-    file: object,
-    where: str = "",
-    parse: Callable[[str], float | None] = fortran_number,
+    rows: Sequence[Row], names: Sequence[str], reynolds: float | None, file: object, where: str = ""
 ) -> PolarTable:
     """Return the polar of rows of a text.
 
@@ -183,8 +178,6 @@ def polar_of_rows(
         The file, for messages.
     where : str
         Words that identify this polar among others in the file.
-    parse : callable
-        Returns the number that a cell is, or None.
 
     Returns
     -------
@@ -198,7 +191,7 @@ def polar_of_rows(
     """
     angle = next(name for name in ANGLES if name in names)
     wanted = angle, "cl", "cd", "cm", "cpmin", *SURFACES
-    columns = number_columns(rows, names, file, wanted, parse=parse)
+    columns = number_columns(rows, names, file, wanted)
     values = {name: column.values for name, column in columns.items()}
     alpha, lift, drag = values.pop(angle), values.pop("cl"), values.pop("cd")
     moment = values.pop("cm", None)

@@ -22,7 +22,7 @@ LONGEST_NAME = 100
 """Most characters of a column's name or a key that a message repeats."""
 
 _LONGEST_NUMBER = 64  # characters; a double needs 24
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?", re.ASCII)
 
 Row = tuple[int, Sequence[str]]
 """A row of a table: number of its line in the file, and its cells."""
@@ -293,7 +293,8 @@ def parse_number(text: str) -> float | None:
     Parameters
     ----------
     text : str
-        Digits with or without a decimal point and an exponent, without spaces.
+        Digits with or without a decimal point and an exponent, without spaces; the exponent may
+        begin with Fortran's d, as in 1.0D+00.
 
     Returns
     -------
@@ -302,24 +303,8 @@ def parse_number(text: str) -> float | None:
     """
     if len(text) > _LONGEST_NUMBER or not _NUMBER.fullmatch(text):
         return None
-    number = float(text)
+    number = float(text.lower().replace("d", "e"))
     return number if math.isfinite(number) else None
-
-
-def fortran_number(text: str) -> float | None:
-    """Return the finite number that a text is, also with an exponent of Fortran.
-
-    Parameters
-    ----------
-    text : str
-        As of `parse_number`; the exponent may begin with a d, as in 1.0D+00.
-
-    Returns
-    -------
-    float or None
-        The number; None for all else.
-    """
-    return parse_number(re.sub("[dD]", "e", text))
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,7 +365,7 @@ def number_columns(
     file: object,
     wanted: Collection[str],
     remedy: str = "complete the row, or correct the number of rows if the file states one",
-    parse: Callable[[str], float | None] = fortran_number,
+    parse: Callable[[str], float | None] = parse_number,
 ) -> dict[str, Column]:
     """Return columns of numbers of a text's rows.
 
@@ -628,4 +613,4 @@ class Csv:
         """
         self.check(names, what, optional)
         wanted = (*names, *optional)
-        return number_columns(self.rows, self.header, self.file, wanted, parse=parse_number)
+        return number_columns(self.rows, self.header, self.file, wanted)

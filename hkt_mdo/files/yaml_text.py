@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Column, fortran_number
+from hkt_mdo.files.table import Column, parse_number
 
 DEPTH = 20
 """Deepest nesting of a file; that of a reference turbine is 9."""
@@ -245,7 +245,7 @@ class Place:
             If the value is no finite number, or out of range.
         """
         self._expect(yaml.ScalarNode, "a number")
-        number = None if self.node.style else fortran_number(self.node.value)
+        number = None if self.node.style else parse_number(self.node.value)
         if number is None:
             raise self.refuse("must be a finite number", "write it plainly, without a unit")
         if not low < number <= high:
