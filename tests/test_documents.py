@@ -10,7 +10,6 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from hkt_mdo.case import Case, case_json_schema, load_case, read_case
-from hkt_mdo.case.messages import TAGS
 from hkt_mdo.case.turbine import SectionFile
 from hkt_mdo.cli import main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
@@ -18,6 +17,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names
 from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.messages import TAGS
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.sections import Section
 

@@ -33,6 +33,7 @@ from hkt_mdo.dynamics import (
     limits,
     long_record,
     objectives,
+    records,
     resource,
     sampled,
     tracking,
@@ -48,8 +49,8 @@ from hkt_mdo.errors import InputError, show
 from hkt_mdo.sections import Quantity, Section
 
 ENTRY_POINTS = "hkt_mdo.extensions"
-MODULES: list[ModuleType] = [laws, wide_laws, tracking, flows, sampled, resource, long_record]
-MODULES += [limits, objectives, aggregates]
+MODULES: list[ModuleType] = [laws, wide_laws, tracking, flows, records, sampled, resource]
+MODULES += [long_record, limits, objectives, aggregates]
 """Modules of the package's own kinds, in the order in which a case's reference lists them."""
 
 INTERNAL: list[type] = [resource.DurationCurve, limits.TorqueLimit, limits.ForwardRotation]

@@ -16,7 +16,6 @@ from pydantic.fields import FieldInfo
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
-from hkt_mdo.case.messages import TAGS, validated
 from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import Inflow, SumInflow
@@ -30,6 +29,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import Dumper, parse
+from hkt_mdo.messages import TAGS, validated
 from hkt_mdo.sections import Quantity, Section, refusal
 
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario

@@ -16,12 +16,12 @@ import yaml
 from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.case.kinds import Extension
-from hkt_mdo.case.messages import validated
 from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.messages import validated
 from hkt_mdo.sections import Section, refusal
 
 SWEEP = "sweep.yaml"

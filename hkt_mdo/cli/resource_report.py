@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from hkt_mdo.case.messages import validated
 from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.files.table import make_folder, refuse_existing
 from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.messages import validated
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_csv, write_text
 from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel

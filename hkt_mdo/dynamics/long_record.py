@@ -16,9 +16,8 @@ from pydantic import Field
 
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
-from hkt_mdo.dynamics.sampled import RecordFile
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.record_table import Columns, RecordOptions, read_pairs
+from hkt_mdo.files.record_table import Columns, RecordFile, read_pairs
 from hkt_mdo.sections import ExistingFile
 
 LONGEST_STILL = 1.0  # days
@@ -138,8 +137,7 @@ class RecordResource(RecordFile, Resource):
 
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
-        options = self.model_dump(include={*RecordFile.model_fields} - {"file"}) | others
-        return records.read_columns(Path(self.file), RecordOptions(**options))
+        return records.read_columns(Path(self.file), self.model_copy(update=others))
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""

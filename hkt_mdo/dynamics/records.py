@@ -8,18 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from hkt_mdo.dynamics.sampled import SampledInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
-from hkt_mdo.files.record_table import Columns, RecordOptions, read_csv
+from hkt_mdo.files.record_table import Columns, RecordFile, read_csv
 from hkt_mdo.files.record_xarray import columns_from, read_binary
+from hkt_mdo.files.table import file_state
+from hkt_mdo.messages import validated
+from hkt_mdo.sections import Quantity
 
-__all__ = ["Record", "RecordOptions", "find_spikes", "low_pass", "read_record", "record_from"]
+__all__ = ["Record", "RecordInflow", "find_spikes", "low_pass", "read_record", "record_from"]
 
 MIN_SAMPLES = 16
 """Smallest number of samples that make a record."""
@@ -70,27 +74,88 @@ class Record:
     messages: tuple[str, ...]
 
 
+class RecordInflow(RecordFile, SampledInflow):
+    """A measured flow: the samples of a file, low-passed, with a cubic spline through them.
+
+    It is repaired only where a key allows it; every repair is reported (docs/flows.md).
+    """
+
+    profile: Literal["record"] = "record"
+    """The kind of flow."""
+    start: Annotated[float, Quantity("s", ge=0)] = 0.0
+    """Time in the record, from its first sample, that becomes t = 0."""
+    duration: Annotated[float, Quantity("s", gt=0)] | None = None
+    """Length of the part that is taken; null: up to the record's end."""
+    gaps: Literal["refuse", "interpolate"] = "refuse"
+    """Missing samples: the record is refused, or gaps up to `longest_gap` are interpolated."""
+    longest_gap: Annotated[float, Quantity("s", gt=0, le=3600)] | None = None
+    """Longest gap that may be interpolated; null: three samples, at most an hour."""
+    spikes: Literal["refuse", "replace", "keep"] = "refuse"
+    """Up to three samples that differ strongly from their neighbours: the record is refused, or
+    they are interpolated or kept."""
+    uneven: Literal["refuse", "resample"] = "refuse"
+    """Uneven steps: the record is refused, or interpolated at the median step."""
+    cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
+    """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency."""
+
+    @cached_property
+    def _record(self):
+        """The record of the file, read once for equal options."""
+        return _read(self, file_state(self.file))
+
+    def samples(self):
+        return self._record.time, self._record.speed, "not-a-knot"
+
+    @property
+    def length(self):
+        return float(self._record.time[-1])
+
+    last_time = length
+
+    @property
+    def highest_frequency(self):
+        return self._record.cutoff
+
+    @property
+    def mean_speed(self):
+        return float(np.mean(self._record.speed))
+
+    @property
+    def messages(self):
+        return self._record.messages
+
+
+@lru_cache(maxsize=2)  # a case is built more than once, and reading takes longest
+def _read(flow: RecordInflow, state: object) -> Record:
+    return _made(read_columns(Path(flow.file), flow), flow)
+
+
 def read_record(path: str | Path, **options: Any) -> Record:
     """Read a record from a CSV, JSON, NetCDF or Parquet file; the ending says which.
 
     `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.json`: tidal
     data as MHKiT saves them, or a response of USGS. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`:
-    as MHKiT's data are saved. The options are those of `RecordOptions`. Raises InputError, with
+    as MHKiT's data are saved. The options are the keys of `RecordInflow`. Raises InputError, with
     file, line, column, value and remedy, if anything in the file is not as they say, it has more
     than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
-    chosen = RecordOptions(**options)
-    return _made(read_columns(Path(path), chosen), chosen)
+    flow = _flow({"file": str(path)} | options)
+    return _made(read_columns(Path(path), flow), flow)
 
 
-def read_columns(path: Path, options: RecordOptions) -> Columns:
+def _flow(options: dict[str, Any]) -> RecordInflow:
+    """Return the flow of some options, whether its file is there or not."""
+    return validated(RecordInflow, options, "", context={"check_files": False})
+
+
+def read_columns(path: Path, options: RecordFile) -> Columns:
     """Return the columns of a record as they stand in its file, in SI units.
 
     Parameters
     ----------
     path : pathlib.Path
         The file; its ending says which of `_READERS` reads it.
-    options : RecordOptions
+    options : RecordFile
         Names and units of the columns.
 
     Returns
@@ -110,7 +175,7 @@ def read_columns(path: Path, options: RecordOptions) -> Columns:
     return _with_parts(partial(reader, path), options)
 
 
-def _with_parts(read: Callable[[RecordOptions], Columns], options: RecordOptions) -> Columns:
+def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> Columns:
     """Return columns with the speed of two components, and a note where noise adds to it.
 
     The speed of a vector with noise is too large on average (Rice's distribution), unlike the
@@ -118,7 +183,7 @@ def _with_parts(read: Callable[[RecordOptions], Columns], options: RecordOptions
     """
     raw, messages = read(options), []
     if options.second_column is not None:
-        second = read(replace(options, speed_column=options.second_column))
+        second = read(options.model_copy(update={"speed_column": options.second_column}))
         messages.append(f"horizontal speed of {raw.names[1]} and {second.names[1]}")
         parts = np.stack((raw.speed, second.speed))
         raw = replace(raw, speed=np.hypot(*parts), parts=parts)
@@ -139,16 +204,16 @@ def record_from(data: Any, **options: Any) -> Record:
     Takes a pandas DataFrame or Series, or an xarray Dataset or DataArray, as of
     `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
     """
-    chosen = RecordOptions(**options)
+    chosen = _flow({"file": "record"} | options)
     return _made(_with_parts(partial(columns_from, data), chosen), chosen)
 
 
-def _made(raw: Columns, options: RecordOptions) -> Record:
+def _made(raw: Columns, options: RecordInflow) -> Record:
     """Return the record of columns; one that needs several repairs is refused with all of them."""
 
     def tried(**allowed: str) -> Record | InputError:
         try:
-            return _Record(raw, replace(options, **allowed)).made()
+            return _Record(raw, options.model_copy(update=allowed)).made()
         except InputError as error:
             return error
 
@@ -218,7 +283,7 @@ def check_speeds(
 class _Record:
     """Columns that become a record: checked, cut, repaired as far as allowed, low-passed."""
 
-    def __init__(self, raw: Columns, options: RecordOptions) -> None:
+    def __init__(self, raw: Columns, options: RecordInflow) -> None:
         self.raw, self.options, self.messages = raw, options, list(raw.messages)
 
     def made(self) -> Record:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.files.table import file_state
-from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section, refusal
+from hkt_mdo.sections import Quantity, refusal
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -41,96 +39,6 @@ class SampledInflow(Inflow):
         held = time.real if repeats else np.clip(time.real, spline.x[0], spline.x[-1])
         # exact in the imaginary part too, as long as that is a complex step
         return spline(held) + spline(held, 1) * (held == time.real) * (time - time.real)
-
-
-TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "days"]
-SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
-Bins = Pair[Annotated[float, Quantity("m")]]
-
-
-class RecordFile(Section):
-    """A file of samples over time, and its columns."""
-
-    file: ExistingFile
-    """Path of the record: `.csv` with a header line, `.json` of MHKiT or USGS, `.nc` or `.parquet`
-    (needs `hkt_mdo[records]`)."""
-    time_column: str | None = None
-    """Column or variable of the time; null: the first column of a CSV file, the index of a Parquet
-    file, that of the speed in NetCDF."""
-    speed_column: str | None = None
-    """Column or variable of the speed; null: the only one besides the time."""
-    second_column: str | None = None
-    """Column of the other horizontal component, north where `speed_column` is east."""
-    time_unit: TimeUnit | None = None
-    """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates need
-    none."""
-    speed_unit: SpeedUnit | None = None
-    """Unit of the speed or discharge; null: as in the column's name."""
-    area: Annotated[float, Quantity("m**2", gt=0)] | None = None
-    """Cross section of the channel, for a record of the discharge: speed = discharge / area."""
-    bins: Bins | None = None
-    """Depth bins of a profiler that are averaged, [lower, upper]."""
-    component: str | None = None
-    """Velocity component to use, such as `E`, or two, such as `E,N`; null: the first two."""
-
-
-class RecordInflow(RecordFile, SampledInflow):
-    """A measured flow: the samples of a file, low-passed, with a cubic spline through them.
-
-    It is repaired only where a key allows it; every repair is reported (docs/flows.md).
-    """
-
-    profile: Literal["record"] = "record"
-    """The kind of flow."""
-    start: Annotated[float, Quantity("s", ge=0)] = 0.0
-    """Time in the record, from its first sample, that becomes t = 0."""
-    duration: Annotated[float, Quantity("s", gt=0)] | None = None
-    """Length of the part that is taken; null: up to the record's end."""
-    gaps: Literal["refuse", "interpolate"] = "refuse"
-    """Missing samples: the record is refused, or gaps up to `longest_gap` are interpolated."""
-    longest_gap: Annotated[float, Quantity("s", gt=0, le=3600)] | None = None
-    """Longest gap that may be interpolated; null: three samples, at most an hour."""
-    spikes: Literal["refuse", "replace", "keep"] = "refuse"
-    """Up to three samples that differ strongly from their neighbours: the record is refused, or
-    they are interpolated or kept."""
-    uneven: Literal["refuse", "resample"] = "refuse"
-    """Uneven steps: the record is refused, or interpolated at the median step."""
-    cutoff: Annotated[float, Quantity("Hz", gt=0)] | None = None
-    """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency."""
-
-    @cached_property
-    def _record(self):
-        """The record of the file, read once for equal options."""
-        return _read(self, file_state(self.file))
-
-    def samples(self):
-        return self._record.time, self._record.speed, "not-a-knot"
-
-    @property
-    def length(self):
-        return float(self._record.time[-1])
-
-    last_time = length
-
-    @property
-    def highest_frequency(self):
-        return self._record.cutoff
-
-    @property
-    def mean_speed(self):
-        return float(np.mean(self._record.speed))
-
-    @property
-    def messages(self):
-        return self._record.messages
-
-
-@lru_cache(maxsize=2)  # a case is built more than once, and reading takes longest
-def _read(inflow: RecordInflow, state: object):
-    from hkt_mdo.dynamics.records import RecordOptions, read_record
-
-    options = {option.name: getattr(inflow, option.name) for option in fields(RecordOptions)}
-    return read_record(inflow.file, **options)
 
 
 def von_karman(frequency):

@@ -17,12 +17,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, create_model
 
-from hkt_mdo.case.messages import validated
 from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean, install, program_version
 from hkt_mdo.exports import FORMATS
 from hkt_mdo.files.table import write_new
 from hkt_mdo.files.template import templates
+from hkt_mdo.messages import validated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import printable
 from hkt_mdo.sections import Section

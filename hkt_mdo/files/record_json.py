@@ -4,7 +4,6 @@ import json
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ from hkt_mdo.files.record_table import (
     MAX_BYTES,
     TIME_UNITS,
     Columns,
-    RecordOptions,
+    RecordFile,
     choose,
     parse_rows,
 )
@@ -42,20 +41,20 @@ class _Series(NamedTuple):
     unit: str = ""
 
 
-def read_json(path: Path, options: RecordOptions) -> Columns:
+def read_json(path: Path, options: RecordFile) -> Columns:
     """Read time and speed from a JSON file.
 
     Three forms are known: columns as pandas writes them, ``{"s": {"1478606640000": 67.3, ...}}``,
     times since 1970 or dates; ``{"columns": ..., "index": ..., "data": ...}``; and a response of
     USGS' water services (WaterML in JSON), its columns by their description and, where there are
     several of one, by site and method (sensor). The unit of times since 1970 is
-    `RecordOptions.time_unit`, else the one that makes the year plausible.
+    `RecordFile.time_unit`, else the one that makes the year plausible.
 
     Parameters
     ----------
     path : pathlib.Path
         The file.
-    options : RecordOptions
+    options : RecordFile
         Which column, and its unit.
 
     Returns
@@ -86,7 +85,7 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     columns = _names(series)
     noaa = "metadata" in data and {*columns} == {*NOAA}
     if noaa:
-        options = replace(options, speed_column=options.speed_column or "s")
+        options = options.model_copy(update={"speed_column": options.speed_column or "s"})
     names = choose([TIME, *columns], TIME, options, str(path))
     _, times, values, _, unit = series[columns.index(names[1])]
     if noaa and not options.speed_unit:
@@ -94,7 +93,7 @@ def read_json(path: Path, options: RecordOptions) -> Columns:
     rows = zip(count(1), map(str, times), map(str, values), strict=False)
     raw, dated = parse_rows(rows, names, path, "row")
     if not dated and options.time_unit is None:
-        options = replace(options, time_unit=_epoch_unit(raw.time))
+        options = options.model_copy(update={"time_unit": _epoch_unit(raw.time)})
     order = np.argsort(raw.time, kind="stable")  # an object of JSON has no order
     messages += ["rows sorted by time"] * bool(np.any(np.diff(order) != 1))
     time, speed, place = raw.time[order], raw.speed[order], raw.place

@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.shipped import SPELLINGS
 from hkt_mdo.files.table import LONGEST_NAME, Column, Csv, parse_number, read_text
+from hkt_mdo.sections import ExistingFile, Pair, Quantity, Section
 
 MAX_BYTES = 256 * 1024**2
 """Largest file that is read, in bytes."""
@@ -87,59 +89,43 @@ def named_unit(name: str, spellings: dict[str, str]) -> str | None:
 # Columns ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class RecordOptions:
-    """Which columns are read and how the samples may be repaired; see the case section `record`."""
+TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "days"]
+SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
+Bins = Pair[Annotated[float, Quantity("m")]]
 
+
+class RecordFile(Section):
+    """A file of samples over time, and its columns."""
+
+    file: ExistingFile
+    """Path of the record: `.csv` with a header line, `.json` of MHKiT or USGS, `.nc` or `.parquet`
+    (needs `hkt_mdo[records]`)."""
     time_column: str | None = None
-    """Name of the time; by default the first column, the index, or the only time."""
+    """Column or variable of the time; null: the first column of a CSV file, the index of a Parquet
+    file, that of the speed in NetCDF."""
     speed_column: str | None = None
-    """Name of the speed; by default the only other column."""
+    """Column or variable of the speed; null: the only one besides the time."""
     second_column: str | None = None
-    """Name of the other horizontal component of the velocity, where `speed_column` is one."""
-    time_unit: str | None = None
-    """One of `TIME_UNITS`; by default as the name or the file says."""
-    speed_unit: str | None = None
-    """One of `SPEED_UNITS` or `DISCHARGE_UNITS`; by default as the name or the file says."""
-    area: float | None = None
-    """Cross section of the channel for a discharge, m²."""
-    bins: tuple[float, float] | None = None
-    """Range of depth bins to average over, m."""
+    """Column of the other horizontal component, north where `speed_column` is east."""
+    time_unit: TimeUnit | None = None
+    """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates need
+    none."""
+    speed_unit: SpeedUnit | None = None
+    """Unit of the speed or discharge; null: as in the column's name."""
+    area: Annotated[float, Quantity("m**2", gt=0)] | None = None
+    """Cross section of the channel, for a record of the discharge: speed = discharge / area."""
+    bins: Bins | None = None
+    """Depth bins of a profiler that are averaged, [lower, upper]."""
     component: str | None = None
-    """Label of a velocity's component, or of two; by default the horizontal speed."""
-    start: float = 0.0
-    """Where the part that is read begins, s since the first sample."""
-    duration: float | None = None
-    """Length of that part, s; by default up to the end."""
-    gaps: str = "refuse"
-    """Whether to refuse or interpolate gaps."""
-    longest_gap: float | None = None
-    """Longest gap that is interpolated, s; by default three samples and no more than an hour."""
-    spikes: str = "refuse"
-    """Whether to refuse, replace or keep spikes."""
-    uneven: str = "refuse"
-    """Whether to refuse or resample samples at uneven times."""
-    cutoff: float | None = None
-    """Frequency of the low-pass, Hz; by default half of Nyquist's frequency."""
-
-    def __post_init__(self) -> None:
-        for key, words in {
-            "time_unit": (None, *TIME_UNITS),
-            "speed_unit": (None, *SPEED_UNITS, *DISCHARGE_UNITS),
-            "gaps": ("refuse", "interpolate"),
-            "spikes": ("refuse", "replace", "keep"),
-            "uneven": ("refuse", "resample"),
-        }.items():
-            if getattr(self, key) not in words:
-                raise self.refuse(key, "unknown", f"give one of {', '.join(filter(None, words))}")
+    """Velocity component to use, such as `E`, or two, such as `E,N`; null: the first two."""
 
     def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
-        """Return the error of an option.
+        """Return the error of a key.
 
         Parameters
         ----------
         key : str
-            Name of the option.
+            Name of the key.
         problem, remedy, file : str
             As of `InputError`.
 
@@ -216,14 +202,14 @@ class Columns:
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
-    def in_si(self, dated: bool, options: RecordOptions, units: Sequence[str]) -> Columns:
+    def in_si(self, dated: bool, options: RecordFile, units: Sequence[str]) -> Columns:
         """Return the columns in s and m/s.
 
         Parameters
         ----------
         dated : bool
             Whether the times were dates, and are in seconds already.
-        options : RecordOptions
+        options : RecordFile
             Units that are given, and the area for a discharge.
         units : sequence of str
             Units of time and speed by the file's attributes, besides the names of the columns.
@@ -267,7 +253,7 @@ class Columns:
         parts = None if self.parts is None else self.parts * factor
         return replace(self, time=time, speed=speed, parts=parts, messages=messages)
 
-    def _unit(self, column: int, attribute: str, options: RecordOptions) -> str:
+    def _unit(self, column: int, attribute: str, options: RecordFile) -> str:
         """Return a column's unit, which an option, an attribute in the file or its name states."""
         key, spellings = (("time_unit", TIMES), ("speed_unit", SPEEDS))[column]
         given = getattr(options, key)
@@ -290,7 +276,7 @@ class Columns:
 
 
 def choose(
-    names: Sequence[str], default: str | None, options: RecordOptions, file: str
+    names: Sequence[str], default: str | None, options: RecordFile, file: str
 ) -> tuple[str, str]:
     """Return the names of the time and the speed column.
 
@@ -300,7 +286,7 @@ def choose(
         Names of all columns.
     default : str or None
         The time where the options name none.
-    options : RecordOptions
+    options : RecordFile
         Their `time_column` and `speed_column`.
     file : str
         The file, for messages.
@@ -344,14 +330,14 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
 
 
-def read_csv(path: Path, options: RecordOptions) -> Columns:
+def read_csv(path: Path, options: RecordFile) -> Columns:
     """Read time and speed from two columns of a CSV file.
 
     Parameters
     ----------
     path : pathlib.Path
         The file.
-    options : RecordOptions
+    options : RecordFile
         Which columns, and their units.
 
     Returns

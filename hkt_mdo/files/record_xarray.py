@@ -16,7 +16,7 @@ from hkt_mdo.files.record_table import (
     MAX_BYTES,
     SPEEDS,
     Columns,
-    RecordOptions,
+    RecordFile,
     choose,
     column_key,
     named_unit,
@@ -27,14 +27,14 @@ _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 """Labels of two horizontal components of a velocity, in small letters."""
 
 
-def columns_from(data: Any, options: RecordOptions, file: str = "") -> Columns:
+def columns_from(data: Any, options: RecordFile, file: str = "") -> Columns:
     """Take time and speed from data in memory.
 
     Parameters
     ----------
     data : pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
         The data, as MHKiT returns them.
-    options : RecordOptions
+    options : RecordFile
         Which columns or variables, and their units.
     file : str
         The file from which the data come, for messages.
@@ -61,14 +61,14 @@ def columns_from(data: Any, options: RecordOptions, file: str = "") -> Columns:
     raise InputError("is no record", remedy, value=type(data).__name__)
 
 
-def read_binary(path: Path, options: RecordOptions) -> Columns:
+def read_binary(path: Path, options: RecordFile) -> Columns:
     """Read time and speed from a Parquet or a NetCDF file; the ending says which.
 
     Parameters
     ----------
     path : pathlib.Path
         The file.
-    options : RecordOptions
+    options : RecordFile
         Which columns or variables, and their units.
 
     Returns
@@ -97,7 +97,7 @@ def _need(name: str, file: object) -> Any:
     return needed(name, f"{install('records')}, or save the record as CSV", file=file)
 
 
-def _read_parquet(path: Path, options: RecordOptions) -> Columns:
+def _read_parquet(path: Path, options: RecordFile) -> Columns:
     """Read a Parquet file by pandas."""
     _need("pyarrow.parquet", path)
     pandas = _need("pandas", path)
@@ -105,7 +105,7 @@ def _read_parquet(path: Path, options: RecordOptions) -> Columns:
     return columns_from(pandas.read_parquet(content), options, str(path))
 
 
-def _read_netcdf(path: Path, options: RecordOptions) -> Columns:
+def _read_netcdf(path: Path, options: RecordFile) -> Columns:
     """Read a NetCDF file, version 3 (CDF) or 4 (HDF5), by xarray."""
     xarray = _need("xarray", path)
     head = read_bytes(path, MAX_BYTES, "record")[:8]
@@ -147,7 +147,7 @@ def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) ->
             raise InputError(problem, remedy, file=file, key=column_key(name))
 
 
-def _in_si(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "")) -> Columns:
+def _in_si(raw: Columns, options: RecordFile, units: tuple[str, str] = ("", "")) -> Columns:
     """Return columns in s and m/s of dates or numbers, and speeds that may be missing."""
     for row in np.flatnonzero(np.isinf(raw.speed))[:1]:
         key, value = f"{raw.place(row)}, {column_key(raw.names[1])}", float(raw.speed[row])
@@ -161,7 +161,7 @@ def _in_si(raw: Columns, options: RecordOptions, units: tuple[str, str] = ("", "
     return raw.in_si(dated, options, units)
 
 
-def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
+def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
     """Take two columns of a DataFrame; its index is the first if it has a name or dates."""
     if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
         frame = frame.reset_index(allow_duplicates=True)
@@ -176,7 +176,7 @@ def _from_frame(frame: Any, file: str, options: RecordOptions) -> Columns:
     return _in_si(Columns(file, names, times, speeds), options)
 
 
-def _from_dataset(data: Any, file: str, options: RecordOptions) -> Columns:
+def _from_dataset(data: Any, file: str, options: RecordFile) -> Columns:
     """Take a variable over time of a Dataset: a speed, or a profiler's velocity."""
     vectors = [name for name, variable in data.variables.items() if variable.ndim == 1]
     dates = [name for name in vectors if name in data.dims and data[name].dtype.kind == "M"]
@@ -211,7 +211,7 @@ def _unlikeness(variable: Any) -> int:
 
 
 def _profile(
-    speed: Any, dimension: Any, file: str, options: RecordOptions
+    speed: Any, dimension: Any, file: str, options: RecordFile
 ) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
     """Return the speed and two components over time, averaged over bins, and what was chosen."""
 
@@ -263,7 +263,7 @@ def _profile(
 
 
 def _chosen_components(
-    labels: list[str], options: RecordOptions, file: str, refuse: Callable[[str, str], InputError]
+    labels: list[str], options: RecordFile, file: str, refuse: Callable[[str, str], InputError]
 ) -> list[str]:
     """Return the labels of the requested components, or of the two horizontal ones."""
     available = f"there are {', '.join(labels)}"

@@ -112,8 +112,30 @@ def validated(
 ) -> _Model:
     """Return a section made of data; the first error is an `InputError` in words for the user.
 
-    `file` is what messages call the text, `context` that of pydantic's validators. An error in one
-    of the overrides, which are given by their keys, is reported as such.
+    An error in one of the overrides is reported as such.
+
+    Parameters
+    ----------
+    root : type
+        Class of the section.
+    data : mapping
+        What a file, or a user of Python, gives.
+    file : str
+        What messages call the text.
+    overrides : mapping of str to str, optional
+        Overrides by their keys.
+    context : mapping, optional
+        That of pydantic's validators.
+
+    Returns
+    -------
+    root
+        The section.
+
+    Raises
+    ------
+    InputError
+        If anything in the data is wrong.
     """
     try:
         return root.model_validate(data, context=context)
