@@ -181,9 +181,10 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
     The speed of a vector with noise is too large on average (Rice's distribution), unlike the
     vector's mean.
     """
-    raw, messages = read(options), []
+    raw, messages = read(options).in_si(options), []
     if options.second_column is not None:
-        second = read(options.model_copy(update={"speed_column": options.second_column}))
+        other = options.model_copy(update={"speed_column": options.second_column})
+        second = read(other).in_si(other)
         messages.append(f"horizontal speed of {raw.names[1]} and {second.names[1]}")
         parts = np.stack((raw.speed, second.speed))
         raw = replace(raw, speed=np.hypot(*parts), parts=parts)
@@ -329,12 +330,8 @@ class _Record:
             raise options.refuse(key, problem, remedy, raw.file)
         span = f"from {time[first]:.6g} s to {time[last - 1]:.6g} s"
         self.messages.append(f"taken {span} of the record")
-        self.raw = replace(
-            raw,
-            time=time[first:last] - time[first],
-            speed=raw.speed[first:last],
-            place=lambda row: raw.place(row + first),
-        )
+        part = raw.at(np.arange(first, last))
+        self.raw = replace(part, time=part.time - part.time[0])
 
     def even(self, spikes: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the step, and the speeds at even times, interpolated where there are none."""

@@ -4,6 +4,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -60,12 +61,12 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     Returns
     -------
     Columns
-        Time and speed in s and m/s.
+        Time and speed as in the file.
 
     Raises
     ------
     InputError
-        If the file is broken, or its columns or units are not clear.
+        If the file is broken, or its columns are not clear.
     """
     text = read_text(path, "record", MAX_BYTES)
     try:
@@ -91,14 +92,11 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     if noaa and not options.speed_unit:
         unit = NOAA[names[1]]
     rows = zip(count(1), map(str, times), map(str, values), strict=False)
-    raw, dated = parse_rows(rows, names, path, "row")
-    if not dated and options.time_unit is None:
-        options = options.model_copy(update={"time_unit": _epoch_unit(raw.time)})
+    raw = parse_rows(rows, names, path, "row")
+    epoch = "" if raw.dated or options.time_unit else _epoch_unit(raw.time)
     order = np.argsort(raw.time, kind="stable")  # an object of JSON has no order
     messages += ["rows sorted by time"] * bool(np.any(np.diff(order) != 1))
-    time, speed, place = raw.time[order], raw.speed[order], raw.place
-    raw = Columns(str(path), names, time, speed, lambda row: place(order[row]), tuple(messages))
-    return raw.in_si(dated, options, ("", unit))
+    return replace(raw.at(order), messages=tuple(messages), units=(epoch, unit))
 
 
 def _series(data: Any) -> list[_Series]:
@@ -145,8 +143,8 @@ def _names(series: list[_Series]) -> list[str]:
     return names
 
 
-def _epoch_unit(time: np.ndarray) -> str | None:
-    """Return the unit of times since 1970 that makes their years plausible, if any."""
+def _epoch_unit(time: np.ndarray) -> str:
+    """Return the unit of times since 1970 that makes their years plausible; empty for none."""
     low, high = _PLAUSIBLE
     known = ((unit, np.abs(time) * TIME_UNITS[unit]) for unit in ("s", "ms", "us", "ns"))
-    return next((unit for unit, t in known if low < np.min(t) and np.max(t) < high), None)
+    return next((unit for unit, t in known if low < np.min(t) and np.max(t) < high), "")

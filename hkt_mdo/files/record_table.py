@@ -175,6 +175,10 @@ class Columns:
     """Two horizontal components of the velocity, m/s, shape (2, n_samples), where known."""
     unit: str = "m/s"
     """SI unit of the speed, or of a discharge in its place."""
+    units: tuple[str, str] = ("", "")
+    """Units of time and speed by the file's attributes, besides the names of the columns."""
+    dated: bool = False
+    """Whether the times were dates, and are in seconds already."""
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error of a sample.
@@ -202,17 +206,29 @@ class Columns:
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
-    def in_si(self, dated: bool, options: RecordFile, units: Sequence[str]) -> Columns:
+    def at(self, rows: np.ndarray) -> Columns:
+        """Return the columns of some rows.
+
+        Parameters
+        ----------
+        rows : np.ndarray
+            Their indices, in the order that they are to have.
+
+        Returns
+        -------
+        Columns
+            Without the components of the velocity.
+        """
+        place, time, speed = self.place, self.time[rows], self.speed[rows]
+        return replace(self, time=time, speed=speed, place=lambda row: place(rows[row]), parts=None)
+
+    def in_si(self, options: RecordFile) -> Columns:
         """Return the columns in s and m/s.
 
         Parameters
         ----------
-        dated : bool
-            Whether the times were dates, and are in seconds already.
         options : RecordFile
             Units that are given, and the area for a discharge.
-        units : sequence of str
-            Units of time and speed by the file's attributes, besides the names of the columns.
 
         Returns
         -------
@@ -225,15 +241,15 @@ class Columns:
             If a unit is unknown or contradicts an option.
         """
         time = self.time
-        if dated and options.time_unit is not None:
+        if self.dated and options.time_unit is not None:
             problem = f"holds dates, and time_unit is {options.time_unit}"
             raise self._refuse_column(0, problem, "leave time_unit out")
-        if not dated:
-            unit = self._unit(0, units[0], options)
+        if not self.dated:
+            unit = self._unit(0, options)
             # a value that overflows is refused later, with its row
             with np.errstate(over="ignore"):
                 time = (time - time[:1]) * TIME_UNITS[unit]
-        unit, area = self._unit(1, units[1], options), options.area
+        unit, area = self._unit(1, options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
             problem = f"is a speed in {unit}, and area is given for a discharge"
             remedy = "leave area out, or give the column of the discharge"
@@ -253,10 +269,10 @@ class Columns:
         parts = None if self.parts is None else self.parts * factor
         return replace(self, time=time, speed=speed, parts=parts, messages=messages)
 
-    def _unit(self, column: int, attribute: str, options: RecordFile) -> str:
+    def _unit(self, column: int, options: RecordFile) -> str:
         """Return a column's unit, which an option, an attribute in the file or its name states."""
         key, spellings = (("time_unit", TIMES), ("speed_unit", SPEEDS))[column]
-        given = getattr(options, key)
+        given, attribute = getattr(options, key), self.units[column]
         named = named_unit(attribute, spellings) or named_unit(self.names[column], spellings)
         if given is None and named is None:
             units = ", ".join(dict.fromkeys(spellings.values()))
@@ -343,26 +359,25 @@ def read_csv(path: Path, options: RecordFile) -> Columns:
     Returns
     -------
     Columns
-        Time and speed in s and m/s.
+        Time and speed as in the file.
 
     Raises
     ------
     InputError
-        If the file is broken, or its columns or units are not clear; with file, line and column.
+        If the file is broken, or its columns are not clear; with file, line and column.
     """
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)
     indices = [table.place(name) for name in names]
     cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
-    raw, dated = parse_rows(cells, names, path, "line")
-    return raw.in_si(dated, options, ("", ""))
+    return parse_rows(cells, names, path, "line")
 
 
 def parse_rows(
     rows: Iterable[tuple[int, str, str]], names: tuple[str, str], file: Path, where: str
-) -> tuple[Columns, bool]:
-    """Return texts of time and speed as numbers, and whether the times are dates.
+) -> Columns:
+    """Return texts of time and speed as numbers.
 
     Parameters
     ----------
@@ -377,7 +392,7 @@ def parse_rows(
 
     Returns
     -------
-    Columns, bool
+    Columns
         As in the file; dates in seconds since the first.
 
     Raises
@@ -412,8 +427,8 @@ def parse_rows(
     if not lines:
         raise InputError("has no samples", "add its rows", file=file)
     time, speed = np.array(times), np.array(speeds)
-    raw = Columns(str(file), names, time, speed, lambda row: f"{where} {lines[row]}")
-    return raw, first is not None
+    dated = first is not None
+    return Columns(str(file), names, time, speed, lambda row: f"{where} {lines[row]}", dated=dated)
 
 
 def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Column]:

@@ -42,12 +42,12 @@ def columns_from(data: Any, options: RecordFile, file: str = "") -> Columns:
     Returns
     -------
     Columns
-        Time and speed in s and m/s.
+        Time and speed as in the data.
 
     Raises
     ------
     InputError
-        If `data` is something else, or its columns or units are not clear.
+        If `data` is something else, or its columns are not clear.
     """
     if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a Series
         data = data.to_frame(data.name or "speed")
@@ -74,7 +74,7 @@ def read_binary(path: Path, options: RecordFile) -> Columns:
     Returns
     -------
     Columns
-        Time and speed in s and m/s.
+        Time and speed as in the data.
 
     Raises
     ------
@@ -147,18 +147,17 @@ def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) ->
             raise InputError(problem, remedy, file=file, key=column_key(name))
 
 
-def _in_si(raw: Columns, options: RecordFile, units: tuple[str, str] = ("", "")) -> Columns:
-    """Return columns in s and m/s of dates or numbers, and speeds that may be missing."""
+def _checked(raw: Columns) -> Columns:
+    """Return columns of dates or numbers with dates in seconds; refuse infinite speeds."""
     for row in np.flatnonzero(np.isinf(raw.speed))[:1]:
         key, value = f"{raw.place(row)}, {column_key(raw.names[1])}", float(raw.speed[row])
         remedy = "mark missing samples by NaN"
         raise InputError("must be a finite number", remedy, file=raw.file, key=key, value=value)
-    dated = raw.time.dtype.kind == "M"
-    if dated:
-        dates = raw.time.astype("datetime64[ns]")
-        since = (dates - dates[:1]).astype(np.int64) * 1e-9
-        raw = replace(raw, time=np.where(np.isnat(dates), np.nan, since))
-    return raw.in_si(dated, options, units)
+    if raw.time.dtype.kind != "M":
+        return raw
+    dates = raw.time.astype("datetime64[ns]")
+    since = (dates - dates[:1]).astype(np.int64) * 1e-9
+    return replace(raw, time=np.where(np.isnat(dates), np.nan, since), dated=True)
 
 
 def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
@@ -173,7 +172,7 @@ def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
         time = time.dt.tz_convert(None)
     times = time.to_numpy() if time.dtype.kind == "M" else time.to_numpy(float, na_value=np.nan)
     speeds = speed.to_numpy(dtype=float, na_value=np.nan)
-    return _in_si(Columns(file, names, times, speeds), options)
+    return _checked(Columns(file, names, times, speeds))
 
 
 def _from_dataset(data: Any, file: str, options: RecordFile) -> Columns:
@@ -199,8 +198,8 @@ def _from_dataset(data: Any, file: str, options: RecordFile) -> Columns:
     values, parts, messages = _profile(speed, dimension, file, options)
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
     times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    raw = Columns(file, names, times, values, messages=messages, parts=parts)
-    return _in_si(raw, options, units)
+    raw = Columns(file, names, times, values, messages=messages, parts=parts, units=units)
+    return _checked(raw)
 
 
 def _unlikeness(variable: Any) -> int:
