@@ -212,8 +212,13 @@ Pair = Annotated[tuple[_End, _End], AfterValidator(ordered)]
 """A lower and an upper bound of one kind, such as ``Pair[Annotated[float, Quantity("m")]]``."""
 
 
-def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool]:
-    """Return the path of a file that a case names.
+def find_file(
+    value: str,
+    info: ValidationInfo,
+    problem: str = "is not a file",
+    remedy: str = "give the path of a file, relative to the case's folder",
+) -> str:
+    """Return the absolute path of a file that a case names.
 
     Parameters
     ----------
@@ -221,36 +226,8 @@ def find_file(value: str, info: ValidationInfo, remedy: str) -> tuple[Path, bool
         The path, relative to the case's folder.
     info : pydantic.ValidationInfo
         Its context may have the `folder` and whether to `check_files`.
-    remedy : str
-        What to do if `value` cannot be a path.
-
-    Returns
-    -------
-    path : pathlib.Path
-        The absolute path.
-    fine : bool
-        Whether it is a file, or need not be one.
-
-    Raises
-    ------
-    pydantic_core.PydanticCustomError
-        If `value` cannot be a path.
-    """
-    context = info.context or {}
-    try:
-        path = (Path(context.get("folder", ".")) / value).resolve()
-        return path, path.is_file() or not context.get("check_files", True)
-    except (OSError, ValueError, RuntimeError):
-        raise refusal("cannot be a path", remedy) from None
-
-
-def _existing_file(value: str, info: ValidationInfo) -> str:
-    """Return the absolute path of a file that a case names, which must exist.
-
-    Parameters
-    ----------
-    value, info
-        As of `find_file`.
+    problem, remedy : str
+        What to say where there is no such file.
 
     Returns
     -------
@@ -260,13 +237,21 @@ def _existing_file(value: str, info: ValidationInfo) -> str:
     Raises
     ------
     pydantic_core.PydanticCustomError
-        If there is no such file.
+        If `value` cannot be a path, or there is no such file and files are checked.
     """
-    remedy = "give the path of a file"
-    path, fine = find_file(value, info, remedy)
-    if not fine:
-        raise refusal("is not a file", f"{remedy}, relative to the case's folder")
+    context = info.context or {}
+    try:
+        path = (Path(context.get("folder", ".")) / value).resolve()
+        found = path.is_file() or not context.get("check_files", True)
+    except (OSError, ValueError, RuntimeError):
+        raise refusal("cannot be a path", remedy) from None
+    if not found:
+        raise refusal(problem, remedy)
     return str(path)
+
+
+def _existing_file(value: str, info: ValidationInfo) -> str:
+    return find_file(value, info)
 
 
 ExistingFile = Annotated[str, AfterValidator(_existing_file)]

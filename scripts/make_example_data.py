@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 
 from study_common import shipped_table
 
-from hkt_mdo.files.shipped import data_path
+from hkt_mdo.files.shipped import locate
 
 DATA = Path(__file__).parent.parent / "hkt_mdo" / "files" / "data"
 EXAMPLES = Path(__file__).parent.parent / "cases" / "examples" / "files"
@@ -182,7 +182,7 @@ def reproduces_shipped_polar():
     again, _ = polar(np.column_stack([outline[name] for name in ("x_over_c", "y_over_c")]), 2e5)
     columns = [shipped[name] for name in ("alpha_deg", "cl", "cd", "cm")]
     error = np.abs(again - np.column_stack(columns)).max()
-    print(f"{data_path('naca63815_Re2e5', 'polar').name}: largest difference {error:.1e}")
+    print(f"{locate('naca63815_Re2e5', 'polar').name}: largest difference {error:.1e}")
     return error < 1e-6
 
 

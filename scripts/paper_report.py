@@ -11,7 +11,7 @@ import yaml
 from study_common import LAWS, SCENARIOS, percent, text_page
 
 from hkt_mdo.errors import program_version
-from hkt_mdo.files.shipped import data_path
+from hkt_mdo.files.shipped import locate
 from hkt_mdo.pages import rendered
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.figures import figure_of
@@ -79,7 +79,7 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     dict
         What paper.json holds.
     """
-    printed = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
+    printed = yaml.safe_load(locate("amini2023", "reported").read_text(encoding="utf-8"))
     data = {
         "version": program_version(),
         "python": platform.python_version(),

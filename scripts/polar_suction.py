@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 from study_common import shipped_table
 
 from hkt_mdo.files.polar_table import SURFACES
-from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path
+from hkt_mdo.files.shipped import POLAR_FAMILIES, locate
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
 
@@ -58,7 +58,7 @@ def main():
     parser.add_argument("--out", type=Path, help="folder (default: the package's)")
     out = parser.parse_args().out
     for name, pressure in pressures().items():
-        path = data_path(name, "polar")
+        path = locate(name, "polar")
         text = with_pressures(path.read_text(encoding="utf-8"), pressure)
         (out / path.name if out else path).write_text(text, encoding="utf-8")
         print(f"{path.name}: {pressure.min():.2f} at the lowest")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os.path
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo, model_validator
@@ -22,17 +22,12 @@ _Thicknesses = Pair[Annotated[float, Quantity(gt=0, le=1)]]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]
 
 
-def _find_result(value: str | None, info: ValidationInfo) -> str | None:
+def _find_result(value: str, info: ValidationInfo) -> str:
     """Return the folder of a result as an absolute path, from the case's folder."""
-    if value is None:
-        return None
-    remedy = "give the folder of a finished run"
-    path, _ = find_file(value, info, remedy)
-    needed = ("case.yaml", "summary.json") if (info.context or {}).get("check_files", True) else ()
-    for name in needed:
-        if not os.path.isfile(path / name):  # noqa: PTH113 - no error for a name too long
-            raise refusal(f"is no result folder: it lacks {name}", remedy)
-    return str(path)
+    for name in ("case.yaml", "summary.json"):
+        problem = f"is no result folder: it lacks {name}"
+        find_file(f"{value}/{name}", info, problem, "give the folder of a finished run")
+    return str((Path((info.context or {}).get("folder", ".")) / value).resolve())
 
 
 class Design(Section):
@@ -121,7 +116,7 @@ class Start(Section):
     method: Literal["quasi_steady", "blade"] = "quasi_steady"
     """`quasi_steady` improves blade and gain by quasi-steady co-design first; `blade` starts from
     the blade as given, and ends at a local optimum near it."""
-    from_: Annotated[str | None, AfterValidator(_find_result), Field(alias="from")] = None
+    from_: Annotated[str, AfterValidator(_find_result)] | None = Field(None, alias="from")
     """Folder of an earlier result, whose design the search for a start tries as well; with `method:
     blade` the optimization begins there."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"

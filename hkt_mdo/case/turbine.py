@@ -10,22 +10,17 @@ from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_valida
 
 from hkt_mdo.errors import did_you_mean
 from hkt_mdo.files.aerodyn import has_coordinates
-from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
+from hkt_mdo.files.shipped import MATERIALS, known_names, nearest_names, shipped_rotor
 from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
 
 def _find_file(value: str, info: ValidationInfo) -> str:
     """Return a shipped name as it is and a path as an absolute one, from the case's folder."""
     kind = str(info.field_name)
-    names = (*(POLAR_FAMILIES if kind == "polar" else ()), *shipped_names(kind))
-    if value in names:
+    if value in known_names(kind):
         return value
-    shipped = f"shipped: {', '.join(names)}; or give the path of a file"
-    path, fine = find_file(value, info, shipped)
-    if not fine:
-        remedy = did_you_mean(value, names) + shipped
-        raise refusal(f"is neither a shipped {kind} nor a file", remedy)
-    return str(path)
+    problem = f"is neither a shipped {kind} nor a file"
+    return find_file(value, info, problem, nearest_names(value, kind))
 
 
 def _outline_of_polar(value: str | None, info: ValidationInfo) -> str | None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hkt_mdo.case import commented_case, read_case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import data_path, shipped_rotor
+from hkt_mdo.files.shipped import locate, shipped_rotor
 from hkt_mdo.files.table import read_text, write_new
 from hkt_mdo.files.template import templates
 
@@ -46,7 +46,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
         blade = path.with_name(f"{path.stem}_blade.csv")
         values["rotor"] = shipped_rotor("river") | {"blade": blade.name}
         remark = "# A sample: write your own rows, hub to tip; twist is from the rotor plane."
-        texts[blade] = f"{remark}\n{read_text(data_path('river', 'blade'), 'blade')}"
+        texts[blade] = f"{remark}\n{read_text(locate('river', 'blade'), 'blade')}"
     if kind == "river":
         record = path.with_name(f"{path.stem}_record.csv")
         values["rotor"] = {"blade": "river"}

@@ -10,7 +10,7 @@ import numpy as np
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import OLD_COUNT, read_airfoil, read_old_airfoil
 from hkt_mdo.files.polar_table import SURFACES, PolarTable, check_reynolds, polar_of_rows
-from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
+from hkt_mdo.files.shipped import POLAR_FAMILIES, locate
 from hkt_mdo.files.table import Csv, line_error, numbered_lines, parse_number, read_text
 
 _ANGLES = "alpha_deg", "alpha_rad"
@@ -57,12 +57,7 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
         if chosen:
             tables = {polar: _read_file(locate(polar, "polar"))[0] for polar in chosen}
             return tuple(replace(table, reynolds=polars[key]) for key, table in tables.items())
-    try:
-        path = locate(source, "polar")
-    except InputError as error:
-        names = ", ".join((*POLAR_FAMILIES, *shipped_names("polar")))
-        remedy = f"shipped: {names}; or give the path of {_FORMATS}"
-        raise InputError(error.problem, remedy, value=name) from None
+    path = locate(source, "polar")
     tables = sorted(_read_file(path), key=lambda table: table.reynolds or 0.0)
     for reynolds, following in pairwise(table.reynolds for table in tables):
         if reynolds == following:

@@ -64,29 +64,20 @@ def shipped_rotor(blade: object) -> dict[str, Any]:
     return dict(_SHIPPED["blades"].get(blade, {})) if isinstance(blade, str) else {}
 
 
-def data_path(name: str, kind: str) -> Path:
-    """Return the path of a data file that comes with the package.
+def known_names(kind: str) -> tuple[str, ...]:
+    """Return the names of one kind that a case may give: of files, and of sections with polars.
 
     Parameters
     ----------
-    name : str
-        The file's short name, such as naca63815_Re2e5.
     kind : str
-        blade, polar, outline, measurement or reported.
+        As of `shipped_names`.
 
     Returns
     -------
-    pathlib.Path
-        Where the file is.
-
-    Raises
-    ------
-    InputError
-        If no such file is shipped; the message lists those that are.
+    tuple of str
+        The names.
     """
-    if name not in _FILES[kind]:
-        raise InputError(f"no shipped {kind} has this name", _remedy(name, kind), value=name)
-    return _FOLDER / _FILES[kind][name]
+    return (*(POLAR_FAMILIES if kind == "polar" else ()), *_FILES[kind])
 
 
 def locate(path_or_name: str | Path, kind: str) -> Path:
@@ -97,7 +88,7 @@ def locate(path_or_name: str | Path, kind: str) -> Path:
     path_or_name : str or pathlib.Path
         Shipped name or path.
     kind : str
-        As of `data_path`.
+        As of `shipped_names`.
 
     Returns
     -------
@@ -111,20 +102,32 @@ def locate(path_or_name: str | Path, kind: str) -> Path:
     """
     name = str(path_or_name)
     if name in _FILES[kind]:
-        return data_path(name, kind)
+        return _FOLDER / _FILES[kind][name]
     try:
         is_file = Path(name).is_file()
     except (OSError, ValueError):  # the name is too long or holds a null character
         is_file = False
     if not is_file:
-        raise InputError(f"is neither a shipped {kind} nor a file", _remedy(name, kind), value=name)
+        problem = f"is neither a shipped {kind} nor a file"
+        raise InputError(problem, nearest_names(name, kind), value=name)
     return Path(name)
 
 
-def _remedy(name: str, kind: str) -> str:
-    """Return the nearest shipped name and all of them."""
-    shipped = f"shipped: {', '.join(_FILES[kind])}; or give the path of a file"
-    return did_you_mean(name, _FILES[kind]) + shipped
+def nearest_names(name: str, kind: str) -> str:
+    """Return the remedy of an unknown name: the nearest known one, and all of them.
+
+    Parameters
+    ----------
+    name, kind : str
+        The name, and the kind as of `shipped_names`.
+
+    Returns
+    -------
+    str
+        The remedy.
+    """
+    known = known_names(kind)
+    return f"{did_you_mean(name, known)}shipped: {', '.join(known)}; or give the path of a file"
 
 
 # Cases -------------------------------------------------------------------------------------------

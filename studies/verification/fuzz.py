@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
-from hkt_mdo.files.shipped import data_path, shipped_cases, shipped_names
+from hkt_mdo.files.shipped import locate, shipped_cases, shipped_names
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.outline import Outline
@@ -34,7 +34,7 @@ def fuzz(study) -> list[str]:
     originals = {"case": [load_case(path).to_yaml().encode() for path in cases]}
     originals["case"] += [path.read_bytes() for path in cases]
     for kind in DATA:
-        originals[kind] = [data_path(name, kind).read_bytes() for name in shipped_names(kind)]
+        originals[kind] = [locate(name, kind).read_bytes() for name in shipped_names(kind)]
     rows, broken = [], []
     for kind, reader in READERS.items():
         path = folder / ("case.yaml" if kind == "case" else f"{kind}.csv")

@@ -14,7 +14,7 @@ from hkt_mdo.dynamics.flows import GustInflow, SineInflow, StepInflow, SumInflow
 from hkt_mdo.dynamics.laws import FeedbackLaw, LinearFeedback, OpenLoop, QuadraticFeedback
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.shipped import data_path, shipped_names
+from hkt_mdo.files.shipped import locate, shipped_names
 from hkt_mdo.problem.physics import PAPER_CHORD_BOUNDS
 from tests.conftest import NINE
 from tests.properties import examples
@@ -61,7 +61,7 @@ def test_shipped_case_says_what_its_name_says_and_comes_back_from_its_own_yaml(n
 
 
 def test_defaults_are_the_numbers_of_the_paper():
-    reported = yaml.safe_load(data_path("amini2023", "reported").read_text(encoding="utf-8"))
+    reported = yaml.safe_load(locate("amini2023", "reported").read_text(encoding="utf-8"))
     case = read_case(MINIMAL)
     assert 2 * case.rotor.radius == reported["turbine"]["diameter_m"]
     assert case.rotor.blade_count == reported["turbine"]["blades"]

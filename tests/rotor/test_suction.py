@@ -8,7 +8,7 @@ from study_common import shipped_table
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar_table import SURFACES, polar_table
-from hkt_mdo.files.shipped import POLAR_FAMILIES, data_path, shipped_names
+from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.suction import section_suction, split_at_kink
 from tests.rotor.test_airfoil import assert_smooth
@@ -162,7 +162,7 @@ def test_shipped_columns_are_what_the_script_computes():
     for name, pressure in computed.items():
         rows = shipped_table(name, "polar")
         assert np.allclose(np.stack([rows[each] for each in SURFACES]), pressure, atol=2e-4)
-        text = data_path(name, "polar").read_text(encoding="utf-8")
+        text = locate(name, "polar").read_text(encoding="utf-8")
         again = script.with_pressures(text, -np.ones_like(pressure))
         for line, new in zip(text.splitlines(), again.splitlines(), strict=True):
             assert line.split(",")[:4] == new.split(",")[:4]
