@@ -53,10 +53,8 @@ class _Place(NamedTuple):
 
     key: str
     section: type[BaseModel]
-    members: dict[str, type[BaseModel]]  # of a union, by the value of their tag
-    tag: str = ""
-    choices: tuple[Any, ...] = ()  # what a Literal allows
-    what: str = ""  # first clause of the documentation
+    field: FieldInfo | None
+    what: str  # first clause of the documentation
 
 
 def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
@@ -81,12 +79,8 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
         inside = None if _members(field) else _section(field)
         if inside is not None:
             section, field = inside, None
-    if field is None:
-        return _Place(dotted(path), section, {})
-    choices = get_args(field.annotation)
-    choices = get_args(choices[0]) if type(None) in choices else choices
     what = re.split(r"[.;,](?: |$)", " ".join(text.split()), maxsplit=1)[0]
-    return _Place(dotted(path), section, _members(field), str(field.discriminator), choices, what)
+    return _Place(dotted(path), section, field, what if field else "")
 
 
 def _section(field: FieldInfo | None) -> type[BaseModel] | None:
@@ -159,6 +153,7 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
     """Return key, problem and remedy of an error, and the value as keyword if there is one."""
     place, context, given = _find(error["loc"], root), error.get("ctx", {}), error["input"]
     key, found = place.key, {"value": given}
+    members, tag = _members(place.field), getattr(place.field, "discriminator", "")
     problem, remedy = error["msg"], place.what
     if error["type"] in _PLAIN:
         problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
@@ -178,30 +173,30 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
                 problem, remedy = "has another name", "write control.torque_limit"
         case "missing":
             found, problem, remedy = {}, "is missing", f"give it: {place.what}"
-            if place.members:
-                remedy = f"give {key}: {{{place.tag}: ...}} with one of {', '.join(place.members)}"
+            if members:
+                remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(members)}"
             elif isinstance(error["loc"][-1], int):
                 remedy = "give two values, [lower, upper]"
         case "union_tag_not_found":
-            found, problem, key = {}, "is missing", f"{key}.{place.tag}"
-            remedy = _suggest(None, place.members)
+            found, problem, key = {}, "is missing", f"{key}.{tag}"
+            remedy = _suggest(None, members)
         case "union_tag_invalid":
-            problem, key = "unknown", f"{key}.{place.tag}"
-            found["value"] = given.get(place.tag) if isinstance(given, dict) else context["tag"]
-            remedy = _suggest(found["value"], place.members)
+            problem, key = "unknown", f"{key}.{tag}"
+            found["value"] = given.get(tag) if isinstance(given, dict) else context["tag"]
+            remedy = _suggest(found["value"], members)
         case "literal_error":
-            problem, remedy = "unknown", _suggest(given, place.choices)
+            choices = re.split(", | or ", context["expected"].replace("'", ""))
+            problem, remedy = "unknown", _suggest(given, choices)
     section, _, name = key.rpartition(".")
     if problem.startswith("unknown") and (section.endswith("limits") or name in KINDS.values()):
         remedy += "; one of your own needs --extend FILE"
     return key, problem, remedy, found
 
 
-def _suggest(value: object, choices: Iterable[object]) -> str:
+def _suggest(value: object, choices: Iterable[str]) -> str:
     """Return the nearest choice and all of them."""
-    words = list(map(str, choices))
-    guess = did_you_mean(value, words) if isinstance(value, str) else ""
-    return f"{guess}give one of {', '.join(words)}"
+    guess = did_you_mean(value, choices) if isinstance(value, str) else ""
+    return f"{guess}give one of {', '.join(choices)}"
 
 
 def _suggest_key(place: _Place, key: str, root: type[BaseModel]) -> str:

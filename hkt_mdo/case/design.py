@@ -116,7 +116,7 @@ class Start(Section):
     method: Literal["quasi_steady", "blade"] = "quasi_steady"
     """`quasi_steady` improves blade and gain by quasi-steady co-design first; `blade` starts from
     the blade as given, and ends at a local optimum near it."""
-    from_: Annotated[str, AfterValidator(_find_result)] | None = Field(None, alias="from")
+    from_: Annotated[str, AfterValidator(_find_result)] | None = Field(default=None, alias="from")
     """Folder of an earlier result, whose design the search for a start tries as well; with `method:
     blade` the optimization begins there."""
     branch: Literal["best", "overspeed", "underspeed"] = "best"

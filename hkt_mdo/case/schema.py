@@ -594,7 +594,8 @@ def read_case(
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
-    return _make_case(data, overrides, known_kinds(extensions), file, folder, name, check_files)
+    kinds = known_kinds(extensions)
+    return _make_case(data, overrides, kinds, file, name, folder=folder, check_files=check_files)
 
 
 def _make_case(
@@ -602,18 +603,15 @@ def _make_case(
     overrides: Sequence[str],
     kinds: Kinds,
     file: str = "case",
-    folder: str | Path = ".",
     name: str = "case",
-    check_files: bool = True,
+    **context: Any,
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
     given = {assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
-    made = case_class(kinds)
     try:
-        context = {"folder": folder, "check_files": check_files}
-        return validated(made, data, file, given, context)
+        return validated(case_class(kinds), data, file, given, context)
     except InputError as failure:
         if data.get("resource") and failure.key.partition(".")[0] == "inflow":
             failure.key = failure.key.replace("inflow", "resource", 1)
