@@ -102,7 +102,7 @@ def _read_pairs(
     broken = [rows[at] for at in beside if not _is_heading(lines[at][1], rows[at][1])]
     lines, rows = lines[first : last + 1], rows[first : last + 1]
     # a line beside the points that is no text is refused as a broken point
-    columns = number_columns(broken + rows, ("x", "y"), path, ("x", "y"), f"give {_FORMATS}")
+    columns = number_columns(broken + rows, ("x", "y"), path, ("x", "y"), remedy=f"give {_FORMATS}")
     x, y = columns["x"].values, columns["y"].values
     numbers = [number for number, _ in lines]
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):

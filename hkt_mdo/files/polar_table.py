@@ -1,8 +1,7 @@
 """Table of a polar, the same for every file format: lift and drag at one Reynolds number."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +32,9 @@ ANGLES = "alpha_deg", "alpha_rad", "alpha"
 _CIRCLE_EDGE = 1e-3
 """How far an end of a full circle may be from 180 deg, deg; files write 3.1416 rad."""
 
-_SYMMETRIC = {"lift": 0.005, "drag": 0.05, "moment": 0.005}
+_COEFFICIENTS = "cl", "cd", "cm", "cpmin", *SURFACES
+
+_SYMMETRIC = {"cl": 0.005, "cd": 0.05, "cm": 0.005}
 """How far rows at opposite angles of a symmetric section may differ; drag relatively."""
 
 _ENDS_EQUAL = 1e-6
@@ -65,26 +66,8 @@ class PolarTable:
     """Notes on how the rows were changed."""
 
 
-class Source(NamedTuple):
-    """Where the numbers of a polar come from, for messages."""
-
-    file: object = ""
-    where: str = ""
-    """Words that identify this polar among others in the file."""
-    titles: Sequence[str] = ("alpha_deg", "cl", "cd", "cm")
-    """The file's names of angle, lift, drag and moment; an angle that ends in _rad is in rad."""
-    lines: Sequence[int] = ()
-    """Numbers of the rows' lines; empty where the file has no line for each row."""
-
-
 def polar_table(
-    alpha: np.ndarray,
-    lift: np.ndarray,
-    drag: np.ndarray,
-    moment: np.ndarray | None = None,
-    reynolds: float | None = None,
-    pressure: Mapping[str, np.ndarray] | None = None,
-    source: Source | None = None,
+    columns: Mapping[str, Column], reynolds: float | None = None, where: str = ""
 ) -> PolarTable:
     """Check a polar and return it in radians.
 
@@ -94,19 +77,14 @@ def polar_table(
 
     Parameters
     ----------
-    alpha : numpy.ndarray, shape (n_rows,)
-        Angle of attack, deg, or rad where the first of the source's titles ends in ``_rad``.
-    lift, drag : numpy.ndarray, shape (n_rows,)
-        Lift and drag coefficient.
-    moment : numpy.ndarray, shape (n_rows,), optional
-        Pitching moment coefficient.
+    columns : mapping of str to Column
+        Finite numbers: the angle of attack by one of the names `ANGLES`, ``cl``, ``cd``, and
+        perhaps ``cm`` and the smallest pressure coefficient, ``cpmin`` or both of `SURFACES`, which
+        then count.
     reynolds : float, optional
         Reynolds number by the chord.
-    pressure : mapping of str to numpy.ndarray, shape (n_rows,), optional
-        Smallest pressure coefficients by the names of their columns: ``cpmin`` in any spelling, or
-        both of `SURFACES`, which then count.
-    source : Source, optional
-        Where the numbers come from, for messages.
+    where : str
+        Words that identify this polar among others in the file.
 
     Returns
     -------
@@ -119,43 +97,38 @@ def polar_table(
         If there are fewer than 8 rows (two suffice where all are equal, as a cylinder's), angles do
         not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full circle, the
         ends of a full circle differ, drag is not positive, one surface's pressure comes without the
-        other's, or a number is not finite or beyond what sections have.
+        other's, or a number is beyond what sections have.
     """
-    source, messages = source or Source(), []
-    given = {"angle": alpha, "lift": lift, "drag": drag, "moment": moment, **(pressure or {})}
-    table = {name: np.asarray(rows, float) for name, rows in given.items() if rows is not None}
-    changes = np.any([np.diff(rows) != 0.0 for rows in table.values()], axis=0)
-    new = np.append(True, changes)[: table["angle"].size]
-    table["row"] = np.asarray(source.lines if len(source.lines) else np.arange(new.size) + 1)
+    messages = []
+    unit = next(name for name in ANGLES if name in columns)
+    in_degrees, angle, file = unit != "alpha_rad", columns[unit], columns[unit].file
+    table = {"alpha": angle} | {name: columns[name] for name in _COEFFICIENTS if name in columns}
+    changes = [np.diff(column.values) != 0.0 for column in table.values()]
+    new = np.append(True, np.any(changes, axis=0))[: angle.values.size]
     if not np.all(new):
-        messages.append(f"{source.file}: {np.sum(~new)} repeated rows are left out")
-        table = {name: rows[new] for name, rows in table.items()}
-    radians_per_unit = 1.0 if source.titles[0].endswith("_rad") else np.pi / 180.0
-    if _is_half_of_symmetric(table, np.deg2rad(NEEDED_RANGE[0]) / radians_per_unit):
-        first = f"{np.rad2deg(table['angle'][0] * radians_per_unit):.4g}"
-        messages.append(f"{source.file}: symmetric section, mirrored below {first} degrees")
+        messages.append(f"{file}: {np.sum(~new)} repeated rows are left out")
+        table = {name: column.at(np.flatnonzero(new)) for name, column in table.items()}
+    low = NEEDED_RANGE[0] if in_degrees else np.deg2rad(NEEDED_RANGE[0])
+    if _is_half_of_symmetric(table, low):
+        first = table["alpha"].values[0]
+        shown = f"{first if in_degrees else np.rad2deg(first):.4g}"
+        messages.append(f"{file}: symmetric section, mirrored below {shown} degrees")
         table = _mirrored(table)
-    titles = dict(zip(("angle", *LARGEST), source.titles, strict=False))
-    columns = {
-        name: _column(titles.get(name, name), rows, table["row"], source)
-        for name, rows in table.items()
-        if name != "row"
-    }
-    values = {name: column.values for name, column in columns.items()}
-    constant = values["lift"].size > 0 and not np.ptp(values["lift"]) and not np.ptp(values["drag"])
-    radians, circle = _angles(columns["angle"], radians_per_unit != 1.0, constant)
-    for name in LARGEST:
-        if name in columns:
-            _check_coefficient(name, columns[name], circle)
+    lift, drag, moment = table["cl"], table["cd"], table.get("cm")
+    constant = lift.values.size > 0 and not np.ptp(lift.values) and not np.ptp(drag.values)
+    radians, circle = _angles(table["alpha"], in_degrees, constant)
+    for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
+        if column is not None:
+            _check_coefficient(name, column, circle)
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
-        values["lift"],
-        values["drag"],
-        values.get("moment"),
+        lift.values,
+        drag.values,
+        None if moment is None else moment.values,
         circle,
-        _smallest_pressure({name: columns[name] for name in pressure or ()}),
-        f"{source.file}, {source.where}" if source.where else str(source.file),
+        _smallest_pressure(table),
+        f"{file}, {where}" if where else str(file),
         tuple(messages),
     )
 
@@ -170,8 +143,7 @@ def polar_of_rows(
     rows : sequence of (int, sequence of str)
         Line number and cells of each row.
     names : sequence of str
-        Names of all columns: ``alpha``, ``alpha_deg`` or ``alpha_rad``, ``cl``, ``cd``, and perhaps
-        ``cm``, ``cpmin`` and `SURFACES`, in small letters; others are not read.
+        Names of all columns, as of `polar_table`, in small letters; others are not read.
     reynolds : float or None
         Reynolds number by the chord.
     file : object
@@ -189,31 +161,15 @@ def polar_of_rows(
     InputError
         If a row has more or fewer cells than `names`, a cell is no number, or as of `polar_table`.
     """
-    angle = next(name for name in ANGLES if name in names)
-    wanted = angle, "cl", "cd", "cm", "cpmin", *SURFACES
-    columns = number_columns(rows, names, file, wanted)
-    values = {name: column.values for name, column in columns.items()}
-    alpha, lift, drag = values.pop(angle), values.pop("cl"), values.pop("cd")
-    moment = values.pop("cm", None)
-    source = Source(file, where, (angle, "cl", "cd", "cm"), [line for line, _ in rows])
-    return polar_table(alpha, lift, drag, moment, reynolds, values, source)
+    wanted = (*ANGLES, *_COEFFICIENTS)
+    return polar_table(number_columns(rows, names, file, wanted, where), reynolds, where)
 
 
-def _column(title: str, values: np.ndarray, rows: np.ndarray, source: Source) -> Column:
-    """Return finite numbers with the place of each."""
-    prefix = f"{source.where}, " if source.where else ""
-    word = "line" if len(source.lines) else "row"
-    keys = [f"{prefix}{word} {row:.0f}, column {title}" for row in rows]
-    column = Column(f"{prefix}{title}", values, keys, values.tolist(), source.file)
-    column.refuse(~np.isfinite(values), "must be a finite number", "correct the row")
-    return column
-
-
-def _is_half_of_symmetric(table: Mapping[str, np.ndarray], low: float) -> bool:
+def _is_half_of_symmetric(table: Mapping[str, Column], low: float) -> bool:
     """Tell whether a table begins between `low` and 0, and is symmetric as far as it goes."""
-    angle = table["angle"]
+    angle = table["alpha"].values
     begins_late = angle.size and low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
-    if not begins_late or (angle[0] == 0.0 and "moment" not in table):
+    if not begins_late or (angle[0] == 0.0 and "cm" not in table):
         return False
     below = np.flatnonzero(angle <= 0.0)
     opposite = np.array([np.argmin(np.abs(angle + angle[at])) for at in below])
@@ -221,22 +177,26 @@ def _is_half_of_symmetric(table: Mapping[str, np.ndarray], low: float) -> bool:
         return False
     for name, near in _SYMMETRIC.items():
         if name in table:
-            one, two = table[name][below], table[name][opposite]
-            off = one - two if name == "drag" else one + two
-            if not np.all(np.abs(off) <= near * (np.abs(two) if name == "drag" else 1.0)):
+            one, two = table[name].values[below], table[name].values[opposite]
+            off = one - two if name == "cd" else one + two
+            if not np.all(np.abs(off) <= near * (np.abs(two) if name == "cd" else 1.0)):
                 return False
     return True
 
 
-def _mirrored(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _mirrored(table: Mapping[str, Column]) -> dict[str, Column]:
     """Return a table with the rows that a symmetric section lacks."""
-    lacking = np.flatnonzero(table["angle"] > -table["angle"][0])[::-1]
+    angle = table["alpha"].values
+    lacking = np.flatnonzero(angle > -angle[0])[::-1]
+    rows = np.append(lacking, np.arange(angle.size))
     other = dict(zip(SURFACES, SURFACES[::-1], strict=True))
-    signs = {"angle": -1.0, "lift": -1.0, "moment": -1.0}
-    return {
-        name: np.append(signs.get(name, 1.0) * table.get(other.get(name), rows)[lacking], rows)
-        for name, rows in table.items()
-    }
+    signs = {"alpha": -1.0, "cl": -1.0, "cm": -1.0}
+    made = {}
+    for name, column in table.items():
+        opposite = table.get(other.get(name, name), column).values[lacking]
+        values = np.append(signs.get(name, 1.0) * opposite, column.values)
+        made[name] = replace(column.at(rows), values=values)
+    return made
 
 
 def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray, bool]:
@@ -282,8 +242,9 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
     column.refuse(np.abs(values) > LARGEST[name], problem, remedy)
 
 
-def _smallest_pressure(given: dict[str, Column]) -> np.ndarray | None:
+def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
     """Return `PolarTable.smallest_pressure` of the columns of a file."""
+    given = {name: table[name] for name in ("cpmin", *SURFACES) if name in table}
     low, high = PRESSURE_RANGE
     for column in given.values():
         problem = f"is no smallest pressure coefficient: it lies between {low:g} and {high:g}"

@@ -339,6 +339,22 @@ class Column:
             key, value = self.keys[row], self.shown[row]
             raise InputError(problem, remedy, file=self.file, key=key, value=value)
 
+    def at(self, rows: np.ndarray) -> "Column":
+        """Return the column of some rows.
+
+        Parameters
+        ----------
+        rows : numpy.ndarray
+            Their indices, in the order that they are to have.
+
+        Returns
+        -------
+        Column
+            The column.
+        """
+        keys, shown = ([texts[row] for row in rows] for texts in (self.keys, self.shown))
+        return Column(self.name, self.values[rows], keys, shown, self.file)
+
     def check_rising(self, what: str, values: np.ndarray | None = None) -> None:
         """Refuse the first value that does not exceed the one before.
 
@@ -364,6 +380,7 @@ def number_columns(
     names: Sequence[str],
     file: object,
     wanted: Collection[str],
+    where: str = "",
     remedy: str = "complete the row, or correct the number of rows if the file states one",
     parse: Callable[[str], float | None] = parse_number,
 ) -> dict[str, Column]:
@@ -379,6 +396,8 @@ def number_columns(
         The file, for messages.
     wanted : collection of str
         Names of the columns to return; those that `names` lacks are left out.
+    where : str
+        Words that identify these rows among others in the file.
     remedy : str
         What to do where a row has more or fewer cells than `names`.
     parse : callable
@@ -402,13 +421,45 @@ def number_columns(
     for name in wanted:
         if name in names:
             shown = [cells[names.index(name)].strip() for _, cells in rows]
-            keys = [f"line {line}, column {name}" for line, _ in rows]
+            title = f"{where}, " if where else ""
+            keys = [f"{title}line {line}, column {name}" for line, _ in rows]
             numbers = [parse(cell) for cell in shown]
             wrong = np.array([number is None for number in numbers], dtype=bool)
             values = np.array(numbers, dtype=float)
-            columns[name] = Column(name, values, keys, shown, file)
+            columns[name] = Column(f"{title}{name}", values, keys, shown, file)
             plain = "write it with a decimal point, without a unit"
             columns[name].refuse(wrong, "must be a finite number", plain)
+    return columns
+
+
+def array_columns(file: object = "", where: str = "", **arrays: np.ndarray) -> dict[str, Column]:
+    """Return arrays as columns, so that messages tell their numbers by rows.
+
+    Parameters
+    ----------
+    file : object
+        Where they come from, for messages.
+    where : str
+        Words that identify them among others there.
+    **arrays : numpy.ndarray, shape (n_rows,)
+        The arrays by the names of the columns.
+
+    Returns
+    -------
+    dict of str to Column
+        The columns by name.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite.
+    """
+    columns, title = {}, f"{where}, " if where else ""
+    for name, values in arrays.items():
+        keys = [f"{title}row {row}, column {name}" for row in range(1, len(values) + 1)]
+        column = Column(f"{title}{name}", np.asarray(values, float), keys, values.tolist(), file)
+        column.refuse(~np.isfinite(column.values), "must be a finite number", "correct the row")
+        columns[name] = column
     return columns
 
 

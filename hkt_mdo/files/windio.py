@@ -13,8 +13,8 @@ import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
-from hkt_mdo.files.polar_table import PolarTable, Source, polar_table
-from hkt_mdo.files.table import Column
+from hkt_mdo.files.polar_table import PolarTable, polar_table
+from hkt_mdo.files.table import Column, array_columns
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
 DIAMETER_OFF = 0.02
@@ -301,7 +301,7 @@ class _Turbine:
 
     def polar(self, place: Place, section: str) -> PolarTable:
         """Return one polar, its coefficients on one grid of angles of attack, rad."""
-        version, (lift, _, moment) = self.version, self.version.coefficients
+        version, moment = self.version, self.version.coefficients[-1]
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         for name in version.coefficients:
             curve = place.find(name) if name == moment else place.get(name)
@@ -330,9 +330,9 @@ class _Turbine:
         alpha = self.closed(alpha, values, section)
         number = place.find("re")
         reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
-        titles = f"{lift}.grid, alpha_rad", *(f"{name}.values" for name in values)
-        source = Source(place.file, place.shown, titles)
-        return polar_table(alpha, *values.values(), reynolds=reynolds, source=source)
+        arrays = {"alpha_rad": alpha} | dict(zip(("cl", "cd", "cm"), values.values(), strict=False))
+        columns = array_columns(place.file, place.shown, **arrays)
+        return polar_table(columns, reynolds, place.shown)
 
     def closed(self, alpha: np.ndarray, values: dict[str, np.ndarray], section: str) -> np.ndarray:
         """Close a full circle whose angles, or whose coefficients at both ends, are rounded."""

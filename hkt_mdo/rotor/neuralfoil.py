@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.errors import InputError, install, needed
-from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, Source, polar_table
+from hkt_mdo.files.polar_table import REYNOLDS_RANGE, SURFACES, PolarTable, polar_table
+from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
 
@@ -85,8 +86,9 @@ def compute_polars(
             np.asarray(result[key], dtype=float)
             for key in ("CL", "CD", "CM", "analysis_confidence")
         )
-        pressure = dict(zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True))
-        table = polar_table(degrees, lift, drag, moment, number, pressure, Source(name))
+        found = {"alpha_deg": degrees, "cl": lift, "cd": drag, "cm": moment}
+        found |= zip(SURFACES, -potential_suction(outline, alpha, lift), strict=True)
+        table = polar_table(array_columns(name, **found), number)
         return ComputedPolar(table, confidence)
 
     return tuple(map(polar, reynolds))

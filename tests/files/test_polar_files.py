@@ -6,6 +6,7 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import polar_table
+from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from tests.files.broken.polars import DATA
 
@@ -226,8 +227,8 @@ def test_what_is_not_symmetric_is_not_mirrored(tmp_path, changes):
 
 def test_both_surfaces_change_places_in_the_mirror():
     alpha, upper, lower = np.arange(-2.0, 13.0), np.arange(-17.0, -2.0), np.arange(-33.0, -18.0)
-    columns = {"cpmin_upper": upper, "cpmin_lower": lower}
-    table = polar_table(alpha, 0.1 * alpha, 0.01 + 0.0 * alpha, pressure=columns)
+    columns = {"cl": 0.1 * alpha, "cpmin_upper": upper, "cpmin_lower": lower}
+    table = polar_table(array_columns(alpha_deg=alpha, cd=0.01 + 0.0 * alpha, **columns))
     at_5 = int(np.flatnonzero(np.isclose(table.alpha, np.deg2rad(-5.0)))[0])
     assert table.smallest_pressure[:, at_5].tolist() == [lower[7], upper[7]]
 

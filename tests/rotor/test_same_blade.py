@@ -6,6 +6,7 @@ import yaml
 
 from hkt_mdo.files.blade import read_blade, write_blade_csv
 from hkt_mdo.files.polar_table import polar_table
+from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
@@ -124,7 +125,7 @@ class Source:
 
     def polar_of(self, name):
         alpha, lift, drag = self.polars[name]
-        return Polar.from_polar_table(polar_table(alpha, lift, drag))
+        return Polar.from_polar_table(polar_table(array_columns(alpha_deg=alpha, cl=lift, cd=drag)))
 
 
 @pytest.fixture(scope="module", params=ROTORS)
@@ -271,8 +272,8 @@ def test_wisdem_reading_the_file_in_its_own_way_agrees(read):
     rotors, folder = read
     r, chord, twist, aoa, lift, drag = wisdem_blade(folder / "version2.yaml")
     sections = [
-        Polar.from_polar_table(polar_table(aoa, *coefficients))
-        for coefficients in zip(lift, drag, strict=True)
+        Polar.from_polar_table(polar_table(array_columns(alpha_deg=aoa, cl=cl, cd=cd)))
+        for cl, cd in zip(lift, drag, strict=True)
     ]
     # 4.8e-4 at the lowest tip speed ratios; 2.1e-4 with 800 stations in place of 400
     theirs = wisdem_power(r, chord, twist, sections)

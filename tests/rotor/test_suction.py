@@ -9,6 +9,7 @@ from study_common import shipped_table
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar_table import SURFACES, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
+from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.suction import section_suction, split_at_kink
 from tests.rotor.test_airfoil import assert_smooth
@@ -25,7 +26,8 @@ def lower(alpha):
 
 
 def table(pressure, alpha=ALPHA):
-    return polar_table(alpha, 0.1 * alpha, np.full(alpha.size, 0.02), pressure=pressure)
+    columns = {"cl": 0.1 * alpha, "cd": np.full(alpha.size, 0.02)} | pressure
+    return polar_table(array_columns(alpha_deg=alpha, **columns))
 
 
 @pytest.fixture(scope="module", params=[*shipped_names("polar"), "both surfaces in one"])
@@ -123,7 +125,7 @@ def test_blend_is_linear_and_needs_both():
     mixed = one.blend(other, 0.3).suction_at(alpha)[0]
     expected = 0.7 * one.suction_at(alpha)[0] + 0.3 * other.suction_at(alpha)[0]
     assert np.allclose(mixed, expected, atol=1e-13)
-    without = Polar.from_polar_table(table(None))
+    without = Polar.from_polar_table(table({}))
     assert without.suction is None
     assert one.blend(without, 0.5).suction is without.blend(one, 0.5).suction is None
 
@@ -143,7 +145,7 @@ def test_along_a_blade_every_station_has_its_own_polar():
 
 
 def test_polar_without_suction_is_refused_with_the_remedy():
-    without = Polar.from_polar_table(table(None))
+    without = Polar.from_polar_table(table({}))
     known = PolarFamily.from_file("naca63815")
     for polar in (without, (known.polars[0], without, known.polars[0])):
         with pytest.raises(InputError, match=r"rotor\.polar .*cpmin_upper.*hkt polar"):
