@@ -32,7 +32,7 @@ def span(values, scale=1.0, digits=4) -> str:
 
 def blade(entry: dict) -> str:
     """Read a blade and say what it is."""
-    table = read_blade(FOLDER / entry["file"], hub_radius=0.0)
+    table = read_blade(FOLDER / entry["file"])
     about = f"{table.r.size} rows, chord {span(table.chord)} m, twist"
     told = f"{about} {span(table.twist, 180.0 / np.pi)}°"
     return f"{told}, {len(table.sections)} sections with polars" if table.sections else told

@@ -273,13 +273,10 @@ _UNITS = {"BlSpn": "m", "BlCrvAC": "m", "BlSwpAC": "m", "BlCrvAng": "deg"}
 _UNITS |= {"BlTwist": "deg", "BlChord": "m", "BlAFID": "-", "t_c": "-"}
 _ROW_COUNT = re.compile(r"\s*\S+\s+NumBlNds\b", re.IGNORECASE)
 _NEEDED = ("BlSpn", "BlTwist", "BlChord", "BlAFID")
-AT_HUB = 1e-3
-"""How far over the span the first row may be from the hub's radius to count as there."""
-
 _USUAL = "BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID"
 
 
-def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> BladeTable:
+def read_blade_definition(text: str, file: Path) -> BladeTable:
     """Read an AeroDyn 15 blade file.
 
     OpenFAST's form: a line ``19 NumBlNds``, one of column names, one of units, NumBlNds rows. The
@@ -291,34 +288,24 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
         Content of the file.
     file : pathlib.Path
         The file, for messages.
-    hub_radius : float or None
-        Radius of the blade's root, m, from which the file counts its span.
 
     Returns
     -------
     BladeTable
-        The rows in SI units and radians.
+        The rows in SI units and radians, with radii from the blade's root and a hub radius of 0.
 
     Raises
     ------
     InputError
-        If the file is broken, with the line, or `hub_radius` is None.
+        If the file is broken, with the line.
     """
     columns, messages = _blade_columns(text, file)
     span, degrees, chord, section = (columns[name] for name in _NEEDED)
-    unknown = np.full(span.values.size, hub_radius is None)
-    problem = "is measured from the blade's root, whose radius an AeroDyn file does not contain"
-    span.refuse(unknown, problem, "give the hub radius in metres")
     first, last = float(span.values[0]), float(span.values[-1])
     messages.append("BlTwist: degrees converted to radians")
-    at_hub = np.array([0.0 < first and abs(first - (hub_radius or 0.0)) < AT_HUB * last])
-    problem = "is the hub's radius, and AeroDyn counts the span from the blade's root"
-    span.refuse(at_hub, problem, "subtract the hub's radius from the column")
     if first > 0.0:
         note = f"rows begin {first:g} m ({100.0 * first / last:.3g} % of the span) outboard of the"
         messages.append(f"BlSpn: {note} blade's root, from which AeroDyn counts")
-    if hub_radius:
-        messages.append(f"BlSpn: measured from the root, hub radius of {hub_radius:g} m added")
     for name, what in (("BlCrvAC", "prebend"), ("BlSwpAC", "sweep"), ("BlCrvAng", "cant angle")):
         if name in columns and np.any(columns[name].values != 0.0):
             largest = f"{np.max(np.abs(columns[name].values)):g} {_UNITS[name]}"
@@ -327,22 +314,19 @@ def read_blade_definition(text: str, file: Path, hub_radius: float | None) -> Bl
     if thickness is not None and not np.any(thickness.values):
         messages.append("t_c: all 0, taken as not given")
         thickness = None
-    # check_rows is given the span as the radius, so that its messages quote what the file says.
     twist = replace(degrees, values=np.deg2rad(degrees.values))
-    check_rows(span, chord, twist, thickness, hub_radius + float(np.max(span.values)))
-    r = hub_radius + span.values
-    span.check_rising("radii", r)  # spans that differ may give one radius by rounding
+    check_rows(span, chord, twist, thickness, float(np.max(span.values)))
     wrong = (section.values < 1.0) | (section.values != np.floor(section.values))
     remedy = "give the place in AeroDyn's list of airfoil files, from 1"
     section.refuse(wrong, "is no number of an airfoil", remedy)
     return BladeTable(
-        r,
+        span.values,
         chord.values,
         twist.values,
         thickness=None if thickness is None else thickness.values,
         section=tuple(f"{number:.0f}" for number in section.values),
-        tip_radius=float(r[-1]),
-        hub_radius=float(hub_radius),
+        tip_radius=last,
+        hub_radius=0.0,
         messages=tuple(messages),
         file=str(file),
     )

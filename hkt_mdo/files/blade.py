@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.errors import did_you_mean
 from hkt_mdo.files.aerodyn import read_blade_definition
 from hkt_mdo.files.blade_table import EDGE, BladeTable, check_rows
 from hkt_mdo.files.shipped import locate
@@ -22,7 +22,7 @@ _AERODYN = re.compile(
 _WINDIO = re.compile(r"^(windIO_version|assembly|components|airfoils)\s*:", re.MULTILINE)
 
 
-def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTable:
+def read_blade(source: str | Path) -> BladeTable:
     """Read a blade from a CSV file, an AeroDyn 15 blade file or a windIO turbine file.
 
     The content decides the format, and the suffix where that is not enough. CSV names its units in
@@ -35,13 +35,12 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
     ----------
     source : str or pathlib.Path
         Name of a shipped blade, or a path.
-    hub_radius : float, optional
-        Radius of the blade's root, m, which an AeroDyn file does not say.
 
     Returns
     -------
     BladeTable
-        The rows in SI units and radians.
+        The rows in SI units and radians; of AeroDyn, which does not say where the blade's root is,
+        with radii from there and a hub radius of 0.
 
     Raises
     ------
@@ -50,14 +49,11 @@ def read_blade(source: str | Path, hub_radius: float | None = None) -> BladeTabl
     """
     path = locate(source, "blade")
     text = read_text(path, "blade file")
-    if hub_radius is not None and not 0.0 <= hub_radius < np.inf:
-        problem, remedy = "must not be negative", "give it in metres"
-        raise InputError(problem, remedy, key="hub_radius", value=hub_radius)
     # The first lines that are no remarks show which format it is.
     lines = [line for _, line in numbered_lines(text) if line.strip() and line.lstrip()[0] != "#"]
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (lines and suffix in {".dat", ".inp"} and "," not in lines[0]):
-        table = read_blade_definition(text, path, hub_radius)
+        table = read_blade_definition(text, path)
         _suspect_radians(path, "BlTwist", np.rad2deg(table.twist), "convert it")
         return table
     if _WINDIO.search(head) or suffix in {".yaml", ".yml"}:

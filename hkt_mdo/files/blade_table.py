@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import compress
 
 import numpy as np
 
@@ -115,37 +114,32 @@ class BladeTable:
             messages=self.messages if self.relative else (*self.messages, note),
         )
 
-    def interior(self, hub_radius: float | None = None) -> BladeTable:
-        """Return the rows strictly between hub and tip, where blade elements may lie.
+    def interior(self, hub_radius: float) -> np.ndarray:
+        """Return the radii of the rows strictly between hub and tip, where blade elements may lie.
 
         Parameters
         ----------
-        hub_radius : float, optional
-            Radius of the hub in the table's unit of length; by default the file's own.
+        hub_radius : float
+            Radius of the hub in the table's unit of length.
 
         Returns
         -------
-        BladeTable
-            The table with these rows and this hub radius.
+        numpy.ndarray
+            The radii in that unit.
 
         Raises
         ------
         InputError
-            If no row is left, or no hub radius is known.
+            If there is no such row.
         """
-        hub = self.hub_radius if hub_radius is None else float(hub_radius)
-        if hub is None:
-            raise InputError("has no hub radius", "give one", file=self.file)
         tip = 1.0 if self.relative else self.tip_radius
         margin = EDGE * (self.r[-1] if tip is None else tip)
-        keep = (self.r > hub + margin) & (self.r < (np.inf if tip is None else tip - margin))
-        if not np.any(keep):
-            problem = f"has no row between the hub ({hub:g}) and the tip"
+        last = np.inf if tip is None else tip - margin
+        inner = self.r[(self.r > hub_radius + margin) & (self.r < last)]
+        if not inner.size:
+            problem = f"has no row between the hub ({hub_radius:g}) and the tip"
             raise InputError(problem, "add rows there, or reduce the hub radius", file=self.file)
-        given = {name: getattr(self, name) for name in ("r", "chord", "twist", "thickness")}
-        kept = {name: values[keep] for name, values in given.items() if values is not None}
-        section = self.section and tuple(compress(self.section, keep))
-        return replace(self, **kept, section=section, hub_radius=hub)
+        return inner
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return the two sections between which each station lies.

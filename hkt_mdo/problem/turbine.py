@@ -10,7 +10,6 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 
 from hkt_mdo.case import Design, Fluid, Rotor
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.aerodyn import AT_HUB
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
@@ -23,6 +22,7 @@ from hkt_mdo.rotor.thickness import ByThickness, over_thickness
 
 HUB, BLADES = 0.125, 3  # hub over tip radius, blade count: if neither case nor file has them
 POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
+AT_HUB = 1e-3  # share of the span by which a first row at the hub may be off it
 OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are reported
 BEYOND = 1.1  # factor by which a Reynolds number may be beyond the polars
 ROUNDED = 1e-3  # by which a bound may exceed the sections' thickness, which files round
@@ -170,7 +170,7 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         rows = np.array(rotor.stations) * radius, np.array(rotor.chord), np.deg2rad(rotor.twist)
         table = BladeTable(*rows, tip_radius=radius)
     else:
-        table = read_blade(rotor.blade, hub_radius=0.0)
+        table = read_blade(rotor.blade)
         own = shipped_rotor(rotor.blade).get("radius")
         if own is not None and not table.relative:  # a shipped file in metres is of this size
             table = replace(table, tip_radius=own)
@@ -207,7 +207,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     tip, hub = (1.0, hub_radius / tip_radius) if table.relative else (tip_radius, hub_radius)
     low, high = table.r[0] / tip, table.r[-1] / tip
     if rotor.stations is None and rotor.station_count is None:
-        own = table.interior(hub).r
+        own = table.interior(hub)
         if own.size < 3:
             problem = f"has {own.size} rows between hub and tip"
             remedy = "give at least 3, or rotor.station_count"

@@ -89,7 +89,7 @@ def outline_names(solution: Solution) -> str:
     elif not names and rotor.outline is None and rotor.polar is not None:
         key = "rotor.outline"
     elif not names and rotor.outline is None and rotor.chord is None:
-        own = read_blade(rotor.blade, hub_radius=0.0).sections
+        own = read_blade(rotor.blade).sections
         key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
         names = [rotor.blade] if own else []
     if key:

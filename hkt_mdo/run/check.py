@@ -226,7 +226,7 @@ def _stations(found: Findings) -> Rows:
 def _polars(rotor) -> dict[str, tuple]:
     """Return the tables of the rotor's polars, by name of polar or section."""
     if not rotor.sections and rotor.polar is None and rotor.chord is None:
-        own = {part.name: part.polars for part in read_blade(rotor.blade, hub_radius=0.0).sections}
+        own = {part.name: part.polars for part in read_blade(rotor.blade).sections}
         if own:
             return own
     sources = [section.polar for section in rotor.sections] or [rotor.polar or POLAR]

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade, write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable, SectionTable
-from tests.conftest import refused
 from tests.files.broken.blades import AERODYN, CSV, WINDIO
 from tests.properties import examples
 
@@ -134,15 +133,12 @@ def test_metres_without_a_tip_stay_metres(put):
 
 def test_interior_rows_lie_between_hub_and_tip():
     table = read_blade("bahaj2007").scaled(1.4)
-    assert table.interior(0.125 * 1.4).r[0] == pytest.approx(0.28)
+    assert table.interior(0.125 * 1.4)[0] == pytest.approx(0.28)
     inner = table.interior(0.2 * 1.4)
-    assert inner.r[0] == pytest.approx(0.25 * 1.4)
-    assert inner.r[-1] == pytest.approx(0.95 * 1.4)
-    assert inner.chord.size == inner.twist.size == inner.thickness.size == inner.r.size == 15
+    assert inner[[0, -1]] == pytest.approx([0.25 * 1.4, 0.95 * 1.4])
+    assert inner.size == 15
     with pytest.raises(InputError, match="no row between"):
         table.interior(1.39)
-    with pytest.raises(InputError, match="no hub radius"):
-        table.interior()
 
 
 # --- published files -----------------------------------------------------------------------------
@@ -151,12 +147,12 @@ def test_interior_rows_lie_between_hub_and_tip():
 def test_an_aerodyn_blade_counts_from_the_root(put):
     rows = "0.0E+00 0 0 0 1.3308000E+01 3.542 1\n1.3667D+00 0 0 0 13.308 3.542 1\n"
     path = aerodyn(put, rows + "4.1 0 0 0 13.308 3.854 3 ! remark")
-    table = read_blade(path, hub_radius=1.5)
-    np.testing.assert_array_equal(table.r, [1.5, 1.5 + 1.3667, 1.5 + 4.1])
+    table = read_blade(path)
+    np.testing.assert_array_equal(table.r, [0.0, 1.3667, 4.1])
     np.testing.assert_array_equal(table.twist, np.deg2rad([13.308] * 3))
     assert table.section == ("1", "1", "3")
-    assert (table.hub_radius, table.tip_radius) == (1.5, 5.6)
-    np.testing.assert_array_equal(table.interior().r, [1.5 + 1.3667])
+    assert (table.hub_radius, table.tip_radius) == (0.0, 4.1)
+    np.testing.assert_array_equal(table.interior(0.0), [1.3667])
 
 
 def test_aerodyn_columns_go_by_name_not_by_place(put):
@@ -173,14 +169,14 @@ BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID t_c BlCb   BlCenBn BlCenBt
 ! what follows the promised rows is passed over
 9.1   0.00    0.00    0.00     2.18    0.626   9      0.0 0.1870 0.0097  0.05088 0.0
 """
-    table = read_blade(put("marine.dat", newer), 1.0)
+    table = read_blade(put("marine.dat", newer))
     np.testing.assert_array_equal(table.chord, [0.8, 0.626])
     assert table.thickness is None
     assert any("t_c" in message for message in table.messages)
     assert any("1 rows after these are ignored" in message for message in table.messages)
     swapped = {"BlTwist BlChord": "BlChord BlTwist", "(deg)   (m) ": "(m) (deg)   "}
     swapped |= {"12.86   0.8": "0.8 12.86", "2.18    0.626": "0.626 2.18"}
-    other = read_blade(put("swapped.dat", changed(newer, swapped)), 1.0)
+    other = read_blade(put("swapped.dat", changed(newer, swapped)))
     np.testing.assert_array_equal(other.chord, table.chord)
     np.testing.assert_array_equal(other.twist, table.twist)
 
@@ -190,18 +186,11 @@ def test_prebend_sweep_and_layers_are_not_ignored_silently(put):
     layers = WINDIO.replace("    blade:\n", "    blade:\n        structure: {layers: []}\n", 1)
     said = read_blade(put("layers.yaml", layers)).messages
     assert any("blade.structure: webs and layers are not read" in each for each in said)
-    messages = " ".join(read_blade(aerodyn(put, rows), 0.1).messages)
+    messages = " ".join(read_blade(aerodyn(put, rows)).messages)
     assert "BlCrvAC: prebend of up to 0.25 m" in messages
     assert "BlSwpAC: sweep of up to 0.5 m" in messages
     assert "BlCrvAng: cant angle of up to 3 deg" in messages
     assert "straight blade" in messages
-
-
-def test_the_hub_radius_is_required(put):
-    path = aerodyn(put, "0 0 0 0 10 .3 1\n1 0 0 0 5 .2 1")
-    assert "is measured from the blade's root, whose radius" in refused(read_blade, path)
-    with pytest.raises(InputError, match="hub_radius"):
-        read_blade(path, -1.0)
 
 
 def test_windio_says_more_than_rows(put):
@@ -289,11 +278,11 @@ def test_a_reference_turbine_reads_as_it_is_published():
 
 
 def test_the_sound_files_are_one_blade(put):
-    for suffix, text, hub in (("csv", CSV, None), ("dat", AERODYN, 0.175), ("yaml", WINDIO, None)):
-        table = read_blade(put(f"sound.{suffix}", text), hub)
+    for suffix, text, hub in (("csv", CSV, 0.0), ("dat", AERODYN, 0.175), ("yaml", WINDIO, 0.0)):
+        table = read_blade(put(f"sound.{suffix}", text))
         np.testing.assert_allclose(table.chord, [0.18, 0.12, 0.09, 0.06], rtol=1e-15)
         np.testing.assert_allclose(np.rad2deg(table.twist), [20, 9, 4, 1], rtol=1e-15)
-        assert table.r[-1] == pytest.approx(1.4, rel=1e-15)
+        assert table.r[-1] + hub == pytest.approx(1.4, rel=1e-15)
 
 
 @pytest.mark.parametrize("path", ["", "no such file.csv", "\0", "x" * 5000, "."])

@@ -37,14 +37,10 @@ WHOLE = re.compile(
 """What is said of a file as a whole, where no place is to be named."""
 
 
-def call(read, path):
-    return read(path, 0.175) if read is read_blade and path.suffix == ".dat" else read(path)
-
-
 def refused(read, path):
     """Return the error, whose message is one printable line with file, place and remedy."""
     with pytest.raises(InputError) as caught:
-        call(read, path)
+        read(path)
     error = caught.value
     assert str(error).startswith(f"{path}: ")
     assert str(error).isprintable()
@@ -89,7 +85,7 @@ def test_a_file_that_is_no_text_is_refused(name, spoil, told, tmp_path):
     read, content = SOUND[name]
     (tmp_path / name).write_bytes(spoil(content))
     with pytest.raises(InputError, match=told):
-        call(read, tmp_path / name)
+        read(tmp_path / name)
 
 
 PIECES = ["", *"0 -1 1e400 nan [] {} null *grid !!x ' \"".split(), "&grid ", "\n"]
@@ -111,7 +107,7 @@ def test_damage_is_read_or_refused(name, damage, tmp_path):
     path = tmp_path / name
     path.write_bytes(text.encode())
     try:
-        call(read, path)
+        read(path)
     except InputError:
         refused(read, path)
 

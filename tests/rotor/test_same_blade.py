@@ -1,5 +1,7 @@
 """One blade as CSV, AeroDyn 15 blade file and windIO turbine: one power curve, also by WISDEM."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import yaml
@@ -135,14 +137,15 @@ def source(request):
 
 def rotor(table, polar_of):
     """Return blade and polars at the rows between hub and tip of a file."""
-    rows = table.interior(HUB)
-    polars = {name: polar_of(name) for name in {n for pair in rows.blend(rows.r) for n in pair[:2]}}
+    r = table.interior(HUB)
+    blends, keep = table.blend(r), np.isin(table.r, r)
+    polars = {name: polar_of(name) for name in {n for pair in blends for n in pair[:2]}}
     sections = [
         polars[inner] if share == 0.0 else polars[outer] if share == 1.0 else None
-        for inner, outer, share in rows.blend(rows.r)
+        for inner, outer, share in blends
     ]
     assert None not in sections  # rows lie in one section each
-    return Blade(rows.r, rows.chord, rows.twist, HUB, TIP, BLADES), sections
+    return Blade(r, table.chord[keep], table.twist[keep], HUB, TIP, BLADES), sections
 
 
 @pytest.fixture(scope="module")
@@ -153,12 +156,11 @@ def read(source, tmp_path_factory):
     source.aerodyn(folder / "blade.dat")
     source.windio(folder / "version1.yaml", 1)
     source.windio(folder / "version2.yaml", 2)
+    table = read_blade(folder / "blade.dat")  # from the root
+    table = replace(table, r=table.r + HUB, tip_radius=table.tip_radius + HUB)
     found = {
         "csv": rotor(read_blade(folder / "blade.csv").scaled(TIP), source.polar_of),
-        "aerodyn": rotor(
-            read_blade(folder / "blade.dat", HUB),
-            lambda n: source.polar_of(source.names[int(n) - 1]),
-        ),
+        "aerodyn": rotor(table, lambda n: source.polar_of(source.names[int(n) - 1])),
     }
     for version in (1, 2):
         table = read_blade(folder / f"version{version}.yaml")
