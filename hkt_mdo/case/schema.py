@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
 import yaml
 from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model, model_validator
-from pydantic.fields import FieldInfo
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
@@ -481,11 +480,10 @@ def case_class(kinds: Kinds) -> type[Case]:
         for each in kinds.of(Limit)
     }
     section = _subclass(Limits, **limits)
-    own = FlowScenario.model_fields
     scenario = _subclass(
         FlowScenario,
-        inflow=_choice("inflow", [*profiles, *resources, total, None], own["inflow"]),
-        resource=_choice("resource", [*resources, None], own["resource"]),
+        inflow=_choice("inflow", [*profiles, *resources, total, None]),
+        resource=_choice("resource", [*resources, None]),
         limits=(section, Field(section())),
     )
     made = _subclass(
@@ -507,14 +505,11 @@ def _subclass(base: Any, **fields: Any) -> Any:
     return create_model(base.__name__, __base__=base, __doc__=base.__doc__, **fields)
 
 
-def _choice(
-    key: str, classes: Sequence[type[Section] | None], field: FieldInfo | None = None
-) -> Any:
+def _choice(key: str, classes: Sequence[type[Section] | None]) -> Any:
     """Return a field that takes one of some sections, which a tag tells apart; None: or null.
 
-    `field` has the default, by default that of the case's key.
+    Its default is null where that is possible, else that of the case's key.
     """
-    field = field or _BaseCase.model_fields[key]
     kinds = [each for each in classes if each is not None]
     plain = [e for e in kinds if not any(f.is_required() for f in e.model_fields.values())]
 
@@ -525,7 +520,8 @@ def _choice(
             part["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
             part.setdefault("discriminator", {"propertyName": TAGS[key]})
 
-    options: dict[str, Any] = {"default": field.default}
+    default = None if None in classes else _BaseCase.model_fields[key].default
+    options: dict[str, Any] = {"default": default}
     if len(kinds) > 1:
         options["discriminator"] = TAGS[key]
     return Union[tuple(classes)], Field(json_schema_extra=describe, **options)  # noqa: UP007

@@ -12,7 +12,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
-from hkt_mdo.files.polar_table import PolarTable, check_reynolds, polar_of_rows
+from hkt_mdo.files.polar_table import PolarTable, polar_of_rows, read_reynolds
 from hkt_mdo.files.table import (
     Column,
     Row,
@@ -122,7 +122,7 @@ def _read_table(
     if "re" not in settings:
         raise line_error(path, count_line, "comes without a line Re above it", _REMEDY, "NumAlf")
     line, cell = settings["re"]
-    reynolds = check_reynolds(parse_number(cell), cell, path, f"line {line}, Re", 1e6)
+    reynolds = read_reynolds(cell, path, f"line {line}, Re", 1e6)
     if len(lines) < int(count):
         problem = f"announces more rows than the {len(lines)} that follow"
         raise line_error(path, count_line, problem, _REMEDY, "NumAlf", value=count)
@@ -197,11 +197,9 @@ def _read_old_table(
 ) -> PolarTable:
     """Read a table of AeroDyn 13 from the lines between two EOT; one alone may have Re = 0."""
     line, cells = block[0]
-    reynolds = parse_number(cells[0])
-    if alone and reynolds == 0.0:
-        reynolds = None
-    else:
-        reynolds = check_reynolds(reynolds, cells[0], path, f"line {line}, Re", 1e6)
+    reynolds = None
+    if not (alone and parse_number(cells[0]) == 0.0):
+        reynolds = read_reynolds(cells[0], path, f"line {line}, Re", 1e6)
     rows = [row for row in block if len(row[1]) > 2 and None not in map(parse_number, row[1])]
     if not rows:
         raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)

@@ -142,7 +142,7 @@ class BladeTable:
         return inner
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
-        """Return the two sections between which each station lies.
+        """Return the two sections between which each station lies, of a file that names sections.
 
         The share of the outer one is linear in the thickness where that is known and differs, and
         in the radius where not; beyond the first and the last section these stand alone.
@@ -156,14 +156,7 @@ class BladeTable:
         -------
         tuple of (str, str, float)
             Inner section, outer section and share of the outer one at each station.
-
-        Raises
-        ------
-        InputError
-            If the file names no sections.
         """
-        if self.section_position is None and self.section is None:
-            raise InputError("names no sections", "add a column section", file=self.file)
         positions = self.section_position or tuple(zip(self.section, self.r, strict=True))
         names, radii = zip(*positions, strict=True)
         thicknesses = {section.name: section.thickness for section in self.sections}

@@ -9,9 +9,9 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import OLD_COUNT, read_airfoil, read_old_airfoil
-from hkt_mdo.files.polar_table import SURFACES, PolarTable, check_reynolds, polar_of_rows
+from hkt_mdo.files.polar_table import SURFACES, PolarTable, polar_of_rows, read_reynolds
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate
-from hkt_mdo.files.table import Csv, line_error, numbered_lines, parse_number, read_text
+from hkt_mdo.files.table import Csv, line_error, numbered_lines, read_text
 
 _ANGLES = "alpha_deg", "alpha_rad"
 _FORMATS = "a CSV file alpha_deg,cl,cd (or alpha_rad), an AeroDyn airfoil table or an XFOIL polar"
@@ -94,8 +94,8 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     if "reynolds" not in table.header:
         return [polar_of_rows(table.rows, table.header, None, path)]
     column = table.columns(("reynolds",), "polar")["reynolds"]
-    for number, cell, key in zip(column.values, column.shown, column.keys, strict=True):
-        check_reynolds(number, cell, path, key)
+    for cell, key in zip(column.shown, column.keys, strict=True):
+        read_reynolds(str(cell), path, key)
     polars = []
     for number in np.unique(column.values).tolist():
         rows = list(compress(table.rows, column.values == number))
@@ -113,7 +113,7 @@ def _read_airfoil_tools(text: str, path: Path) -> list[PolarTable]:
             rows.append((line, cells))
         elif cells[0] == "reynolds number":
             key = f"line {line}, Reynolds number"
-            reynolds = check_reynolds(parse_number(cells[1]), cells[1], path, key)
+            reynolds = read_reynolds(cells[1], path, key)
         elif cells[:3] == ["alpha", "cl", "cd"]:
             names = cells
     return [polar_of_rows(rows, names, reynolds, path)]
@@ -180,4 +180,4 @@ def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:
     if match is None:
         return None
     cell = f"{match[1]}e{match[2]}" if match[2] else match[1]
-    return check_reynolds(parse_number(cell), cell, path, f"line {number}, Re")
+    return read_reynolds(cell, path, f"line {number}, Re")

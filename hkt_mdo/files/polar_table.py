@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import Column, Row, number_columns
+from hkt_mdo.files.table import Column, Row, number_columns, parse_number
 
 FEWEST_ROWS = 8
 """Fewest angles of a polar; fewer do not show where it stalls."""
@@ -259,21 +259,17 @@ def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
     return np.stack(columns) if columns else None
 
 
-def check_reynolds(
-    number: float | None, cell: str, file: object, key: str, unit: float = 1.0
-) -> float:
+def read_reynolds(cell: str, file: object, key: str, unit: float = 1.0) -> float:
     """Return a Reynolds number that a section may have.
 
     Parameters
     ----------
-    number : float or None
-        The file's number, in `unit`; None if it is no number.
     cell : str
-        The same as it is written.
+        The number as it is written, in `unit`.
     file, key : object, str
         Where it stands, for messages.
     unit : float
-        Unit of `number`, such as 1e6.
+        Unit of the number, such as 1e6.
 
     Returns
     -------
@@ -285,7 +281,7 @@ def check_reynolds(
     InputError
         If it is no number or out of `REYNOLDS_RANGE`.
     """
-    low, high = REYNOLDS_RANGE
+    number, (low, high) = parse_number(cell), REYNOLDS_RANGE
     if number is None or not low <= number * unit <= high:
         scale = "in millions, such as 0.2" if unit != 1.0 else "as a plain number, such as 2e5"
         problem = f"is no Reynolds number between {low / unit:g} and {high / unit:g}"

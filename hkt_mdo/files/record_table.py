@@ -89,9 +89,7 @@ def named_unit(name: str, spellings: dict[str, str]) -> str | None:
 # Columns ------------------------------------------------------------------------------------------
 
 
-TimeUnit = Literal["s", "ms", "us", "ns", "min", "h", "days"]
-SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
-Bins = Pair[Annotated[float, Quantity("m")]]
+_SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
 
 
 class RecordFile(Section):
@@ -107,14 +105,14 @@ class RecordFile(Section):
     """Column or variable of the speed; null: the only one besides the time."""
     second_column: str | None = None
     """Column of the other horizontal component, north where `speed_column` is east."""
-    time_unit: TimeUnit | None = None
+    time_unit: Literal["s", "ms", "us", "ns", "min", "h", "days"] | None = None
     """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates need
     none."""
-    speed_unit: SpeedUnit | None = None
+    speed_unit: _SpeedUnit | None = None
     """Unit of the speed or discharge; null: as in the column's name."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
     """Cross section of the channel, for a record of the discharge: speed = discharge / area."""
-    bins: Bins | None = None
+    bins: Pair[Annotated[float, Quantity("m")]] | None = None
     """Depth bins of a profiler that are averaged, [lower, upper]."""
     component: str | None = None
     """Velocity component to use, such as `E`, or two, such as `E,N`; null: the first two."""
