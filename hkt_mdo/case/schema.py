@@ -270,10 +270,8 @@ class Case(Section):
             if own.name == name:
                 made = self.of_turbine(own.density, own.condition)
                 limits = {limit.name: limit for limit in own.limits.given}
-                mesh = {
-                    "duration": own.duration or self.phase.duration,
-                    "segments": own.segments or self.phase.segments,
-                }
+                keys = "duration", "segments"
+                mesh = {key: getattr(own, key) or getattr(self.phase, key) for key in keys}
                 update = {
                     "inflow": own.inflow or self.inflow,
                     "limits": self.limits.model_copy(update=limits),
@@ -285,9 +283,8 @@ class Case(Section):
 
     def of_turbine(self, density: float | None, condition: Condition | None) -> Case:
         """Return the case with other water and another condition of the turbine; None: its own."""
-        fluid = (
-            self.fluid if density is None else self.fluid.model_copy(update={"density": density})
-        )
+        water = {} if density is None else {"density": density}
+        fluid = self.fluid.model_copy(update=water)
         return self.model_copy(update={"fluid": fluid, "condition": condition or self.condition})
 
     def _realize(self) -> None:

@@ -218,9 +218,8 @@ class Rotor(Section):
             column = getattr(self, name)
             if column is not None and getattr(self, other) is None:
                 remedy = f"give rotor.{other} too, or neither and name a blade"
-                raise refusal(
-                    f"is given without rotor.{other}", remedy, key=name, value=list(column)
-                )
+                problem = f"is given without rotor.{other}"
+                raise refusal(problem, remedy, key=name, value=list(column))
             if column is not None and len(column) != len(stations):
                 problem = f"has {len(column)} values for {len(stations)} stations"
                 remedy = "give one value for each of rotor.stations"

@@ -196,11 +196,8 @@ class Columns:
             To be raised.
         """
         number = float((self.time, self.speed)[column][row])
-        value = (
-            {}
-            if np.isnan(number)
-            else {"value": f"{number:.10g} {('s since the first', self.unit)[column]}"}
-        )
+        unit = ("s since the first", self.unit)[column]
+        value = {} if np.isnan(number) else {"value": f"{number:.10g} {unit}"}
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
