@@ -449,6 +449,5 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Colu
     """
     path = Path(path)
     table = Csv(read_text(path, "table", MAX_BYTES), path, f"a header with {','.join(columns)}")
-    if len(table.header) == 2 and not {*table.header} & {*columns}:
-        return tuple(table.columns(table.header, "table").values())
-    return tuple(table.columns(columns, "table").values())
+    own = len(table.header) == 2 and not {*table.header} & {*columns}
+    return tuple(table.columns(table.header if own else columns, "table").values())
