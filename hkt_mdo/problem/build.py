@@ -94,7 +94,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     alone : bool
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
-    scales, blade = _scales(physics, setup), setup.start.blade
+    scales, blade, wake = _scales(physics, setup), setup.start.blade, Follower(physics, setup)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
@@ -110,7 +110,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         nodes=np.asarray(setup.nodes, dtype=float),
         torque=physics.has_curve,
         loads=physics.load_names,
-        band=band_of(physics, setup),
+        band=wake.band,
     )
     group.add_subsystem("rotor", rotor, promotes=["*"])
     _add_variants(group, physics, setup)
@@ -119,9 +119,9 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         group.add_subsystem("weight", weight, promotes=["*"])
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
-    operation = OperationGroup(physics=physics, start=setup, scales=scales)
+    operation = OperationGroup(physics, setup, scales, wake)
     group.add_subsystem("operation", operation, promotes=["*"])
-    _declare_constraints(group, physics, setup, scales)
+    _declare_constraints(group, physics, setup, scales, wake)
 
 
 def _add_variants(group, physics, setup):
@@ -256,7 +256,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     return designed, kept
 
 
-def _declare_constraints(model, physics, setup, scales):
+def _declare_constraints(model, physics, setup, scales, wake):
     """Declare the limits as constraints, and closed cycles."""
     for held in held_limits(physics, setup, scales):
         nodes = {} if held.component else {"indices": held.nodes, "flat_indices": True}
@@ -266,7 +266,7 @@ def _declare_constraints(model, physics, setup, scales):
             _declare_design_limit(model, limit)
     for number, scenario in enumerate(physics.scenarios):
         if physics.may_pulse and not scenario.steady:
-            lower, upper = Follower(physics, setup, band_of(physics, setup)).bounds(number)
+            lower, upper = wake.bounds(number)
             about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
             name = f"{scenario.path}.wake_factor"
             model.add_constraint(name, lower=lower, upper=upper, **about)

@@ -168,57 +168,39 @@ def _without_time(whole: Scenario) -> Speeds:
     return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 
-class EquilibriumGroup(om.Group):
-    """A rotor in equilibrium at the speeds of a steady scenario.
+def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -> om.Group:
+    """Return a rotor in equilibrium at the speeds of a steady scenario; arguments as `add_phase`.
 
     Unknowns are the rotor's speed, (n_speeds,), and the states of the law; under feedback the
     balance of torques and the states' rates are constraints. Inputs are those of `RotorODE` that do
     not change over time; outputs ``timeseries.<quantity>``[n_speeds, 1].
     """
-
-    def initialize(self):
-        declare = self.options.declare
-        declare("scenario", types=SteadyScenario, recordable=False)
-        declare("law", recordable=False)
-        declare("ode", types=dict, recordable=False, desc="options of `RotorODE` besides")
-        declare("parameters", desc="names of the inputs that the model feeds")
-        declare("scales", recordable=False, desc="reference magnitudes")
-        declare("speed_bounds", desc="rad/s, a pair")
-        declare("start", types=dict, recordable=False, desc="values at the speeds, by name")
-
-    def setup(self):
-        options, scenario, law = self.options, self.options["scenario"], self.options["law"]
-        start, inverse = options["start"], law.chooses_speed
-        unknowns = self.add_subsystem("unknowns", om.IndepVarComp(), promotes=["*"])
-        unknowns.add_output("time", scenario.node_times, units="s")
-        unknowns.add_output("rotor_speed", start["rotor_speed"], units="rad/s")
-        if inverse:
-            at_rest = np.zeros(scenario.segments)
-            unknowns.add_output("rotor_acceleration", at_rest, units="rad/s**2")
-        for name, (unit, _) in law.states.items():
-            unknowns.add_output(name, start[name], units=unit)
-        about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
-        self.add_subsystem("ode", RotorODE(**about, **options["ode"]), promotes=["*"])
-        columns = Columns(num_nodes=scenario.segments, states=law.states)
-        self.add_subsystem("timeseries", columns)
-        for name in (*TRAJECTORY, *law.states):
-            self.connect(name, f"timeseries.{name}:in")
-        self._declare(start, law, inverse)
-
-    def _declare(self, start, law, inverse):
-        """Declare the unknowns, and under feedback the balance of torques."""
-        scales, (low, high) = self.options["scales"], self.options["speed_bounds"]
-        ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
-        self.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")
-        if not inverse:
-            # each flow has a torque of its own size
-            torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * scales.torque)
-            ref = scales.acceleration * torque / scales.torque
-            self.add_constraint("rotor_acceleration", equals=0.0, ref=ref, units="rad/s**2")
-        for name, (unit, _) in law.states.items():
-            size, rate = scales.states[name]
-            self.add_design_var(name, ref=size, units=unit)
-            self.add_constraint(f"{name}_rate", equals=0.0, ref=rate)
+    group, (low, high) = om.Group(), speed_bounds
+    unknowns = group.add_subsystem("unknowns", om.IndepVarComp(), promotes=["*"])
+    unknowns.add_output("time", scenario.node_times, units="s")
+    unknowns.add_output("rotor_speed", start["rotor_speed"], units="rad/s")
+    ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
+    group.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")
+    if law.chooses_speed:
+        at_rest = np.zeros(scenario.segments)
+        unknowns.add_output("rotor_acceleration", at_rest, units="rad/s**2")
+    else:
+        # each flow has a torque of its own size
+        torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * scales.torque)
+        ref = scales.acceleration * torque / scales.torque
+        group.add_constraint("rotor_acceleration", equals=0.0, ref=ref, units="rad/s**2")
+    for name, (unit, _) in law.states.items():
+        size, rate = scales.states[name]
+        unknowns.add_output(name, start[name], units=unit)
+        group.add_design_var(name, ref=size, units=unit)
+        group.add_constraint(f"{name}_rate", equals=0.0, ref=rate)
+    about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
+    group.add_subsystem("ode", RotorODE(**about, **ode_options), promotes=["*"])
+    columns = Columns(num_nodes=scenario.segments, states=law.states)
+    group.add_subsystem("timeseries", columns)
+    for name in (*TRAJECTORY, *law.states):
+        group.connect(name, f"timeseries.{name}:in")
+    return group
 
 
 class Columns(om.ExplicitComponent):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 import openmdao.api as om
@@ -17,12 +17,12 @@ from hkt_mdo.problem.components import (
     TorqueRateComp,
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
-from hkt_mdo.problem.equilibrium import EquilibriumGroup
+from hkt_mdo.problem.equilibrium import equilibrium_group
 from hkt_mdo.problem.evaluation import epigraph, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.wake import Follower, band_of
+from hkt_mdo.problem.wake import Follower
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -52,11 +52,9 @@ class OperationGroup(om.Group):
     the `INTEGRALS` and objective.
     """
 
-    def initialize(self):
-        declare = self.options.declare
-        declare("physics", types=Physics, recordable=False, desc="turbine, flows and controller")
-        declare("start", types=Setup, recordable=False, desc="where the optimization begins")
-        declare("scales", types=Scales, recordable=False, desc="reference magnitudes")
+    def __init__(self, physics: Physics, setup: Setup, scales: Scales, wake: Follower):
+        super().__init__()
+        self._physics, self._start, self._scales, self._wake = physics, setup, scales, wake
 
     def setup(self):
         self._add_phases()
@@ -64,7 +62,7 @@ class OperationGroup(om.Group):
         self._add_rates()
         weights = {x.name: x.weight * x.node_weights for x in self._physics.scenarios}
         self._add_integrals("integrals", INTEGRALS, weights)
-        for held in held_limits(*self._given, self.options["scales"]):
+        for held in held_limits(self._physics, self._start, self._scales):
             if held.component:
                 size = held.nodes.size
                 variant = self._physics.variant(held.scenario)
@@ -75,33 +73,16 @@ class OperationGroup(om.Group):
                     self.connect(source, target, src_indices=nodes)
         for limit in self._physics.design_limits:
             if limit.constrains(self._physics.law):
-                start = on_start(self._physics, self.options["start"].start)[0]
+                start = on_start(self._physics, self._start.start)[0]
                 self._add_formula(f"limit_{limit.name}", limit, np.size(limit.value_of(start)))
         for scenario in self._physics.scenarios:
             if scenario.closed:
                 self._close_cycle(scenario)
         self._add_objective()
 
-    @property
-    def _physics(self) -> Physics:
-        return self.options["physics"]
-
-    @property
-    def _given(self) -> tuple[Physics, Setup]:
-        return self.options["physics"], self.options["start"]
-
-    @cached_property
-    def _follower(self):
-        """The wake with memory along the start."""
-        return Follower(*self._given, band_of(*self._given))
-
-    @property
-    def _band(self):
-        return self._follower.band
-
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
-        physics, setup = self._given
+        physics, setup = self._physics, self._start
         bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
@@ -112,20 +93,18 @@ class OperationGroup(om.Group):
                 "hydrodynamics": partial(_hydrodynamics, hydrodynamics),
                 "generator": physics.case.generator,
             }
-            about = physics.law_in(each), options, parameters, self.options["scales"], bounds
             torque = torque - physics.case.generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
+            about = each, physics.law_in(each), options, self._scales, bounds, begin
             promoted = [(name, named(name, variant)) for name in parameters]
             if each.steady:
-                names = "law", "ode", "parameters", "scales", "speed_bounds"
-                given = dict(zip(names, about, strict=True))
-                group = EquilibriumGroup(scenario=each, start=begin, **given)
+                group = equilibrium_group(*about)
                 self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=promoted)
                 continue
             if physics.remembers:
-                begin |= self._follower.along(each, speed)
-            add_phase(trajectory, each, *about, begin)
+                begin |= self._wake.along(each, speed)
+            add_phase(trajectory, parameters, *about)
             inputs += [(f"{each.name}.parameters:{name}", own) for name, own in promoted]
         if inputs:
             self.add_subsystem("traj", trajectory)
@@ -136,12 +115,12 @@ class OperationGroup(om.Group):
 
         In a steady scenario a wake with memory is in equilibrium.
         """
-        physics, setup = self._given
+        physics, setup = self._physics, self._start
         names = ["density", "inertia", "rotor_radius"]
         remembers = physics.remembers and not scenario.steady
         if remembers:
             tau1 = physics.case.inflow_dynamics.tau1
-            options = {"band": self._band, "tau1": tau1, "share": self._follower.share}
+            options = {"band": self._wake.band, "tau1": tau1, "share": self._wake.share}
         elif physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
         else:
@@ -151,7 +130,7 @@ class OperationGroup(om.Group):
             names += ["chord", "twist"]
         parameters = {name: QUANTITIES[name].unit for name in names}
         if remembers:
-            parameters |= dict.fromkeys(self._band.outputs(()))
+            parameters |= dict.fromkeys(self._wake.band.outputs(()))
         elif physics.has_curve:
             parameters["torque_coefficient_table"] = None
         gains = {f"gain_{i}": units for i, units in enumerate(physics.law.gain_units)}
@@ -159,13 +138,13 @@ class OperationGroup(om.Group):
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
-        physics, setup = self._given
+        physics, setup = self._physics, self._start
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
         fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
-            model = self._band if physics.remembers else TorqueSpline(nodes)
+            model = self._wake.band if physics.remembers else TorqueSpline(nodes)
             component = LoadComp(num_nodes=n, names=names, model=model)
             variant = physics.variant(scenario)
             inputs = [(each, named(each, variant)) for each in fed]
@@ -195,7 +174,7 @@ class OperationGroup(om.Group):
 
     def _add_formula(self, name, formula, size, outputs=(), variant="", **about):
         """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
-        physics, setup = self._given
+        physics, setup = self._physics, self._start
         component = FormulaComp(
             formula=formula,
             size=size,
@@ -246,7 +225,7 @@ class OperationGroup(om.Group):
         }
         rate = {"mean_rate": physics.objective}
         self._add_integrals("mean_rates", rate, weights, rows=rows, mean=True)
-        unknowns, n_rows = epigraph(physics, self.options["start"].start)
+        unknowns, n_rows = epigraph(physics, self._start.start)
         component = AggregateComp(
             aggregate=physics.case.robustness,
             shares=np.array(list(physics.shares.values())),

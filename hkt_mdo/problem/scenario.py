@@ -381,7 +381,7 @@ class Radau(_Lean, dm.Radau):
 _TRANSCRIPTIONS = {"gauss-lobatto": GaussLobatto, "radau": Radau}
 
 
-def add_phase(trajectory, scenario, law, ode_options, parameters, scales, speed_bounds, start):
+def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_bounds, start):
     """Add a scenario's phase to a trajectory.
 
     `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that

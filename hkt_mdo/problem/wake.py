@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -37,13 +38,15 @@ class Follower:
     ----------
     physics, setup
         The start.
-    band : Band
-        The tables of its blade.
     """
 
     physics: Physics
     setup: Setup
-    band: Band
+
+    @cached_property
+    def band(self) -> Band | None:
+        """The tables of the start's blade; None without memory."""
+        return band_of(self.physics, self.setup)
 
     @property
     def share(self) -> float:
