@@ -12,10 +12,10 @@ import numpy as np
 import openmdao.api as om
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.problem.components import AreaComp
-from hkt_mdo.problem.constraints import held_limits, size_of
+from hkt_mdo.problem.constraints import held_limits
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
@@ -259,11 +259,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
 def _declare_constraints(model, physics, setup, scales, wake):
     """Declare the limits as constraints, and closed cycles."""
     for held in held_limits(physics, setup, scales):
-        nodes = {} if held.component else {"indices": held.nodes, "flat_indices": True}
-        model.add_constraint(held.constraint, **nodes, **held.options)
-    for limit in physics.design_limits:
-        if limit.constrains(physics.law):
-            _declare_design_limit(model, limit)
+        model.add_constraint(f"{held.component}.value", **held.options)
     for number, scenario in enumerate(physics.scenarios):
         if physics.may_pulse and not scenario.steady:
             lower, upper = wake.bounds(number)
@@ -273,15 +269,6 @@ def _declare_constraints(model, physics, setup, scales, wake):
         if scenario.closed:
             name = f"{scenario.name}_gain_of_speed.change"
             model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")
-
-
-def _declare_design_limit(model, limit: Limit) -> None:
-    """Declare a limit on the design or the result as a constraint."""
-    ends = {"lower": limit.lower, "upper": limit.upper}
-    bounds = {end: value if np.all(np.isfinite(value)) else None for end, value in ends.items()}
-    model.add_constraint(
-        f"limit_{limit.name}.value", ref=size_of(limit), units=limit.unit, **bounds
-    )
 
 
 def _unknowns(model, physics, setup) -> dict[str, dict]:

@@ -146,7 +146,7 @@ def _known(name, value):
 class FormulaComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase, or that of a limit or objective of the design.
 
-    Inputs: what the formula names, its `series`[n_times, 1], quantities along the span
+    Inputs: what the formula names, its `series`[size, 1], quantities along the span
     [n_stations] and of the design; torque_coefficient_table[n_nodes] and one scalar gain_0,
     gain_1, … where it asks for them. Output value[size] in the formula's unit.
     """
@@ -155,7 +155,6 @@ class FormulaComp(om.ExplicitComponent):
         declare = self.options.declare
         declare("formula", types=Formula, recordable=False)
         declare("size", default=1, types=int, desc="of the value")
-        declare("n_times", default=1, types=int)
         declare("n_stations", default=1, types=int)
         declare("n_table", default=0, types=int, desc="number of nodes of the torque curve")
         declare("gain_units", default=(), types=tuple)
@@ -170,10 +169,10 @@ class FormulaComp(om.ExplicitComponent):
                 text = "torque coefficient of the curve"
                 self.add_input(name, shape=(options["n_table"],), desc=text)
             elif name in QUANTITIES:
-                _add_known(self, name, name, options["n_times"], options["n_stations"])
+                _add_known(self, name, name, options["size"], options["n_stations"])
             else:  # a state of the control law
                 units, text = formula.series[name]
-                self.add_input(name, shape=(options["n_times"], 1), units=units, desc=text)
+                self.add_input(name, shape=(options["size"], 1), units=units, desc=text)
         text = type(formula).__doc__
         self.add_output("value", shape=(options["size"],), units=formula.unit, desc=text)
 

@@ -1,4 +1,4 @@
-"""The limits over time as constraints of the optimization: where each is held, and how scaled."""
+"""The limits as constraints of the optimization: where each is held, and how scaled."""
 
 from __future__ import annotations
 
@@ -23,58 +23,59 @@ FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A limit over time in one scenario, as the optimization holds it.
+    """A limit as the optimization holds it: over time in one scenario, or of the design.
 
     Attributes
     ----------
-    limit, scenario
-        What is held, and where.
-    constraint
-        Name of the constraint in the model.
-    nodes
-        Places of the nodes at which it is held, (n,).
+    limit
+        What is held.
+    component
+        Name of the component with the limit's formula; its ``value`` is the constraint.
+    size
+        Number of values.
     options
         Bounds, reference and unit, as OpenMDAO's `add_constraint` takes them.
+    scenario, nodes
+        Where a limit over time is held, and places of the nodes, (size,).
     """
 
     limit: Limit
-    scenario: Scenario
-    constraint: str
-    nodes: np.ndarray
+    component: str
+    size: int
     options: dict[str, Any]
-
-    @property
-    def component(self) -> str:
-        """Name of the component with the limit's formula; empty for a quantity as it is."""
-        name = self.constraint.removesuffix(".value")
-        return "" if name == self.constraint else name
+    scenario: Scenario | None = None
+    nodes: np.ndarray | None = None
 
 
 def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held]:
-    """Yield the limits over time that the optimization holds, scenario by scenario."""
+    """Yield the limits that the optimization holds, scenario by scenario, then of the design."""
     for number, scenario in enumerate(physics.scenarios):
         distance = _distance_from_stall(physics, scenario, setup)
         for limit in (*physics.limits_in(scenario), *distance):
             if limit.constrains(physics.law):
                 yield _held(physics, setup, limit, number, scales)
+    known = on_start(physics, setup.start)[0]
+    for limit in physics.design_limits:
+        if limit.constrains(physics.law):
+            bounds = {"lower": limit.lower, "upper": limit.upper}
+            options = {"ref": size_of(limit), "units": limit.unit} | bounds
+            size = np.size(limit.value_of(known))
+            yield Held(limit, component_of(physics, limit), size, options)
 
 
 def _held(physics, setup, limit, number, scales) -> Held:
     """Return a limit over time as it is held in the number-th scenario."""
-    scenario, ref = physics.scenarios[number], None
+    scenario, ref, less = physics.scenarios[number], None, 0.0
     nodes = limited_nodes(limit, scenario)
     if isinstance(limit, DistanceFromStall):
         nodes, ref = _near_stall(physics, setup, limit, number, scenario), scales.torque
     elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
         ref = scales.torque
-    bounds = {"lower": limit.lower if np.isfinite(limit.lower) else None, "upper": None}
     if np.isfinite(limit.upper):
         less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
-        bounds["upper"] = limit.upper - less
-        if bounds["lower"] is not None:
-            bounds["lower"] = limit.lower + less
+    bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
     options = {"ref": ref or size_of(limit), "units": limit.unit} | bounds
-    return Held(limit, scenario, constraint_of(limit, number, scenario), nodes, options)
+    return Held(limit, component_of(physics, limit, number), nodes.size, options, scenario, nodes)
 
 
 def _distance_from_stall(physics, scenario, setup):
@@ -105,11 +106,9 @@ def source_of(scenario, name) -> str:
     return f"{home}.{name}"
 
 
-def constraint_of(limit: Limit, number: int, scenario: Scenario) -> str:
-    """Return the name of the constraint that holds a limit over time in the number-th scenario."""
-    if type(limit).value is Limit.value and len(limit.inputs) == 1:  # a quantity as it is
-        return source_of(scenario, limit.inputs[0])
-    return f"limit_{limit.name}{f'_{scenario.name}' * (number > 0)}.value"
+def component_of(physics: Physics, limit: Limit, number: int = 0) -> str:
+    """Return the name of the component with a limit of the design or the number-th scenario."""
+    return f"limit_{limit.name}{f'_{physics.scenarios[number].name}' * (number > 0)}"
 
 
 def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:

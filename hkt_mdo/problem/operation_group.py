@@ -18,7 +18,7 @@ from hkt_mdo.problem.components import (
 )
 from hkt_mdo.problem.constraints import held_limits, source_of
 from hkt_mdo.problem.equilibrium import equilibrium_group
-from hkt_mdo.problem.evaluation import epigraph, on_start, split
+from hkt_mdo.problem.evaluation import epigraph, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
@@ -63,18 +63,11 @@ class OperationGroup(om.Group):
         weights = {x.name: x.weight * x.node_weights for x in self._physics.scenarios}
         self._add_integrals("integrals", INTEGRALS, weights)
         for held in held_limits(self._physics, self._start, self._scales):
-            if held.component:
-                size = held.nodes.size
-                variant = self._physics.variant(held.scenario)
-                self._add_formula(held.component, held.limit, size, variant=variant, n_times=size)
-                for name in held.limit.series:
-                    nodes = om.slicer[held.nodes, :]
-                    source, target = source_of(held.scenario, name), f"{held.component}.{name}"
-                    self.connect(source, target, src_indices=nodes)
-        for limit in self._physics.design_limits:
-            if limit.constrains(self._physics.law):
-                start = on_start(self._physics, self._start.start)[0]
-                self._add_formula(f"limit_{limit.name}", limit, np.size(limit.value_of(start)))
+            variant = self._physics.variant(held.scenario) if held.scenario else ""
+            self._add_formula(held.component, held.limit, held.size, variant=variant)
+            for name in held.limit.series:
+                source, target = source_of(held.scenario, name), f"{held.component}.{name}"
+                self.connect(source, target, src_indices=om.slicer[held.nodes, :])
         for scenario in self._physics.scenarios:
             if scenario.closed:
                 self._close_cycle(scenario)

@@ -73,7 +73,7 @@ def test_distance_from_stall(law, gains, least):
     limit = DistanceFromStall(law=law, spline=spline, slowed=0.03, least=least)
     rest = law.at_rest(np.linspace(300.0, 650.0, N), np.linspace(1.4, 1.6, N))
     problem = checked(
-        FormulaComp(formula=limit, size=N, n_times=N, n_table=41, gain_units=law.gain_units),
+        FormulaComp(formula=limit, size=N, n_table=41, gain_units=law.gain_units),
         rotor_speed=speed,
         inflow_speed=flow,
         torque_coefficient_table=TABLE,
@@ -100,7 +100,7 @@ def test_a_limit_of_time_and_design():
     speed, _ = operation()
     power = np.linspace(2e3, 5e3, N)
     problem = checked(
-        FormulaComp(formula=PowerPerInertia(), size=N, n_times=N),
+        FormulaComp(formula=PowerPerInertia(), size=N),
         generator_power=power,
         rotor_speed=speed,
         inertia=3.5,
@@ -208,7 +208,7 @@ class LargestMeanChord(Limit):
 def test_limits_along_the_span_and_over_time_with_it():
     twist, thrust = np.array([0.3, 0.2, 0.1]), np.linspace(1e3, 2e3, N)
     limit = ShareAbove()
-    component = FormulaComp(formula=limit, size=N, n_times=N, n_stations=3)
+    component = FormulaComp(formula=limit, size=N, n_stations=3)
     problem = checked(component, thrust=thrust, twist=twist)
     np.testing.assert_allclose(problem.get_val("value"), thrust * 0.14, rtol=1e-14)
     mean = LargestMeanChord()
