@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.aggregates import ConditionalValueAtRisk, Expected, Worst
+from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.problem.components import AggregateComp
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
@@ -76,9 +77,8 @@ def test_the_measures_meet_at_their_ends():
 def test_partials_of_the_measures_are_exact_and_sparse(measure):
     aggregate = MEASURES[measure]
     unknowns = aggregate.best_unknowns(RATES, SHARES)
-    rows = aggregate.rows(RATES, SHARES, unknowns).size
-    about = {"n_unknowns": unknowns.size, "n_rows": rows}
-    component = AggregateComp(aggregate=aggregate, shares=SHARES, duration=60.0, unit="J", **about)
+    about = {"duration": 60.0, "objective": CapturedEnergy(), "n_unknowns": unknowns.size}
+    component = AggregateComp(aggregate=aggregate, shares=SHARES, **about)
     checked(component, 1e-12, 1e-12, mean_rate=RATES, unknowns=unknowns - 10.0)
     by_rate = component._subjacs_info["part.rows", "part.mean_rate"]
     assert by_rate["val"].size == 4  # each scenario with a share of time is in one row

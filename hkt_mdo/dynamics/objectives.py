@@ -33,6 +33,11 @@ class Objective(Formula):
         raise NotImplementedError
 
     @property
+    def rate_unit(self) -> str:
+        """Unit of the rate."""
+        return f"({self.unit})/s" if self.unit else "1/s"
+
+    @property
     def is_rate(self) -> bool:
         """Whether it is the integral of a rate."""
         return type(self).rate is not Objective.rate

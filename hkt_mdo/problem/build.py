@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
-from hkt_mdo.problem.components import AreaComp
+from hkt_mdo.problem.components import area_component
 from hkt_mdo.problem.constraints import held_limits
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
@@ -118,7 +118,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
         weight = WeightComp(rotor=physics.rotor, blade=blade)
         group.add_subsystem("weight", weight, promotes=["*"])
     if physics.asks_for("blade_area"):
-        group.add_subsystem("planform", AreaComp(blade=blade), promotes=["*"])
+        group.add_subsystem("planform", area_component(blade), promotes=["*"])
     operation = OperationGroup(physics, setup, scales, wake)
     group.add_subsystem("operation", operation, promotes=["*"])
     _declare_constraints(group, physics, setup, scales, wake)
@@ -283,8 +283,8 @@ def _unknowns(model, physics, setup) -> dict[str, dict]:
     if not unknowns.size:
         return {}
     model.add_design_var("unknowns", ref=scale)
-    units = f"({objective.unit})/s" if objective.unit else "1/s"
-    return {"unknowns": {"val": unknowns, "units": units, "desc": "of the aggregate"}}
+    about = {"units": objective.rate_unit, "desc": "of the aggregate"}
+    return {"unknowns": {"val": unknowns} | about}
 
 
 def _objective_reference(physics, setup) -> float:

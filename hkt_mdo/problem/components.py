@@ -5,9 +5,10 @@ import openmdao.api as om
 
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.aggregates import Aggregate
-from hkt_mdo.dynamics.formulas import Formula, slope
+from hkt_mdo.dynamics.formulas import STEP, Formula, slope
+from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.quantities import QUANTITIES, is_over_time
-from hkt_mdo.rotor.band import Band
+from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import area_weights
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -32,23 +33,17 @@ class LoadComp(om.ExplicitComponent):
     def setup(self):
         n, names, model = (self.options[name] for name in ("num_nodes", "names", "model"))
         series, rows = {name: QUANTITIES[name].meta for name in _SPEEDS}, np.arange(n)
+        kind, size = "table", model.nodes.size
         if isinstance(model, Band):
             series["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
-            found = model.outputs(names)
-            self._tables = {name: f"{name}_band" for name in names}
-        else:
-            found = {
-                f"{name}_table": (model.nodes.shape, {"units": QUANTITIES[name].per_pressure})
-                for name in names
-            }
-            self._tables = {name: f"{name}_table" for name in names}
+            kind, size = "band", size * FACTORS.size
+        self._tables = {name: f"{name}_{kind}" for name in names}
         for name, about in series.items():
             self.add_input(name, shape=(n, 1), **about)
         for name in ("rotor_radius", "density"):
             self.add_input(name, **QUANTITIES[name].meta)
         for name, table in self._tables.items():
-            shape, about = found[table]
-            self.add_input(table, shape=shape, **about)
+            self.add_input(table, shape=size, units=QUANTITIES[name].per_pressure)
             self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
             self.declare_partials(name, ("rotor_radius", "density", table))
             self.declare_partials(name, tuple(series), rows=rows, cols=rows)
@@ -104,30 +99,15 @@ class TorqueRateComp(om.ExplicitComponent):
         outputs["torque_rate"] = self.options["matrix"] @ inputs["control_torque"]
 
 
-class AreaComp(om.ExplicitComponent):
-    """Planform area of all blades, see `planform_area`.
+def area_component(blade: Blade) -> om.ExecComp:
+    """Return the planform area of all blades, blade_area (m**2), see `planform_area`.
 
-    Inputs chord[n_stations] (m), rotor_radius (m), with which the stations move; output
-    blade_area (m**2).
+    Inputs chord[n_stations] (m), rotor_radius (m), with which the stations move.
     """
-
-    def initialize(self):
-        self.options.declare("blade", types=Blade, recordable=False, desc="the blade at the start")
-
-    def setup(self):
-        blade = self.options["blade"]
-        self._weights = area_weights(blade) / blade.rotor_radius
-        self.add_input("chord", shape=blade.r.shape, **QUANTITIES["chord"].meta)
-        self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
-        self.add_output("blade_area", **QUANTITIES["blade_area"].meta)
-        self.declare_partials("*", "*")
-
-    def compute(self, inputs, outputs):
-        outputs["blade_area"] = inputs["rotor_radius"] * (self._weights @ inputs["chord"])
-
-    def compute_partials(self, inputs, partials):
-        partials["blade_area", "chord"] = inputs["rotor_radius"] * self._weights
-        partials["blade_area", "rotor_radius"] = self._weights @ inputs["chord"]
+    about = {name: QUANTITIES[name].meta for name in ("blade_area", "chord", "rotor_radius")}
+    about["chord"] |= {"shape": blade.r.shape}
+    about["widths"] = {"val": area_weights(blade) / blade.rotor_radius, "constant": True}
+    return om.ExecComp("blade_area = rotor_radius * dot(widths, chord)", **about)
 
 
 def _add_known(component, name, place, n_times, n_stations):
@@ -137,10 +117,13 @@ def _add_known(component, name, place, n_times, n_stations):
     component.add_input(place, shape=shape, **QUANTITIES[name].meta)
 
 
-def _known(name, value):
-    """Return an input as formulas take it: an array over time or span, a number else."""
-    over = QUANTITIES[name].over
-    return value[:, 0] if over == "time" else value if over == "span" else value[0]
+def _known(inputs, places):
+    """Return inputs, by quantity, as formulas take them: arrays over time or span, numbers else."""
+    found = {}
+    for name, place in places.items():
+        over, value = QUANTITIES[name].over if name in QUANTITIES else "time", inputs[place]
+        found[name] = value[:, 0] if over == "time" else value if over == "span" else value[0]
+    return found
 
 
 class FormulaComp(om.ExplicitComponent):
@@ -186,18 +169,14 @@ class FormulaComp(om.ExplicitComponent):
 
     def _quantities(self, inputs):
         """Return what the formula takes: arrays over time and span, numbers, table and gains."""
-        given = {}
-        for name in self.options["formula"].inputs:
-            if name == "gains":
-                count = len(self.options["gain_units"])
-                given[name] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-            elif name == "torque_coefficient_table":
-                given[name] = inputs[name]
-            else:
-                given[name] = (
-                    _known(name, inputs[name]) if name in QUANTITIES else inputs[name][:, 0]
-                )
-        return given
+        names = dict.fromkeys(self.options["formula"].inputs)
+        arrays = {}
+        if "gains" in names:
+            count = len(self.options["gain_units"])
+            arrays["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
+        if "torque_coefficient_table" in names:
+            arrays["torque_coefficient_table"] = inputs["torque_coefficient_table"]
+        return _known(inputs, {name: name for name in names if name not in arrays}) | arrays
 
     def compute(self, inputs, outputs):
         outputs["value"] = self.options["formula"].value(**self._quantities(inputs))
@@ -221,77 +200,61 @@ class IntegralComp(om.ExplicitComponent):
     trade energy against defects.
 
     Inputs: `scenario:quantity`[num_nodes, 1] for each quantity over time that an integrand names,
-    others by their names; outputs: the integral of each integrand, in its unit, one for each row.
+    others by their names; outputs: the integral of each integrand, in its unit. With `rows` the
+    weights are shares: outputs are mean rates, one for each row.
     """
 
     def initialize(self):
         declare = self.options.declare
         declare("weights", types=dict, desc="quadrature weights (s) by scenario")
         declare("integrands", types=dict, desc="`Objective` by output", recordable=False)
-        declare("rows", default={}, types=dict, desc="row of each scenario; by default 0")
-        declare("mean", default=False, desc="whether the weights are shares, and outputs are rates")
+        declare("rows", default={}, types=dict, desc="row of each scenario's mean rate")
         declare("n_stations", default=1, types=int)
 
-    def _places(self, integrand, scenario):
-        """Return the input that holds each quantity of an integrand."""
-        return {
-            name: f"{scenario}:{name}" if is_over_time(name) else name for name in integrand.inputs
-        }
-
     def setup(self):
-        options, declared = self.options, set()
-        size = 1 + max(options["rows"].values(), default=0)
+        options, rows, self._terms, added = self.options, self.options["rows"], [], {}
+        self._size = 1 + max(rows.values(), default=0)
         for output, integrand in options["integrands"].items():
-            unit = integrand.unit
-            if options["mean"]:
-                unit = f"({unit})/s" if unit else "1/s"
-            self.add_output(output, shape=(size,), units=unit, desc=type(integrand).__doc__)
+            unit = integrand.rate_unit if rows else integrand.unit
+            self.add_output(output, shape=self._size, units=unit, desc=type(integrand).__doc__)
             for scenario, weights in options["weights"].items():
-                for name, place in self._places(integrand, scenario).items():
-                    if place not in declared:
-                        declared.add(place)
-                        _add_known(self, name, place, weights.size, options["n_stations"])
+                places = {
+                    name: f"{scenario}:{name}" if is_over_time(name) else name
+                    for name in integrand.inputs
+                }
+                term = output, integrand.rate, rows.get(scenario, 0), weights, places
+                self._terms.append(term)
+                added |= {place: (name, weights.size) for name, place in places.items()}
+        for place, (name, n_times) in added.items():
+            _add_known(self, name, place, n_times, options["n_stations"])
 
     def setup_partials(self):
-        rows = self.options["rows"]
-        for output, integrand in self.options["integrands"].items():
-            for scenario, weights in self.options["weights"].items():
-                cols = np.arange(weights.size)
-                at = {"rows": np.full(cols.size, rows.get(scenario, 0)), "cols": cols}
-                for name, place in self._places(integrand, scenario).items():
-                    self.declare_partials(output, place, **(at if is_over_time(name) else {}))
+        for output, _, row, weights, places in self._terms:
+            at = {"rows": np.full(weights.size, row), "cols": np.arange(weights.size)}
+            for name, place in places.items():
+                self.declare_partials(output, place, **(at if is_over_time(name) else {}))
 
     def compute(self, inputs, outputs):
-        rows = self.options["rows"]
-        for output, integrand in self.options["integrands"].items():
-            outputs[output] = 0.0
-            for scenario, _, weights, values in self._each(integrand, inputs):
-                rate = integrand.rate(**values) * np.ones(weights.size)
-                outputs[output][rows.get(scenario, 0)] += weights @ rate
+        outputs.set_val(0.0)
+        for output, rate, row, weights, places in self._terms:
+            rates = rate(**_known(inputs, places)) * np.ones(weights.size)
+            outputs[output][row] += weights @ rates
 
     def compute_partials(self, inputs, partials):
-        rows = self.options["rows"]
-        for output, integrand in self.options["integrands"].items():
-            dense = {}
-            for scenario, places, weights, values in self._each(integrand, inputs):
-                for name, place in places.items():
-                    if is_over_time(name):
-                        by = slope(integrand.rate, values, name, diagonal=True)
-                        partials[output, place] = weights * by
-                        continue
-                    by = slope(integrand.rate, values, name, diagonal=False)
-                    total = np.zeros((self._var_rel2meta[output]["size"], by.shape[1]))
-                    total[rows.get(scenario, 0)] = weights @ (by * np.ones((weights.size, 1)))
-                    dense[place] = dense.get(place, 0.0) + total
-            for place, by in dense.items():
-                partials[output, place] = by
-
-    def _each(self, integrand, inputs):
-        """Yield each scenario, its inputs' names, its weights and its quantities."""
-        for scenario, weights in self.options["weights"].items():
-            places = self._places(integrand, scenario)
-            values = {name: _known(name, inputs[place]) for name, place in places.items()}
-            yield scenario, places, weights, values
+        dense = {}
+        for output, rate, row, weights, places in self._terms:
+            values = _known(inputs, places)
+            for name, place in places.items():
+                over_time = is_over_time(name)
+                by = slope(rate, values, name, diagonal=over_time)
+                if over_time:
+                    partials[output, place] = weights * by
+                else:
+                    empty = np.zeros((self._size, by.shape[1]))
+                    total = dense.setdefault((output, place), empty)
+                    total[row] += weights @ (by * np.ones((weights.size, 1)))
+        for pair, by in dense.items():
+            partials[pair] = by
 
 
 class AggregateComp(om.ExplicitComponent):
@@ -307,64 +270,51 @@ class AggregateComp(om.ExplicitComponent):
         declare("aggregate", types=Aggregate, recordable=False)
         declare("shares", types=np.ndarray, desc="shares of time of the scenarios")
         declare("duration", types=float, desc="s")
-        declare("unit", default=None, allow_none=True, desc="of the objective")
+        declare("objective", types=Objective, recordable=False)
         declare("n_unknowns", default=0, types=int)
-        declare("n_rows", default=0, types=int)
 
     def setup(self):
-        options, unit = self.options, self.options["unit"]
-        rate = f"({unit})/s" if unit else "1/s"
-        self.add_input("mean_rate", shape=options["shares"].shape, units=rate)
-        if options["n_unknowns"]:
-            self.add_input("unknowns", shape=(options["n_unknowns"],), units=rate)
-        self.add_output("objective", units=unit, desc="what is optimized")
-        if options["n_rows"]:
-            self.add_output("rows", shape=(options["n_rows"],), units=rate)
+        objective, sizes = self.options["objective"], {"mean_rate": self.options["shares"].size}
+        if self.options["n_unknowns"]:
+            sizes["unknowns"] = self.options["n_unknowns"]
+        self._ones = {name: np.ones(size) for name, size in sizes.items()}
+        for name, ones in self._ones.items():
+            self.add_input(name, val=ones, units=objective.rate_unit)
+        units = {"objective": objective.unit, "rows": objective.rate_unit}
+        for name, value in self._values(**self._ones).items():
+            self.add_output(name, shape=value.shape, units=units[name])
 
     def setup_partials(self):
         """Declare on which inputs each row depends: those that make it NaN when they are NaN."""
         self._places = {}
-        sizes = {"mean_rate": self.options["shares"].size, "unknowns": self.options["n_unknowns"]}
-        for output, function in self._functions().items():
-            for name, size in sizes.items():
-                depends = []
-                for column in np.eye(size, dtype=bool):
-                    given = {each: np.ones(n) for each, n in sizes.items()}
-                    given[name] = np.where(column, np.nan, 1.0)
-                    with any_values():
-                        depends.append(np.isnan(np.atleast_1d(function(**given))))
-                if size:
-                    places = np.nonzero(np.transpose(depends))
-                    self._places[output, name] = places
-                    self.declare_partials(output, name, rows=places[0], cols=places[1])
+        for name in self._ones:
+            for output, moved in self._moved(self._ones, name, np.nan).items():
+                rows, cols = self._places[output, name] = np.nonzero(np.isnan(moved))
+                self.declare_partials(output, name, rows=rows, cols=cols)
 
-    def _given(self, inputs):
-        unknowns = inputs["unknowns"] if self.options["n_unknowns"] else np.empty(0)
-        return {"mean_rate": inputs["mean_rate"], "unknowns": unknowns}
-
-    def _functions(self):
-        """Return the function that gives each output, of mean rates and unknowns."""
+    def _values(self, mean_rate, unknowns=()):
+        """Return the outputs of mean rates and unknowns."""
         aggregate, shares = self.options["aggregate"], self.options["shares"]
-        duration = self.options["duration"]
-        functions = {
-            "objective": lambda mean_rate, unknowns: (
-                duration * aggregate.value(mean_rate, shares, unknowns)
-            )
-        }
-        if self.options["n_rows"]:
-            functions["rows"] = lambda mean_rate, unknowns: aggregate.rows(
-                mean_rate, shares, unknowns
-            )
-        return functions
+        value = aggregate.value(mean_rate, shares, unknowns)
+        found = {"objective": self.options["duration"] * np.atleast_1d(value)}
+        rows = aggregate.rows(mean_rate, shares, unknowns)
+        return found | ({"rows": rows} if rows.size else {})
+
+    def _moved(self, given, name, step):
+        """Return the outputs as columns, one with a step of each element of an input."""
+        with any_values():
+            found = [
+                self._values(**given | {name: given[name] + each})
+                for each in np.diag(np.full(given[name].size, step))
+            ]
+        return {output: np.stack([each[output] for each in found], axis=1) for output in found[0]}
 
     def compute(self, inputs, outputs):
-        for name, function in self._functions().items():
-            outputs[name] = function(**self._given(inputs))
+        for name, value in self._values(**dict(inputs.items())).items():
+            outputs[name] = value
 
     def compute_partials(self, inputs, partials):
-        given = self._given(inputs)
-        for output, function in self._functions().items():
-            for name in given:
-                if given[name].size:
-                    by = slope(function, given, name, diagonal=False)
-                    partials[output, name] = by[self._places[output, name]]
+        given = dict(inputs.items())
+        for name in given:
+            for output, moved in self._moved(given, name, 1j * STEP).items():
+                partials[output, name] = np.imag(moved[self._places[output, name]]) / STEP

@@ -217,17 +217,14 @@ class OperationGroup(om.Group):
             for each in scenarios
         }
         rate = {"mean_rate": physics.objective}
-        self._add_integrals("mean_rates", rate, weights, rows=rows, mean=True)
-        unknowns, n_rows = epigraph(physics, self._start.start)
+        self._add_integrals("mean_rates", rate, weights, rows=rows)
         component = AggregateComp(
             aggregate=physics.case.robustness,
             shares=np.array(list(physics.shares.values())),
             duration=physics.case.phase.duration,
-            unit=physics.objective.unit,
-            n_unknowns=unknowns.size,
-            n_rows=n_rows,
+            objective=physics.objective,
+            n_unknowns=epigraph(physics, self._start.start)[0].size,
         )
-        outputs = [("objective", name), *["rows"] * bool(n_rows)]
-        about = {"promotes_inputs": ["*"], "promotes_outputs": outputs}
+        about = {"promotes_inputs": ["*"], "promotes_outputs": ["*", ("objective", name)]}
         self.add_subsystem("aggregate", component, **about)
         return None

@@ -12,7 +12,7 @@ from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy, GeneratorEnergy, Objective
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import PowerLawFeedback
-from hkt_mdo.problem.components import AggregateComp, AreaComp, FormulaComp, IntegralComp
+from hkt_mdo.problem.components import AggregateComp, FormulaComp, IntegralComp, area_component
 from hkt_mdo.quantities import names
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.planform import planform_area
@@ -173,7 +173,6 @@ def test_a_rate_of_loads_span_and_design_is_a_mean_of_each_scenario():
         weights=weights,
         integrands={"mean_rate": ThrustPerArea()},
         rows={"a_1": 0, "a_2": 0, "b": 1},
-        mean=True,
         n_stations=3,
     )
     loads = {f"{name}:thrust": values for name, values in thrust.items()}
@@ -235,13 +234,15 @@ class Worst(Aggregate):
 
 def test_aggregates_of_mean_rates():
     rates, shares = np.array([4e3, 2e3, 3e3]), np.array([0.5, 0.3, 0.2])
-    component = AggregateComp(aggregate=Expected(), shares=shares, duration=60.0, unit="J")
+    component = AggregateComp(
+        aggregate=Expected(), shares=shares, duration=60.0, objective=CapturedEnergy()
+    )
     problem = checked(component, mean_rate=rates)
     expected = 60.0 * (0.5 * 4e3 + 0.3 * 2e3 + 0.2 * 3e3)
     np.testing.assert_allclose(problem.get_val("objective"), expected, rtol=1e-15)
     worst = Worst()
     component = AggregateComp(
-        aggregate=worst, shares=shares, duration=60.0, unit="J", n_unknowns=1, n_rows=3
+        aggregate=worst, shares=shares, duration=60.0, objective=CapturedEnergy(), n_unknowns=1
     )
     problem = checked(component, mean_rate=rates, unknowns=[1.5e3])
     np.testing.assert_allclose(problem.get_val("objective"), 60.0 * 1.5e3)
@@ -255,6 +256,6 @@ def test_the_planform_is_the_integral_of_the_chord():
     chord = 0.3 - 0.1 * r
     blade = Blade(r, chord, np.zeros(7), 0.2, 1.4, 3)
     assert planform_area(blade) == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
-    problem = checked(AreaComp(blade=blade), chord=chord, rotor_radius=2.8)
+    problem = checked(area_component(blade), chord=chord, rotor_radius=2.8)
     twice = 2.0 * planform_area(blade)
     np.testing.assert_allclose(problem.get_val("blade_area"), twice, rtol=1e-14)
