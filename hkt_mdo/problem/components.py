@@ -14,6 +14,7 @@ from hkt_mdo.rotor.planform import area_weights
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 _SPEEDS = "rotor_speed", "inflow_speed"
+_NONE = np.empty(0)
 
 
 class LoadComp(om.ExplicitComponent):
@@ -292,12 +293,12 @@ class AggregateComp(om.ExplicitComponent):
                 rows, cols = self._places[output, name] = np.nonzero(np.isnan(moved))
                 self.declare_partials(output, name, rows=rows, cols=cols)
 
-    def _values(self, mean_rate, unknowns=()):
+    def _values(self, mean_rate, unknowns=_NONE):
         """Return the outputs of mean rates and unknowns."""
         aggregate, shares = self.options["aggregate"], self.options["shares"]
         value = aggregate.value(mean_rate, shares, unknowns)
         found = {"objective": self.options["duration"] * np.atleast_1d(value)}
-        rows = aggregate.rows(mean_rate, shares, unknowns)
+        rows = np.atleast_1d(aggregate.rows(mean_rate, shares, unknowns))
         return found | ({"rows": rows} if rows.size else {})
 
     def _moved(self, given, name, step):

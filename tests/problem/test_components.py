@@ -234,16 +234,13 @@ class Worst(Aggregate):
 
 def test_aggregates_of_mean_rates():
     rates, shares = np.array([4e3, 2e3, 3e3]), np.array([0.5, 0.3, 0.2])
-    component = AggregateComp(
-        aggregate=Expected(), shares=shares, duration=60.0, objective=CapturedEnergy()
-    )
+    about = {"shares": shares, "duration": 60.0, "objective": CapturedEnergy()}
+    component = AggregateComp(aggregate=Expected(), **about)
     problem = checked(component, mean_rate=rates)
     expected = 60.0 * (0.5 * 4e3 + 0.3 * 2e3 + 0.2 * 3e3)
     np.testing.assert_allclose(problem.get_val("objective"), expected, rtol=1e-15)
     worst = Worst()
-    component = AggregateComp(
-        aggregate=worst, shares=shares, duration=60.0, objective=CapturedEnergy(), n_unknowns=1
-    )
+    component = AggregateComp(aggregate=worst, n_unknowns=1, **about)
     problem = checked(component, mean_rate=rates, unknowns=[1.5e3])
     np.testing.assert_allclose(problem.get_val("objective"), 60.0 * 1.5e3)
     np.testing.assert_allclose(problem.get_val("rows"), [2.5e3, 0.5e3, 1.5e3])
