@@ -22,7 +22,7 @@ from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
-from hkt_mdo.problem.wake import PULSE, Follower, band_of
+from hkt_mdo.problem.wake import PULSE, Follower
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
@@ -30,12 +30,19 @@ from hkt_mdo.solve.totals import Substitution
 
 WAKE_SHARE = 0.3  # typical axial induction
 DESIGNED = {
-    "rotor_radius": "radius of the swept disc",
-    "chord_control": "chord at the stations, or control points of its spline",
-    "twist_control": "twist at the stations, control points of its spline, or the set angle",
-    "hub_inertia": "inertia of all that turns besides the blades",
-    "thickness_control": "thickness over chord at the stations, or control points of its spline",
+    "rotor_radius": ("m", "radius of the swept disc"),
+    "chord_control": ("m", "chord at the stations, or control points of its spline"),
+    "twist_control": (
+        "rad",
+        "twist at the stations, control points of its spline, or the set angle",
+    ),
+    "thickness_control": (
+        None,
+        "thickness over chord at the stations, or control points of its spline",
+    ),
+    "hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades"),
 }
+"""Unit and description of the design variables besides the gains."""
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
 # bounds, and most iterations are needed to return. On a finer mesh an open loop has little to gain
@@ -103,20 +110,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
             design.add_output(name, **about)
     for name in kept.keys() - own.keys():
         group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
-    rotor = BladeGroup(
-        rotor=replace(physics.rotor, solver=physics.case.hydrodynamics.bem),
-        blade=blade,
-        shape=physics.shape,
-        nodes=np.asarray(setup.nodes, dtype=float),
-        torque=physics.has_curve,
-        loads=physics.load_names,
-        band=wake.band,
-    )
-    group.add_subsystem("rotor", rotor, promotes=["*"])
-    _add_variants(group, physics, setup)
-    if physics.asks_for("weight_stress"):
-        weight = WeightComp(rotor=physics.rotor, blade=blade)
-        group.add_subsystem("weight", weight, promotes=["*"])
+    _add_rotors(group, physics, setup, wake.band)
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", area_component(blade), promotes=["*"])
     operation = OperationGroup(physics, setup, scales, wake)
@@ -124,34 +118,28 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     _declare_constraints(group, physics, setup, scales, wake)
 
 
-def _add_variants(group, physics, setup):
-    """Add inertia and tables of the rotor for scenarios with another turbine or water."""
-    band = band_of(physics, setup)
-    tables = ("torque_coefficient_table",) if physics.has_curve else ()
-    tables += tuple(f"{name}_table" for name in physics.load_names)
-    tables = tuple(band.outputs(physics.load_names)) if band else tables
+def _add_rotors(group, physics, setup, band):
+    """Add shape, inertia and tables of the rotor; these once more for another turbine or water."""
+    blade, loads = setup.start.blade, physics.load_names
+    tables = [f"{name}_table" for name in ["torque_coefficient"] * physics.has_curve + [*loads]]
+    tables = [*band.outputs(loads)] if band else tables
     variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}
-    for variant, own in variants.items():
-        if not variant:
-            continue
+    for variant, own in ({"": physics.rotor} | variants).items():
         rotor = BladeGroup(
             rotor=replace(own, solver=physics.case.hydrodynamics.bem),
-            blade=setup.start.blade,
+            blade=blade,
+            shape=None if variant else physics.shape,
             nodes=np.asarray(setup.nodes, dtype=float),
             torque=physics.has_curve,
-            loads=physics.load_names,
+            loads=loads,
             band=band,
         )
-        inputs = rotor_inputs(setup.start.blade)
-        shaft = ["hub_inertia"] * physics.designs_hub
         outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
-        group.add_subsystem(
-            f"rotor{variant}", rotor, promotes_inputs=inputs + shaft, promotes_outputs=outputs
-        )
+        about = {"promotes_inputs": ["*"], "promotes_outputs": outputs if variant else ["*"]}
+        group.add_subsystem(f"rotor{variant}", rotor, **about)
         if physics.asks_for("weight_stress"):
-            weight = WeightComp(rotor=own, blade=setup.start.blade)
-            outputs = [("weight_stress", named("weight_stress", variant))]
-            about = {"promotes_inputs": inputs, "promotes_outputs": outputs}
+            weight = WeightComp(rotor=own, blade=blade)
+            about["promotes_outputs"] = [("weight_stress", named("weight_stress", variant))]
             group.add_subsystem(f"weight{variant}", weight, **about)
 
 
@@ -217,42 +205,31 @@ def _state_scales(physics, start):
 
 def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     """Declare the design variables; return them, and the quantities that are not designed."""
-    start, bounds = setup.start, setup.moves.bounds(physics, setup.start)
-    control = physics.shape.within(start.blade)  # but for the last digit, they are
-    radius, designed, kept = start.blade.rotor_radius, {}, {}
-    refs = {"rotor_radius": radius, "twist": TWIST_UNIT, "thickness": THICKNESS_UNIT}
-    for quantity, value in {"rotor_radius": np.atleast_1d(radius), **control}.items():
-        name = f"{quantity}_control" if quantity in control else quantity
-        units, ref = QUANTITIES[quantity].unit, refs.get(quantity, value)
-        about = {"val": value, "units": units, "desc": DESIGNED[name]}
-        if name == "rotor_radius" and physics.shape.radius_bounds is None:
-            kept[name] = about
-            continue
-        low, high = bounds[name]
-        designed[name] = about
-        model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+    start, bounds, designed, kept = setup.start, setup.bounds(physics), {}, {}
+    blade, law = start.blade, physics.law
+    control = physics.shape.within(blade)  # but for the last digit, they are
+    refs = {"twist": TWIST_UNIT, "thickness": THICKNESS_UNIT}
+    given = [("rotor_radius", blade.rotor_radius, blade.rotor_radius)]
+    given += [(f"{name}_control", value, refs.get(name, value)) for name, value in control.items()]
     if physics.designs_hub:
-        low, high = physics.case.design.hub_inertia_bounds
-        low, name, units = max(low, setup.least_hub), "hub_inertia", {"units": "kg*m**2"}
-        hub = np.clip(start.blade.hub_inertia, low, high)
-        designed[name] = {"val": hub, "desc": DESIGNED[name], **units}
-        ref = physics.mass_and_inertia(start.blade)[1]
-        model.add_design_var(name, lower=low, upper=high, ref=ref, **units)
+        hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
+        given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
+    gains = {f"gain_{i}": (units, "feedback gain") for i, units in enumerate(law.gain_units)}
+    given += zip(gains, start.gains, law.sizes(start.gains), strict=True)
+    for name, value, ref in given:
+        units, text = (DESIGNED | gains)[name]
+        about = {"val": value, "units": units, "desc": text}
+        if name in bounds:
+            low, high = bounds[name]
+            model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+        (designed if name in bounds else kept)[name] = about
     for scenario in physics.scenarios:
         name = named("density", physics.variant(scenario))
         kept[name] = {"val": physics.rotor_in(scenario).water_density, **QUANTITIES["density"].meta}
     kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
     if "thickness" not in control and physics.asks_for("thickness"):
-        given = np.broadcast_to(physics.turbine.thickness, start.blade.r.shape)
+        given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
         kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
-    for i, units in enumerate(physics.law.gain_units):
-        name, (low, high) = f"gain_{i}", bounds["gain"]
-        free = low[i] < high[i]
-        about = {"val": start.gains[i], "units": units, "desc": "feedback gain"}
-        (designed if free else kept)[name] = about
-        if free:
-            ref = physics.law.sizes(start.gains)[i]
-            model.add_design_var(name, lower=low[i], upper=high[i], ref=ref)
     return designed, kept
 
 

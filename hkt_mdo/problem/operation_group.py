@@ -76,7 +76,7 @@ class OperationGroup(om.Group):
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._physics, self._start
-        bounds = setup.moves.bounds(physics, setup.start)["rotor_speed"]
+        bounds = setup.bounds(physics)["rotor_speed"]
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):

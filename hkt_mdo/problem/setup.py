@@ -30,24 +30,6 @@ class MoveLimits:
     radius: float = np.inf
     gain: float = np.inf
 
-    def bounds(self, physics: Physics, start: StartingPoint) -> dict[str, tuple]:
-        """Return (lower, upper) of what the optimizer changes, and of the rotor speed.
-
-        rotor_speed (rad/s), chord_control (m), twist_control (rad), thickness_control (over chord),
-        rotor_radius (m) where it is designed, and gain, (n_gains,) each.
-        """
-        speed, shape, radius = start.operation.rotor_speed, physics.shape, start.blade.rotor_radius
-        gains = physics.law.moves(start.gains, self.gain)
-        found = {
-            "rotor_speed": (self.slower * np.min(speed), self.faster * np.max(speed)),
-            "gain": np.clip(gains, *gain_bounds(physics)),
-        }
-        found |= {f"{name}_control": ends for name, ends in shape.bounds.items()}
-        if shape.radius_bounds is not None:
-            ends = radius / self.radius, radius * self.radius
-            found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)
-        return found
-
 
 def gain_bounds(physics: Physics) -> tuple[float, float]:
     """Return the bounds on the feedback gains that a case gives, in their units; else none."""
@@ -69,6 +51,27 @@ class Setup:
     moves: MoveLimits = MoveLimits()
     shares: dict = field(default_factory=dict)
     least_hub: float = 0.0
+
+    def bounds(self, physics: Physics) -> dict[str, tuple]:
+        """Return (lower, upper) of what the optimizer changes, and of the rotor speed, SI units.
+
+        By their names in the model; a radius, a hub and gains that are not designed have none.
+        """
+        start, moves, shape = self.start, self.moves, physics.shape
+        speed, radius = start.operation.rotor_speed, start.blade.rotor_radius
+        found = {f"{name}_control": ends for name, ends in shape.bounds.items()}
+        found["rotor_speed"] = moves.slower * np.min(speed), moves.faster * np.max(speed)
+        if shape.radius_bounds is not None:
+            ends = radius / moves.radius, radius * moves.radius
+            found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)
+        if physics.designs_hub:
+            low, high = physics.case.design.hub_inertia_bounds
+            found["hub_inertia"] = max(low, self.least_hub), high
+        gains = np.clip(physics.law.moves(start.gains, moves.gain), *gain_bounds(physics))
+        for i, (low, high) in enumerate(gains.T):
+            if low < high:
+                found[f"gain_{i}"] = low, high
+        return found
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""
