@@ -47,7 +47,7 @@ class SteadyScenario(Scenario):
     steady: ClassVar[bool] = True
 
     @classmethod
-    def of(cls, inflow: Inflow, mesh: Phase, weight: float, name: str, **others) -> SteadyScenario:
+    def of(cls, inflow: Inflow, mesh: Phase, **others) -> SteadyScenario:
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
             back = others.get("backwards") and inflow.reversed_speeds
@@ -57,7 +57,7 @@ class SteadyScenario(Scenario):
             notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
         curve, about = speeds.curve(mesh.duration, notes), {"resource": inflow, **others}
         about |= {"place": speeds.place, "finer": speeds.finer}
-        return cls(curve, mesh, weight, name, np.array(curve.ends), **about)
+        return cls(curve, mesh, edges=np.array(curve.ends), **about)
 
     @property
     def speeds(self) -> np.ndarray:

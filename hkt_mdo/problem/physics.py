@@ -109,59 +109,41 @@ def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple
 def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
-        return _checked(case, _scenario(case, case.inflow, case.phase))
+        return _scenarios(case, case.inflow, case.phase)
     found, total = [], sum(each.weight for each in case.scenarios)
     for number, own in enumerate(case.scenarios):
         mesh = {"duration": own.duration, "segments": own.segments}
-        weight = own.weight / total * case.phase.duration / own.duration
-        mesh, limits = case.phase.model_copy(update=mesh), own.limits.given
+        about = {"name": own.name, "density": own.density, "condition": own.condition}
+        about["weight"] = own.weight / total * case.phase.duration / own.duration
+        mesh, inflow = case.phase.model_copy(update=mesh), own.inflow or case.inflow
         with _in_scenario(number):
-            scenario = _scenario(
-                case,
-                own.inflow or case.inflow,
-                mesh,
-                weight=weight,
-                name=own.name,
-                density=own.density,
-                condition=own.condition,
-                own_limits={limit.name: limit for limit in limits},
-                steady=own.steady,
-            )
-            found += _checked(case, scenario)
+            found += _scenarios(case, inflow, mesh, steady=own.steady, **about)
     return found
 
 
-def _scenario(case: Case, inflow: Inflow, mesh, *, steady: bool = False, **about) -> Scenario:
-    """Return a scenario over its time, or without time where it is steady or of a resource."""
-    if not (steady or inflow.steady):
-        return Scenario(inflow, mesh, **about)
-    if case.control.chooses_torque:
+def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> list[Scenario]:
+    """Return the scenario of a flow, on a mesh that resolves it; refuse a flow that is none.
+
+    Without time where it is steady or of a resource; two if its rotor turns backwards in reversed
+    flow, the second of the same group.
+    """
+    steady = steady or inflow.steady
+    if steady and case.control.chooses_torque:
         problem = "has no torque over time in a steady scenario"
         raise InputError(problem, "give control.unknown: speed", key="control.unknown")
-    inflow.check(mesh.duration)
-    made = SteadyScenario.of(inflow, mesh, **({"weight": 1.0, "name": "phase"} | about))
-    return made.below(case.control.cut_out)
-
-
-def _checked(case: Case, scenario: Scenario) -> list[Scenario]:
-    """Return a scenario on a mesh that resolves its flow; refuse a flow that is none.
-
-    Two if its rotor turns backwards in reversed flow, the second of the same group.
-    """
-    inflow = scenario.inflow
-    for duration in (inflow.length, scenario.mesh.duration):
+    for duration in (inflow.length, mesh.duration):
         if duration is not None:
             inflow.check(duration)
-    resource = getattr(scenario, "resource", None)
-    if getattr(resource, "reversed_speeds", None) is None:
-        return [scenario.resolved()]
-    changed = {"polar": resource.reversed_polar}
-    condition = (scenario.condition or case.condition).model_copy(update=changed)
-    kept = ("mesh", "weight", "density", "own_limits")
-    about = {name: getattr(scenario, name) for name in kept} | {"condition": condition}
-    about |= {"name": f"{scenario.name}_backwards", "interval_of": scenario.name}
-    back = SteadyScenario.of(resource, backwards=True, **about)
-    return [scenario, back.below(case.control.cut_out)]
+    if not steady:
+        return [Scenario(inflow, mesh, **about).resolved()]
+    found = [SteadyScenario.of(inflow, mesh, **about)]
+    if getattr(inflow, "reversed_speeds", None) is not None:
+        changed = {"polar": inflow.reversed_polar}
+        condition = (found[0].condition or case.condition).model_copy(update=changed)
+        about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
+        about |= {"condition": condition, "backwards": True}
+        found.append(SteadyScenario.of(inflow, mesh, **about))
+    return [each.below(case.control.cut_out) for each in found]
 
 
 def physics(case: Case) -> Physics:
@@ -251,19 +233,17 @@ def _with_limits(
 ) -> Scenario:
     """Return a scenario with its limits over time: its own in place of the case's."""
     constant = (scenario.condition or case.condition).torque_constant
-    if not scenario.own_limits and constant == case.condition.torque_constant:
+    given = [x for own in case.scenarios if own.name == scenario.group for x in own.limits.given]
+    if not given and constant == case.condition.torque_constant:
         return scenario
-    own = {
-        name: limit.on(shape.blade, case.rotor.blade_material)
-        for name, limit in scenario.own_limits.items()
-    }
-    common = {limit.name: limit for limit in limits if limit.place == "time"}
+    found = {limit.name: limit for limit in limits if limit.place == "time"}
     for limit in limits:
         # of the torque that the law demands
         if isinstance(limit, TorqueLimit) and limit.bound is not None:
             bound = limit.bound * constant / case.condition.torque_constant
-            common[limit.name] = TorqueLimit(bound=bound)
-    return replace(scenario, limits=tuple((common | own).values()), own_limits={})
+            found[limit.name] = TorqueLimit(bound=bound)
+    found |= {limit.name: limit.on(shape.blade, case.rotor.blade_material) for limit in given}
+    return replace(scenario, limits=tuple(found.values()))
 
 
 def _rotors(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 from unittest.mock import patch
@@ -48,9 +48,8 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
-    `limits` are those that hold in it over time, None: the case's; `own_limits` those that its case
-    gives for it alone, as they are read. `density` (kg/m**3) and `condition` are those of water and
-    turbine in it, None: the case's.
+    `limits` are those that hold in it over time, None: the case's. `density` (kg/m**3) and
+    `condition` are those of water and turbine in it, None: the case's.
     Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
 
@@ -61,7 +60,6 @@ class Scenario:
     edges: np.ndarray = None  # type: ignore[assignment]
     limits: tuple[Limit, ...] | None = None
     interval_of: str = ""
-    own_limits: dict[str, Limit] = field(default_factory=dict)
     density: float | None = None
     condition: Condition | None = None
 
