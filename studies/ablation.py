@@ -126,10 +126,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         [(drivers, "CAUTIOUS", {}), (drivers, "CAUTIOUS_BARRIER", 1.0)],
     ),
     "a finer first curve with several sections": (sections, [(passes, "curve_nodes", usual_curve)]),
-    "the end of optimizations that stagnate": (
-        stagnated,
-        [(stationary, "RULES", stationary.Rules(patience=10**6))],
-    ),
+    "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),
     "the smaller barrier on finer meshes": (
         lambda result: open_loop(result) and went_on("too coarse", result),
         [(build, "REFINED_BARRIER", build.BARRIER)],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import ClassVar
 from unittest.mock import patch
 
@@ -237,7 +237,7 @@ class Scenario:
         return f"traj.{self.name}.timeseries"
 
 
-def _blocks(grid, given, wanted, matrices, sparse):
+def _blocks(grid, matrices, given, wanted, sparse=False):
     """Return a grid's interpolation matrices, one block a segment.
 
     Dymos assembles dense matrices and then takes their nonzeros. Their memory grows with the square
@@ -292,14 +292,8 @@ class _Lean:
         """Give the grid matrices that are sparse from the start."""
         super().init_grid()
         grid = self.grid_data
-
-        def lagrange(given, wanted, sparse=False):
-            return _blocks(grid, given, wanted, lagrange_matrices, sparse)
-
-        def hermite(given, wanted, sparse=False):
-            return _blocks(grid, given, wanted, hermite_matrices, sparse)
-
-        grid.phase_lagrange_matrices, grid.phase_hermite_matrices = lagrange, hermite
+        grid.phase_lagrange_matrices = partial(_blocks, grid, lagrange_matrices)
+        grid.phase_hermite_matrices = partial(_blocks, grid, hermite_matrices)
 
     def configure_controls(self, phase):
         """Scale a control's value at each node by the square root of the time it stands for.

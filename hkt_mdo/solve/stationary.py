@@ -12,32 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+GRADIENT = 1e3
+"""Largest element of the Lagrangian's gradient, of the scaled problem, in tolerances."""
+GAP = 500.0
+"""Sum of multipliers times distances from their bounds, over the objective, in tolerances.
 
-@dataclass(frozen=True)
-class Rules:
-    """What an iterate must keep to count as an optimum, in tolerances, and when it is the end.
-
-    Attributes
-    ----------
-    gradient : float
-        Largest element of the Lagrangian's gradient, of the scaled problem.
-    gap : float
-        Sum of multipliers times distances from their bounds, over the objective: by as much the
-        optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the checks
-        allow of the energy.
-    better : float
-        Relative change of the objective that is an improvement.
-    patience : int
-        Iterations within all bounds without one after which the best is the end.
-    """
-
-    gradient: float = 1e3
-    gap: float = 500.0
-    better: float = 1.0
-    patience: int = 30
-
-
-RULES = Rules()
+By as much the optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the
+checks allow of the energy.
+"""
+PATIENCE = 30
+"""Iterations within all bounds, without an objective that is better by a tolerance, after which the
+best is the end."""
 
 
 @dataclass
@@ -84,7 +69,7 @@ class Stationary:
         Returns
         -------
         bool
-            True once no iterate has been better for `Rules.patience` iterations.
+            True once no iterate has been better for `PATIENCE` iterations.
         """
         unit = self.tolerance
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
@@ -93,10 +78,10 @@ class Stationary:
         room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
         gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)
         slope = float(np.max(np.abs(gradient), initial=0.0))
-        if over <= unit and gap <= RULES.gap * unit and slope <= RULES.gradient * unit:
+        if over <= unit and gap <= GAP * unit and slope <= GRADIENT * unit:
             if objective < self._objective:
                 self.best, self.gap = values[: gradient.size].copy(), gap
                 self._objective = objective
-            if objective < self._improved - RULES.better * unit * abs(objective):
+            if objective < self._improved - unit * abs(objective):
                 self._improved, self._waited = objective, 0
-        return self.best is not None and self._waited >= RULES.patience
+        return self.best is not None and self._waited >= PATIENCE

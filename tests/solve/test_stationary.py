@@ -5,7 +5,7 @@ import openmdao.api as om
 import pytest
 
 from hkt_mdo.solve.drivers import make_driver
-from hkt_mdo.solve.stationary import RULES, Stationary
+from hkt_mdo.solve.stationary import PATIENCE, Stationary
 
 LOWER, UPPER = np.array([-np.inf, 0.0]), np.array([1.0, np.inf])
 CENTER = np.array([2.0, -1.0])
@@ -41,7 +41,7 @@ def test_only_an_optimum_is_kept():
         (point, multipliers, objective, gradient + 1e-3),
     ):
         stationary = Stationary(LOWER, UPPER, 1e-7)
-        assert not any(stationary.note(*spoiled) for _ in range(2 * RULES.patience))
+        assert not any(stationary.note(*spoiled) for _ in range(2 * PATIENCE))
         assert stationary.best is None
 
 
@@ -51,7 +51,7 @@ def test_the_end_waits_for_iterates_that_are_better():
     better = [objective * (1.0 - 1e-6 * count) for count in range(5)]
     assert not any(stationary.note(point, multipliers, each, gradient) for each in better)
     ends = [stationary.note(point, multipliers, better[-1], gradient) for _ in range(40)]
-    assert ends.index(True) == RULES.patience - 1
+    assert ends.index(True) == PATIENCE - 1
 
 
 class Rough(om.ExplicitComponent):
