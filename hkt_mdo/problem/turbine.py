@@ -276,14 +276,14 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
         return [section], ()
     entry, outline = next(iter(rotor.sections), None), section.outline
     shapes = [outline.stretched(float(each) / outline.thickness) for each in thickness]
-    stretched = [
-        section._replace(thickness=float(each), outline=shape, area=shape.area)
+    sections = [
+        _section(rotor, section.polars, shape, float(each), entry)
         for each, shape in zip(thickness, shapes, strict=True)
     ]
     span = f"{100.0 * np.min(thickness):.3g} to {100.0 * np.max(thickness):.3g} %"
     note = f"the one outline is stretched to the thickness of the blade's file, {span}; its polar "
     note += "is the same at all stations"
-    return [_with_material(each, rotor, entry) for each in stretched], (note,)
+    return sections, (note,)
 
 
 def _by_thickness(rotor, design, named):
@@ -375,8 +375,8 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             problem, remedy = "gives neither outline nor thickness", "give one of them"
             raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
         outline = None if entry.outline is None else Outline.from_file(entry.outline)
-        parts = from_file(entry.polar), outline, entry.thickness
-        named[entry.name or str(number + 1)] = (*parts, entry)
+        parts = from_file(entry.polar), outline, entry.thickness, entry
+        named[entry.name or str(number + 1)] = parts
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
@@ -387,9 +387,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
     named = named or {"": (from_file(rotor.polar or POLAR), None, None, None)}
-    sections = [
-        _with_material(_section(rotor, *parts), rotor, entry) for *parts, entry in named.values()
-    ]
+    sections = [_section(rotor, *parts) for parts in named.values()]
     notes = [note for each in sections for note in each.polars.messages]
     shape = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
     own = rotor.outline is None and rotor.polar and Path(rotor.polar).is_file()
@@ -406,25 +404,23 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
 
 
-def _section(rotor, polars, outline, thickness) -> _Section:
-    """Return a section; one without an outline has the rotor's, stretched to its thickness."""
-    if outline is not None:
-        own = outline.thickness if thickness is None else thickness
-        return _Section(polars, own, outline.area, outline)
-    outline = Outline.from_file(rotor.outline or OUTLINE)
-    thickness = outline.thickness if thickness is None else thickness
-    stretch = thickness / outline.thickness
-    return _Section(polars, thickness, outline.area * stretch, outline.stretched(stretch))
+def _section(rotor, polars, outline, thickness, entry) -> _Section:
+    """Return a section with the wall, area and second moments that the case gives, if any.
 
-
-def _with_material(section, rotor, entry) -> _Section:
-    """Return a section with the wall, area and second moments that the case gives."""
+    One without an outline has the rotor's, stretched to its thickness.
+    """
+    own = outline or Outline.from_file(rotor.outline or OUTLINE)
+    thickness = own.thickness if thickness is None else thickness
+    solid = own.area
+    if outline is None:
+        stretch = thickness / own.thickness
+        solid, own = solid * stretch, own.stretched(stretch)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
     wall = wall or rotor.wall
     if area is None:
-        area = section.area if wall is None else material_section(section.outline, wall)[0]
+        area = solid if wall is None else material_section(own, wall)[0]
     moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
-    return section._replace(wall=wall, area=area, moments=moments)
+    return _Section(polars, thickness, area, own, wall, moments)
 
 
 def _alike(sections) -> list[_Section]:
