@@ -119,11 +119,11 @@ def _add_known(component, name, place, n_times, n_stations):
 
 
 def _known(inputs, places):
-    """Return inputs, by quantity, as formulas take them: arrays over time or span, numbers else."""
+    """Return inputs, by quantity, as formulas take them: arrays in one row, numbers of a design."""
     found = {}
     for name, place in places.items():
-        over, value = QUANTITIES[name].over if name in QUANTITIES else "time", inputs[place]
-        found[name] = value[:, 0] if over == "time" else value if over == "span" else value[0]
+        is_number = name in QUANTITIES and QUANTITIES[name].over in ("design", "result")
+        found[name] = inputs[place][0] if is_number else inputs[place].ravel()
     return found
 
 
@@ -170,14 +170,11 @@ class FormulaComp(om.ExplicitComponent):
 
     def _quantities(self, inputs):
         """Return what the formula takes: arrays over time and span, numbers, table and gains."""
-        names = dict.fromkeys(self.options["formula"].inputs)
-        arrays = {}
+        names, count = self.options["formula"].inputs, len(self.options["gain_units"])
+        found = _known(inputs, {name: name for name in names if name != "gains"})
         if "gains" in names:
-            count = len(self.options["gain_units"])
-            arrays["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-        if "torque_coefficient_table" in names:
-            arrays["torque_coefficient_table"] = inputs["torque_coefficient_table"]
-        return _known(inputs, {name: name for name in names if name not in arrays}) | arrays
+            found["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
+        return found
 
     def compute(self, inputs, outputs):
         outputs["value"] = self.options["formula"].value(**self._quantities(inputs))

@@ -110,24 +110,21 @@ class OperationGroup(om.Group):
         """
         physics, setup = self._physics, self._start
         names = ["density", "inertia", "rotor_radius"]
-        remembers = physics.remembers and not scenario.steady
-        if remembers:
+        if physics.remembers and not scenario.steady:
+            names += self._wake.band.outputs(())
             tau1 = physics.case.inflow_dynamics.tau1
             options = {"band": self._wake.band, "tau1": tau1, "share": self._wake.share}
         elif physics.has_curve:
+            names.append("torque_coefficient_table")
             options = {"spline": TorqueSpline(setup.nodes)}
         else:
             solver = SOLVERS[physics.case.hydrodynamics.bem]
             polar = physics.rotor_in(scenario).polar
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
-        parameters = {name: QUANTITIES[name].unit for name in names}
-        if remembers:
-            parameters |= dict.fromkeys(self._wake.band.outputs(()))
-        elif physics.has_curve:
-            parameters["torque_coefficient_table"] = None
+        units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
         gains = {f"gain_{i}": units for i, units in enumerate(physics.law.gain_units)}
-        return options, parameters | gains
+        return options, units | gains
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
@@ -165,7 +162,7 @@ class OperationGroup(om.Group):
             source = f"{scenario.path}.rotor_speed"
             self.connect(source, f"{name}.{end}", src_indices=om.slicer[[index], 0])
 
-    def _add_formula(self, name, formula, size, outputs=(), variant="", **about):
+    def _add_formula(self, name, formula, size, outputs=(), variant=""):
         """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
         physics, setup = self._physics, self._start
         component = FormulaComp(
@@ -174,12 +171,9 @@ class OperationGroup(om.Group):
             n_stations=physics.blade.r.size,
             n_table=setup.nodes.size,
             gain_units=physics.law.gain_units,
-            **about,
         )
-        gains = [f"gain_{i}" for i in range(len(physics.law.gain_units))]
-        inputs = [each for each in formula.inputs if each not in {*formula.series, "gains"}]
-        inputs += gains if "gains" in formula.inputs else []
-        inputs = [(each, named(each, variant)) for each in inputs]
+        fixed = (each for each in formula.inputs if each not in formula.series)
+        inputs = ["gain_*" if each == "gains" else (each, named(each, variant)) for each in fixed]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):

@@ -118,9 +118,6 @@ class CasadiIpoptDriver(ReportingDriver):
         bounds = np.append(lower, lower_g), np.append(upper, upper_g)
         self._stationary = Stationary(*bounds, float(self.opt_settings.get("tol", 1e-8)))
 
-        def end_iteration(x, _, g, lam_x, lam_g, *__):
-            return (self._end_iteration(x, g, lam_x, lam_g),)
-
         # CasADi keeps no reference to a callback: these names must outlive the solver.
         inputs = {"x": x, "p": p}
         nlp = _callback("nlp", lambda x, _: self._evaluate(x), inputs, {"f": f, "g": g})
@@ -128,7 +125,7 @@ class CasadiIpoptDriver(ReportingDriver):
         jac_g = _callback("jac_g", constraint_jacobian, inputs, {"g": g, "jac_g_x": jacobian})
         state = {"f": f, "x": x, "lam_x": x, "g": g, "lam_g": g, "lam_p": p}
         after = {name: state[name] for name in casadi.nlpsol_out()}
-        iteration = _callback("iteration", end_iteration, after, {"stop": f})
+        iteration = _callback("iteration", self._end_iteration, after, {"stop": f})
         solver = casadi.nlpsol("solver", "ipopt", nlp, {
             "grad_f": grad_f, "jac_g": jac_g, "iteration_callback": iteration,
             # Multipliers of parameters, of which there are none, would need reverse derivatives.
@@ -202,15 +199,16 @@ class CasadiIpoptDriver(ReportingDriver):
         rows, columns = self._pattern.tocoo().coords
         return totals[0].copy(), totals[1:][rows, columns]
 
-    def _end_iteration(self, design, constraints, of_design, of_constraints) -> int:
+    def _end_iteration(self, design, _, constraints, of_design, of_constraints, *__) -> tuple[int]:
         """Report an iteration, count it and return whether IPOPT must stop.
 
-        The last two are the multipliers of the bounds of the first two.
+        Arguments are CasADi's: objective and parameters are not needed; `of_design` and
+        `of_constraints` are the multipliers of the bounds.
         """
         self._guarded(lambda: self._report(self.iterations), None)
         self.iterations += 1
         ends = self._is_end(design, constraints, of_design, of_constraints)
-        return int(ends or self._error is not None)
+        return (int(ends or self._error is not None),)
 
     def _is_end(self, design, constraints, of_design, of_constraints) -> bool:
         """Tell whether an optimum has been found and many iterates since were no better."""
