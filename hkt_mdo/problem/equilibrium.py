@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import numpy as np
 import openmdao.api as om
-from scipy.sparse import csr_array
 
 from hkt_mdo.case import Phase
 from hkt_mdo.dynamics.flows import SLOWEST, ConstantInflow, Inflow
@@ -111,19 +110,15 @@ class SteadyScenario(Scenario):
     def sample_weights(self):
         return np.diff(self.edges)
 
-    @property
-    def nodes_per_segment(self):
-        return 1
+    @cached_property
+    def _places(self):
+        return np.zeros(1), np.full(1, 2.0)
 
-    node_times, node_weights, dense = samples, sample_weights, samples
+    node_times, dense = samples, samples
 
     @cached_property
     def distinct_nodes(self):
         return np.arange(self.segments)
-
-    @cached_property
-    def differentiation(self):
-        return csr_array((self.segments, self.segments))
 
     @property
     def path(self):

@@ -82,21 +82,24 @@ def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, 
     ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
     if not names:
         return {}
+
+    def largest(rotor, ratio, **sections):
+        found = rotor.loads(blade, ratio, names=names, **sections)
+        return {name: load.largest for name, load in found.items()}
+
     if "sections" in known:
-        found = rotor.loads(blade, ratio, names=names, flow=known["sections"])
-        largest = {name: load.largest for name, load in found.items()}
+        found = largest(rotor, ratio, flow=known["sections"])
     elif rotor.follows_reynolds:  # the flow counts too: every instant by itself
         parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
-        found = [rotor.at_flow(flow[part]).loads(blade, ratio[part], names=names) for part in parts]
-        largest = {name: np.concatenate([each[name].largest for each in found]) for name in names}
+        each = [largest(rotor.at_flow(flow[part]), ratio[part]) for part in parts]
+        found = {name: np.concatenate([part[name] for part in each]) for name in names}
+    elif ratio.size <= RATIOS:
+        found = largest(rotor, ratio)
     else:
-        at = ratio if ratio.size <= RATIOS else np.linspace(ratio.min(), ratio.max(), RATIOS)
-        known_at = rotor.loads(blade, at, names=names)
-        largest = {name: load.largest for name, load in known_at.items()}
-        if at is not ratio:
-            largest = {name: np.interp(ratio, at, each) for name, each in largest.items()}
+        at = np.linspace(ratio.min(), ratio.max(), RATIOS)
+        found = {name: np.interp(ratio, at, x) for name, x in largest(rotor, at).items()}
     pressure = 0.5 * rotor.water_density * flow**2
-    return {name: pressure * each for name, each in largest.items()}
+    return {name: pressure * each for name, each in found.items()}
 
 
 def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]:

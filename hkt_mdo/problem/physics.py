@@ -155,12 +155,10 @@ def physics(case: Case) -> Physics:
     whole = _whole_scenarios(case)
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
     weights = np.concatenate([each.weight * each.sample_weights for each in whole])
-    fastest, mean = float(np.max(speed)), float(weights @ speed / np.sum(weights))
-    if control.cut_out is not None:
-        fastest = min(fastest, control.cut_out)
-        speed = np.minimum(speed, control.cut_out)
-    slowest = float(np.min(speed))
-    control = control.in_flow(slowest, float(np.max(speed)))
+    mean = float(weights @ speed / np.sum(weights))
+    speed = np.minimum(speed, control.cut_out or np.inf)
+    slowest, fastest = float(np.min(speed)), float(np.max(speed))
+    control = control.in_flow(slowest, fastest)
     # the speed at which most energy passes; only local Reynolds numbers need it
     speed = float(weights @ speed**4 / (weights @ speed**3))
     turbine = build_turbine(case.rotor, case.fluid, speed, case.design)
