@@ -51,7 +51,7 @@ class RotorODE(om.Group):
         options, n = self.options, self.options["num_nodes"]
         parts = {
             "flow": InflowComp(num_nodes=n, inflow=options["inflow"]),
-            "hydrodynamics": options["hydrodynamics"](n),
+            "hydrodynamics": options["hydrodynamics"](num_nodes=n),
         }
         if options["law"].is_feedback:
             parts["controller"] = FeedbackComp(num_nodes=n, law=options["law"])

@@ -34,11 +34,6 @@ def named(name: str, variant: str) -> str:
     return f"{name}{variant}" if own else name
 
 
-def _hydrodynamics(options: dict, nodes: int) -> om.Group | RememberingComp:
-    made = RememberingComp if "band" in options else hydrodynamics_group
-    return made(num_nodes=nodes, **options)
-
-
 class OperationGroup(om.Group):
     """The operation of a rotor over time, in every scenario.
 
@@ -82,11 +77,9 @@ class OperationGroup(om.Group):
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
             variant = physics.variant(each)
             hydrodynamics, parameters = self._hydrodynamics(each)
-            options = {
-                "hydrodynamics": partial(_hydrodynamics, hydrodynamics),
-                "generator": physics.case.generator,
-            }
-            torque = torque - physics.case.generator.friction(speed)
+            generator = physics.case.generator
+            options = {"hydrodynamics": hydrodynamics, "generator": generator}
+            torque = torque - generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
             about = each, physics.law_in(each), options, self._scales, bounds, begin
@@ -104,27 +97,29 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, scenario):
-        """Return the options of `hydrodynamics_group` and the ODE's inputs, with units.
+        """Return what makes the hydrodynamics of a number of nodes, and the ODE's fixed inputs.
 
-        In a steady scenario a wake with memory is in equilibrium.
+        The inputs have units. In a steady scenario a wake with memory is in equilibrium.
         """
         physics, setup = self._physics, self._start
         names = ["density", "inertia", "rotor_radius"]
         if physics.remembers and not scenario.steady:
             names += self._wake.band.outputs(())
             tau1 = physics.case.inflow_dynamics.tau1
-            options = {"band": self._wake.band, "tau1": tau1, "share": self._wake.share}
+            about = {"band": self._wake.band, "tau1": tau1, "share": self._wake.share}
+            made = partial(RememberingComp, **about)
         elif physics.has_curve:
             names.append("torque_coefficient_table")
-            options = {"spline": TorqueSpline(setup.nodes)}
+            made = partial(hydrodynamics_group, spline=TorqueSpline(setup.nodes))
         else:
             solver = SOLVERS[physics.case.hydrodynamics.bem]
             polar = physics.rotor_in(scenario).polar
-            options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
+            about = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
+            made = partial(hydrodynamics_group, **about)
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
         gains = {f"gain_{i}": units for i, units in enumerate(physics.law.gain_units)}
-        return options, units | gains
+        return made, units | gains
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
