@@ -2,11 +2,10 @@
 
 import numpy as np
 import openmdao.api as om
+from scipy.sparse import csr_array
 
 from hkt_mdo.case.guard import any_values
-from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.formulas import STEP, Formula, slope
-from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.quantities import QUANTITIES, is_over_time
 from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.blade import Blade
@@ -26,19 +25,18 @@ class LoadComp(om.ExplicitComponent):
     <name>_band; outputs by the names[num_nodes, 1].
     """
 
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("names", types=tuple, desc="names of the loads")
-        self.options.declare("model", types=(TorqueSpline, Band), recordable=False)
+    def __init__(self, num_nodes: int, names: tuple[str, ...], model: TorqueSpline | Band):
+        super().__init__()
+        self._nodes, self._loads, self._model = num_nodes, names, model
 
     def setup(self):
-        n, names, model = (self.options[name] for name in ("num_nodes", "names", "model"))
-        series, rows = {name: QUANTITIES[name].meta for name in _SPEEDS}, np.arange(n)
-        kind, size = "table", model.nodes.size
-        if isinstance(model, Band):
+        n, rows = self._nodes, np.arange(self._nodes)
+        series = {name: QUANTITIES[name].meta for name in _SPEEDS}
+        kind, size = "table", self._model.nodes.size
+        if isinstance(self._model, Band):
             series["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
             kind, size = "band", size * FACTORS.size
-        self._tables = {name: f"{name}_{kind}" for name in names}
+        self._tables = {name: f"{name}_{kind}" for name in self._loads}
         for name, about in series.items():
             self.add_input(name, shape=(n, 1), **about)
         for name in ("rotor_radius", "density"):
@@ -59,12 +57,12 @@ class LoadComp(om.ExplicitComponent):
     def compute(self, inputs, outputs):
         ratios, _, pressure = self._at(inputs)
         for name, table in self._tables.items():
-            values, *_ = self.options["model"].values(inputs[table], *ratios)
+            values, *_ = self._model.values(inputs[table], *ratios)
             outputs[name][:, 0] = pressure * values
 
     def compute_partials(self, inputs, partials):
         ratios, flow, pressure = self._at(inputs)
-        model, radius, ratio = self.options["model"], inputs["rotor_radius"], ratios[0]
+        model, radius, ratio = self._model, inputs["rotor_radius"], ratios[0]
         basis = pressure[:, None] * model.basis(*ratios)
         for name, table in self._tables.items():
             values, by_ratio, *by_wake = model.values(inputs[table], *ratios)
@@ -85,11 +83,12 @@ class TorqueRateComp(om.ExplicitComponent):
     `Scenario.differentiation`.
     """
 
-    def initialize(self):
-        self.options.declare("matrix", recordable=False, desc="rates of values at the nodes, 1/s")
+    def __init__(self, matrix: csr_array):
+        super().__init__()
+        self._matrix = matrix
 
     def setup(self):
-        matrix = self.options["matrix"].tocoo()
+        matrix = self._matrix.tocoo()
         shape = matrix.shape[0], 1
         self.add_input("control_torque", shape=shape, **QUANTITIES["control_torque"].meta)
         self.add_output("torque_rate", shape=shape, **QUANTITIES["torque_rate"].meta)
@@ -97,7 +96,7 @@ class TorqueRateComp(om.ExplicitComponent):
         self.declare_partials("*", "*", rows=rows, cols=cols, val=matrix.data)
 
     def compute(self, inputs, outputs):
-        outputs["torque_rate"] = self.options["matrix"] @ inputs["control_torque"]
+        outputs["torque_rate"] = self._matrix @ inputs["control_torque"]
 
 
 def area_component(blade: Blade) -> om.ExecComp:
@@ -135,59 +134,55 @@ class FormulaComp(om.ExplicitComponent):
     gain_1, … where it asks for them. Output value[size] in the formula's unit.
     """
 
-    def initialize(self):
-        declare = self.options.declare
-        declare("formula", types=Formula, recordable=False)
-        declare("size", default=1, types=int, desc="of the value")
-        declare("n_stations", default=1, types=int)
-        declare("n_table", default=0, types=int, desc="number of nodes of the torque curve")
-        declare("gain_units", default=(), types=tuple)
+    def __init__(self, formula: Formula, size=1, n_stations=1, n_table=0, gain_units=()):
+        super().__init__()
+        self._formula, self._size, self._gain_units = formula, size, gain_units
+        self._stations, self._table = n_stations, n_table
 
     def setup(self):
-        options, formula = self.options, self.options["formula"]
+        formula, size = self._formula, self._size
         for name in formula.inputs:
             if name == "gains":
-                for i, units in enumerate(options["gain_units"]):
+                for i, units in enumerate(self._gain_units):
                     self.add_input(f"gain_{i}", units=units, desc="feedback gain")
             elif name == "torque_coefficient_table":
                 text = "torque coefficient of the curve"
-                self.add_input(name, shape=(options["n_table"],), desc=text)
+                self.add_input(name, shape=self._table, desc=text)
             elif name in QUANTITIES:
-                _add_known(self, name, name, options["size"], options["n_stations"])
+                _add_known(self, name, name, size, self._stations)
             else:  # a state of the control law
                 units, text = formula.series[name]
-                self.add_input(name, shape=(options["size"], 1), units=units, desc=text)
-        text = type(formula).__doc__
-        self.add_output("value", shape=(options["size"],), units=formula.unit, desc=text)
+                self.add_input(name, shape=(size, 1), units=units, desc=text)
+        self.add_output("value", shape=size, units=formula.unit, desc=type(formula).__doc__)
 
     def setup_partials(self):
-        rows = np.arange(self.options["size"])
-        for name in self.options["formula"].inputs:
-            if name in self.options["formula"].series:
+        rows = np.arange(self._size)
+        for name in self._formula.inputs:
+            if name in self._formula.series:
                 self.declare_partials("value", name, rows=rows, cols=rows)
             else:
                 self.declare_partials("value", "gain_*" if name == "gains" else name)
 
     def _quantities(self, inputs):
         """Return what the formula takes: arrays over time and span, numbers, table and gains."""
-        names, count = self.options["formula"].inputs, len(self.options["gain_units"])
+        names, count = self._formula.inputs, len(self._gain_units)
         found = _known(inputs, {name: name for name in names if name != "gains"})
         if "gains" in names:
             found["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
         return found
 
     def compute(self, inputs, outputs):
-        outputs["value"] = self.options["formula"].value(**self._quantities(inputs))
+        outputs["value"] = self._formula.value(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        for name, by in self.options["formula"].partials(**self._quantities(inputs)).items():
+        for name, by in self._formula.partials(**self._quantities(inputs)).items():
             if name == "gains":
                 for i, column in enumerate(by.T):
                     partials["value", f"gain_{i}"] = column[:, None]
-            elif name in self.options["formula"].series:
+            elif name in self._formula.series:
                 partials["value", name] = by
             else:
-                partials["value", name] = by.reshape(self.options["size"], -1)
+                partials["value", name] = by.reshape(self._size, -1)
 
 
 class IntegralComp(om.ExplicitComponent):
@@ -198,33 +193,32 @@ class IntegralComp(om.ExplicitComponent):
     trade energy against defects.
 
     Inputs: `scenario:quantity`[num_nodes, 1] for each quantity over time that an integrand names,
-    others by their names; outputs: the integral of each integrand, in its unit. With `rows` the
-    weights are shares: outputs are mean rates, one for each row.
+    others by their names; outputs: the integral of each integrand, in its unit. `weights` (s) are
+    those of the quadrature by scenario, `integrands` an `Objective` by output. With `rows`, by
+    scenario, the weights are shares: outputs are mean rates, one for each row.
     """
 
-    def initialize(self):
-        declare = self.options.declare
-        declare("weights", types=dict, desc="quadrature weights (s) by scenario")
-        declare("integrands", types=dict, desc="`Objective` by output", recordable=False)
-        declare("rows", default={}, types=dict, desc="row of each scenario's mean rate")
-        declare("n_stations", default=1, types=int)
+    def __init__(self, weights, integrands, rows=None, n_stations=1):
+        super().__init__()
+        self._weights, self._integrands, self._rows = weights, integrands, rows or {}
+        self._stations = n_stations
 
     def setup(self):
-        options, rows, self._terms, added = self.options, self.options["rows"], [], {}
-        self._size = 1 + max(rows.values(), default=0)
-        for output, integrand in options["integrands"].items():
-            unit = integrand.rate_unit if rows else integrand.unit
+        self._terms, added = [], {}
+        self._size = 1 + max(self._rows.values(), default=0)
+        for output, integrand in self._integrands.items():
+            unit = integrand.rate_unit if self._rows else integrand.unit
             self.add_output(output, shape=self._size, units=unit, desc=type(integrand).__doc__)
-            for scenario, weights in options["weights"].items():
+            for scenario, weights in self._weights.items():
                 places = {
                     name: f"{scenario}:{name}" if is_over_time(name) else name
                     for name in integrand.inputs
                 }
-                term = output, integrand.rate, rows.get(scenario, 0), weights, places
+                term = output, integrand.rate, self._rows.get(scenario, 0), weights, places
                 self._terms.append(term)
                 added |= {place: (name, weights.size) for name, place in places.items()}
         for place, (name, n_times) in added.items():
-            _add_known(self, name, place, n_times, options["n_stations"])
+            _add_known(self, name, place, n_times, self._stations)
 
     def setup_partials(self):
         for output, _, row, weights, places in self._terms:
@@ -260,22 +254,18 @@ class AggregateComp(om.ExplicitComponent):
 
     Inputs mean_rate[n_scenarios] as the aggregate takes them, unknowns[n_unknowns] where the
     aggregate has some; outputs objective and, where the aggregate has some, rows[n_rows], which
-    must not be negative.
+    must not be negative. `shares` are the scenarios' of the time, `duration` is in s.
     """
 
-    def initialize(self):
-        declare = self.options.declare
-        declare("aggregate", types=Aggregate, recordable=False)
-        declare("shares", types=np.ndarray, desc="shares of time of the scenarios")
-        declare("duration", types=float, desc="s")
-        declare("objective", types=Objective, recordable=False)
-        declare("n_unknowns", default=0, types=int)
+    def __init__(self, aggregate, shares, duration, objective, n_unknowns=0):
+        super().__init__()
+        self._aggregate, self._shares, self._duration = aggregate, shares, duration
+        sizes = {"mean_rate": shares.size, "unknowns": n_unknowns}
+        self._ones = {name: np.ones(size) for name, size in sizes.items() if size}
+        self._objective = objective
 
     def setup(self):
-        objective, sizes = self.options["objective"], {"mean_rate": self.options["shares"].size}
-        if self.options["n_unknowns"]:
-            sizes["unknowns"] = self.options["n_unknowns"]
-        self._ones = {name: np.ones(size) for name, size in sizes.items()}
+        objective = self._objective
         for name, ones in self._ones.items():
             self.add_input(name, val=ones, units=objective.rate_unit)
         units = {"objective": objective.unit, "rows": objective.rate_unit}
@@ -292,10 +282,9 @@ class AggregateComp(om.ExplicitComponent):
 
     def _values(self, mean_rate, unknowns=_NONE):
         """Return the outputs of mean rates and unknowns."""
-        aggregate, shares = self.options["aggregate"], self.options["shares"]
-        value = aggregate.value(mean_rate, shares, unknowns)
-        found = {"objective": self.options["duration"] * np.atleast_1d(value)}
-        rows = np.atleast_1d(aggregate.rows(mean_rate, shares, unknowns))
+        value = self._aggregate.value(mean_rate, self._shares, unknowns)
+        found = {"objective": self._duration * np.atleast_1d(value)}
+        rows = np.atleast_1d(self._aggregate.rows(mean_rate, self._shares, unknowns))
         return found | ({"rows": rows} if rows.size else {})
 
     def _moved(self, given, name, step):
