@@ -6,7 +6,6 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -161,7 +160,7 @@ class CasadiIpoptDriver(ReportingDriver):
         if not np.array_equal(point, self._design):
             self._design, self._gradients = point.copy(), None
             nothing = np.full_like(self._vectors["constraint"].asarray(), np.nan)
-            self._values = self._guarded(lambda: self._run_model(point), (np.nan, nothing))
+            self._values = self._guarded(self._run_model, (np.nan, nothing), point)
         return self._values
 
     def _run_model(self, point: np.ndarray) -> tuple[float, np.ndarray]:
@@ -205,7 +204,7 @@ class CasadiIpoptDriver(ReportingDriver):
         Arguments are CasADi's: objective and parameters are not needed; `of_design` and
         `of_constraints` are the multipliers of the bounds.
         """
-        self._guarded(lambda: self._report(self.iterations), None)
+        self._guarded(self._report, None, self.iterations)
         self.iterations += 1
         ends = self._is_end(design, constraints, of_design, of_constraints)
         return (int(ends or self._error is not None),)
@@ -222,7 +221,7 @@ class CasadiIpoptDriver(ReportingDriver):
             np.append(design, constraints), multipliers, objective, lagrangian
         )
 
-    def _guarded(self, work: Callable, otherwise: Any) -> Any:
+    def _guarded(self, work: Callable, otherwise: Any, *arguments: Any) -> Any:
         """Return what `work` returns, or `otherwise` if it fails or an error is stored already.
 
         CasADi would take any error, even an interrupt, for a failed evaluation. It is therefore
@@ -230,7 +229,7 @@ class CasadiIpoptDriver(ReportingDriver):
         """
         if self._error is None:
             try:
-                return work()
+                return work(*arguments)
             except om.AnalysisError:
                 self._problem().model._clear_iprint()
             except BaseException as error:
@@ -243,15 +242,8 @@ class CasadiIpoptDriver(ReportingDriver):
         with ExitStack() as handlers:
             for number in (signal.SIGINT, signal.SIGTERM):
                 if callable(handler := signal.getsignal(number)):
-                    handlers.enter_context(handling(number, partial(self._store, handler)))
+                    handlers.enter_context(handling(number, partial(self._guarded, handler, None)))
             yield
-
-    def _store(self, handler: Callable, signum: int, frame: FrameType | None) -> None:
-        """Call the handler of a signal, and store what it raises."""
-        try:
-            handler(signum, frame)
-        except BaseException as error:
-            self._error = error
 
     def _raise_stored(self) -> None:
         """Raise the error that was stored while CasADi ran, if any."""
