@@ -29,17 +29,12 @@ from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
 WAKE_SHARE = 0.3  # typical axial induction
+_POINTS = "control points of its spline"
 DESIGNED = {
     "rotor_radius": ("m", "radius of the swept disc"),
-    "chord_control": ("m", "chord at the stations, or control points of its spline"),
-    "twist_control": (
-        "rad",
-        "twist at the stations, control points of its spline, or the set angle",
-    ),
-    "thickness_control": (
-        None,
-        "thickness over chord at the stations, or control points of its spline",
-    ),
+    "chord_control": ("m", f"chord at the stations, or {_POINTS}"),
+    "twist_control": ("rad", f"twist at the stations, {_POINTS}, or the set angle"),
+    "thickness_control": (None, f"thickness over chord at the stations, or {_POINTS}"),
     "hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades"),
 }
 """Unit and description of the design variables besides the gains."""
@@ -290,17 +285,18 @@ def point_of(physics: Physics, problem) -> StartingPoint:
     problem : openmdao.api.Problem
         The problem, its model run.
     """
-    sampled = {"rotor_speed": [], "hydrodynamic_torque": []}
-    for scenario in physics.scenarios:
+
+    def sampled(scenario, name):
+        values = series(problem, scenario, name)
         if scenario.steady:
-            for name, values in sampled.items():
-                values.append(series(problem, scenario, name))
-            continue
+            return values
         time, first = np.unique(series(problem, scenario, "time"), return_index=True)
-        for name, values in sampled.items():
-            spline = CubicSpline(time, series(problem, scenario, name)[first])
-            values.append(spline(scenario.samples))
-    speed, torque = (np.concatenate(values) for values in sampled.values())
+        return CubicSpline(time, values[first])(scenario.samples)
+
+    speed, torque = (
+        np.concatenate([sampled(each, name) for each in physics.scenarios])
+        for name in ("rotor_speed", "hydrodynamic_torque")
+    )
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.law.gain_units))]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
     if physics.designs_hub:

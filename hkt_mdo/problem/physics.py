@@ -251,13 +251,13 @@ def _rotors(
     found = {}
     for key in dict.fromkeys((OWN, *(each.turbine for each in scenarios))):
         own = case.of_turbine(*key)
-        found[key] = _rotor_model(own, _in_condition(turbine, own), shape)
+        found[key] = _rotor_model(own, turbine, shape)
     return found
 
 
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot compute."""
-    flow = Hydrodynamics(turbine.polar)
+    flow = Hydrodynamics(_polar_in_condition(turbine, case))
     given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
     limited = {name: each for each in given for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
@@ -288,7 +288,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if depth is not None and computable:
         cavitation = Cavitation(flow.suction, depth, asked.margin)
     return RotorModel(
-        polar=turbine.polar,
+        polar=flow.polar,
         section_area=turbine.section_area,
         material_density=case.rotor.blade_material.density,
         hub_inertia=case.rotor.hub_inertia,
@@ -301,17 +301,17 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     )
 
 
-def _in_condition(turbine: Turbine, case: Case) -> Turbine:
-    """Return a turbine with the polars that its sections have in the condition of a case."""
+def _polar_in_condition(turbine: Turbine, case: Case):
+    """Return the polars that a turbine's sections have in the condition of a case."""
     condition, polar = case.condition, turbine.polar
     if not condition.fouls:
-        return turbine
+        return polar
     if condition.polar is not None:
         rotor = case.rotor.model_copy(update={"polar": condition.polar})
         polar = build_turbine(rotor, case.fluid, 1.0).polar
-    several = polar if isinstance(polar, tuple) else (polar,)
-    fouled = tuple(each.scaled(condition.lift, condition.drag) for each in several)
-    return turbine._replace(polar=fouled if isinstance(polar, tuple) else fouled[0])
+    if isinstance(polar, tuple):
+        return tuple(each.scaled(condition.lift, condition.drag) for each in polar)
+    return polar.scaled(condition.lift, condition.drag)
 
 
 def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
