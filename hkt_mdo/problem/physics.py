@@ -248,11 +248,8 @@ def _rotors(
     case: Case, turbine: Turbine, shape: Shape, scenarios: Iterable[Scenario]
 ) -> dict[tuple, RotorModel]:
     """Return the rotor in the water and the condition of a case and of each of its scenarios."""
-    found = {}
-    for key in dict.fromkeys((OWN, *(each.turbine for each in scenarios))):
-        own = case.of_turbine(*key)
-        found[key] = _rotor_model(own, turbine, shape)
-    return found
+    keys = dict.fromkeys((OWN, *(each.turbine for each in scenarios)))
+    return {key: _rotor_model(case.of_turbine(*key), turbine, shape) for key in keys}
 
 
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
