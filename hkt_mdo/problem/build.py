@@ -231,7 +231,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
 def _declare_constraints(model, physics, setup, scales, wake):
     """Declare the limits as constraints, and closed cycles."""
     for held in held_limits(physics, setup, scales):
-        model.add_constraint(f"{held.component}.value", **held.options)
+        model.add_constraint(held.constraint, **held.options)
     for number, scenario in enumerate(physics.scenarios):
         if physics.may_pulse and not scenario.steady:
             lower, upper = wake.bounds(number)

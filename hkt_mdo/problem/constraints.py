@@ -29,18 +29,18 @@ class Held:
     ----------
     limit
         What is held.
-    component
-        Name of the component with the limit's formula; its ``value`` is the constraint.
+    constraint
+        Name of the constraint in the model.
     size
         Number of values.
     options
-        Bounds, reference and unit, as OpenMDAO's `add_constraint` takes them.
+        Bounds, reference, unit and places, as OpenMDAO's `add_constraint` takes them.
     scenario, nodes
         Where a limit over time is held, and places of the nodes, (size,).
     """
 
     limit: Limit
-    component: str
+    constraint: str
     size: int
     options: dict[str, Any]
     scenario: Scenario | None = None
@@ -60,7 +60,7 @@ def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held
             bounds = {"lower": limit.lower, "upper": limit.upper}
             options = {"ref": size_of(limit), "units": limit.unit} | bounds
             size = np.size(limit.value_of(known))
-            yield Held(limit, component_of(physics, limit), size, options)
+            yield Held(limit, constraint_of(physics, limit), size, options)
 
 
 def _held(physics, setup, limit, number, scales) -> Held:
@@ -75,7 +75,9 @@ def _held(physics, setup, limit, number, scales) -> Held:
         less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
     bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
     options = {"ref": ref or size_of(limit), "units": limit.unit} | bounds
-    return Held(limit, component_of(physics, limit, number), nodes.size, options, scenario, nodes)
+    if is_quantity(limit):
+        options |= {"indices": nodes, "flat_indices": True}
+    return Held(limit, constraint_of(physics, limit, number), nodes.size, options, scenario, nodes)
 
 
 def _distance_from_stall(physics, scenario, setup):
@@ -106,9 +108,21 @@ def source_of(scenario, name) -> str:
     return f"{home}.{name}"
 
 
-def component_of(physics: Physics, limit: Limit, number: int = 0) -> str:
-    """Return the name of the component with a limit of the design or the number-th scenario."""
-    return f"limit_{limit.name}{f'_{physics.scenarios[number].name}' * (number > 0)}"
+def is_quantity(limit: Limit) -> bool:
+    """Tell whether a limit is one quantity over time as it is, which needs no component.
+
+    One would add a quarter to the time for the derivatives of an open loop with three such limits.
+    """
+    plain = type(limit).value is Limit.value and len(limit.inputs) == 1
+    return plain and limit.place == "time"
+
+
+def constraint_of(physics: Physics, limit: Limit, number: int = 0) -> str:
+    """Return the name of the constraint that holds a limit of the design or the n-th scenario."""
+    scenario = physics.scenarios[number]
+    if is_quantity(limit):
+        return source_of(scenario, limit.inputs[0])
+    return f"limit_{limit.name}{f'_{scenario.name}' * (number > 0)}.value"
 
 
 def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:

@@ -16,7 +16,7 @@ from hkt_mdo.problem.components import (
     LoadComp,
     TorqueRateComp,
 )
-from hkt_mdo.problem.constraints import held_limits, source_of
+from hkt_mdo.problem.constraints import held_limits, is_quantity, source_of
 from hkt_mdo.problem.equilibrium import equilibrium_group
 from hkt_mdo.problem.evaluation import epigraph, split
 from hkt_mdo.problem.model import Physics
@@ -58,10 +58,13 @@ class OperationGroup(om.Group):
         weights = {x.name: x.weight * x.node_weights for x in self._physics.scenarios}
         self._add_integrals("integrals", INTEGRALS, weights)
         for held in held_limits(self._physics, self._start, self._scales):
+            if is_quantity(held.limit):
+                continue
             variant = self._physics.variant(held.scenario) if held.scenario else ""
-            self._add_formula(held.component, held.limit, held.size, variant=variant)
+            component = held.constraint.removesuffix(".value")
+            self._add_formula(component, held.limit, held.size, variant=variant)
             for name in held.limit.series:
-                source, target = source_of(held.scenario, name), f"{held.component}.{name}"
+                source, target = source_of(held.scenario, name), f"{component}.{name}"
                 self.connect(source, target, src_indices=om.slicer[held.nodes, :])
         for scenario in self._physics.scenarios:
             if scenario.closed:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.constraints import component_of, limited_nodes
+from hkt_mdo.problem.constraints import constraint_of, limited_nodes
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.run.verification import Optimized
 from hkt_mdo.solve.multipliers import State, gain, multipliers
@@ -59,7 +59,7 @@ def _with_more(physics, setup, limit, optimum) -> State:
     for number, scenario in enumerate(physics.scenarios):
         if limit.name not in {each.name for each in physics.limits_in(scenario)}:
             continue
-        rows = optimum.rows[f"{component_of(physics, limit, number)}.value"]
+        rows = optimum.rows[constraint_of(physics, limit, number)]
         share = setup.share_at(limit, scenario, limited_nodes(limit, scenario))
         more = STEP * np.abs(upper[rows]) / share
         upper[rows] += more

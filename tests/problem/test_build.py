@@ -133,7 +133,7 @@ def test_a_limit_is_narrowed_at_both_ends_where_it_is_exceeded_between_nodes():
     problem, _ = assembled(world, shares=shares)
     problem.final_setup()
     constraints = problem.model.get_constraints().items()
-    (bounds,) = (meta for name, meta in constraints if name.endswith("control_torque.value"))
+    (bounds,) = (meta for name, meta in constraints if name.endswith("control_torque"))
     narrowed = np.zeros(2 * kept.size + 1)  # where segments meet, the limit is held once
     narrowed[4:7] = 14.0
     np.testing.assert_allclose(bounds["lower"].ravel(), narrowed)
