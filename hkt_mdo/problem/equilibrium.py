@@ -54,8 +54,8 @@ class SteadyScenario(Scenario):
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
             notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
-        curve, about = speeds.curve(mesh.duration, notes), {"resource": inflow, **others}
-        about |= {"place": speeds.place, "finer": speeds.finer}
+        curve = speeds.curve(mesh.duration, notes)
+        about = {"resource": inflow, "place": speeds.place, "finer": speeds.finer, **others}
         return cls(curve, mesh, edges=np.array(curve.ends), **about)
 
     @property

@@ -24,10 +24,11 @@ Settings = dict[str, str | int | float]
 """An optimizer's options by its own names."""
 
 _FEATURES = (
-    "optimization gradients inequality_constraints equality_constraints two_sided_constraints "
-    "simultaneous_derivatives"
+    *("optimization", "gradients", "simultaneous_derivatives"),
+    *("inequality_constraints", "equality_constraints", "two_sided_constraints"),
 )
-"""What the driver supports, in OpenMDAO's names."""
+_LACKS = "integer_design_vars", "distributed_design_vars"
+"""What the driver supports and what not, in OpenMDAO's names."""
 
 
 class CasadiIpoptDriver(ReportingDriver):
@@ -48,10 +49,8 @@ class CasadiIpoptDriver(ReportingDriver):
 
     def __init__(self, **kwargs: object) -> None:
         super().__init__(**kwargs)
-        for feature in _FEATURES.split():
-            self.supports[feature] = True
-        for feature in ("integer_design_vars", "distributed_design_vars"):
-            self.supports[feature] = False
+        self.supports.update(dict.fromkeys(_FEATURES, True))
+        self.supports.update(dict.fromkeys(_LACKS, False))
         self.opt_settings: Settings = {}
         self._total_jac_format = "array"
         self._error: BaseException | None = None
