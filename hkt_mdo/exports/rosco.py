@@ -199,7 +199,8 @@ def _table(design, rotor, ratios, mean, provenance) -> str:
         warnings.simplefilter("ignore", RuntimeWarning)
         for pitch in np.deg2rad(PITCH):
             pitched = blade.with_shape(blade.chord, blade.twist + pitch)
-            columns.append(rotor.coefficients(pitched, ratios)[:3])
+            found = rotor.coefficients(pitched, ratios)
+            columns.append((found.torque, found.power, found.thrust))
     known = zip(("torque", "power", "thrust"), np.array(columns).transpose(1, 2, 0), strict=True)
     words = {name: "\n".join(map(_numbers, values)) for name, values in known}
     vectors = {"pitch": _numbers(PITCH), "ratios": _numbers(ratios), "flow": _numbers([mean])}
