@@ -98,6 +98,14 @@ class Physics:
         return tuple(filter(self.asks_for, LOADS))
 
     @cached_property
+    def groups(self) -> dict[str, list[int]]:
+        """Places of the scenarios of each scenario of the case, by name: several are intervals."""
+        groups: dict[str, list[int]] = {}
+        for place, scenario in enumerate(self.scenarios):
+            groups.setdefault(scenario.group, []).append(place)
+        return groups
+
+    @cached_property
     def shares(self) -> dict[str, float]:
         """Share of time of each scenario, by name; intervals of one scenario are one."""
         times = ((each.group, each.weight * each.mesh.duration) for each in self.scenarios)

@@ -1,4 +1,4 @@
-"""A result with its integrations and checks, and the objective of a start as its measure."""
+"""A result with its integrations and checks, measured by its start; the best where a run fails."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.checks import BELOW_START, checks_of
 from hkt_mdo.run.optimization import assembled
@@ -69,6 +70,16 @@ class Checked:
     def passed(self) -> bool:
         """Whether all checks pass."""
         return all(check.passed for check in self.checks)
+
+    @cached_property
+    def scenarios(self) -> dict[str, tuple[Verification, ...]]:
+        """The verifications of each scenario of the case: several where it has intervals."""
+        groups = self.physics.groups.items()
+        return {name: tuple(self.verifications[i] for i in places) for name, places in groups}
+
+    def check(self, name: str) -> float | None:
+        """Return the value of a check; None if there is no such check."""
+        return next((check.value for check in self.checks if check.name == name), None)
 
     @cached_property
     def rank(self) -> tuple[float, float, float]:
@@ -141,3 +152,44 @@ def as_it_stands(
     message = "its result was refused" if ended.outcome.success else ended.outcome.message
     outcome = replace(ended.outcome, success=False, message=message)
     return assembled(physics, Setup(point, curve_nodes(physics, point)), outcome, state.scratch)
+
+
+def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
+    """Return the best of a failed run's end, its best iterate and its start, each checked.
+
+    Parameters
+    ----------
+    state
+        What the run knows.
+    end
+        What its last optimization ended with.
+
+    Returns
+    -------
+    tuple of Checked and str
+        The best one, on its own mesh, and its description; empty for the end.
+    """
+    best, held = end, ""
+    iterate = (*state.best, "the best iterate") if state.best else None
+    for other in (iterate, (state.first, end.start, "the start")):
+        if other is None or not other[1].operation.running:
+            continue
+        physics, point, words = other
+        stands = as_it_stands(state, physics, point, end.result)
+        checked = Checked.of(state, end.start, end.reference, physics, stands)
+        if checked.rank > best.rank:
+            best, held = checked, words
+    return best, held
+
+
+def first_remedy(physics: Physics) -> str:
+    """Return the one thing to try first where an optimizer did not converge; often not known."""
+    case, points = physics.case, physics.shape.points
+    stations = physics.blade.r.size
+    if physics.law.is_feedback and case.phase.transcription == "radau":  # has free last speeds
+        return "try phase.transcription=gauss-lobatto"
+    if physics.shape.designs_chord and stations > POINTS + 1:
+        free = [name for name, count in points.items() if count > POINTS + 1]
+        if free:
+            return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
+    return "try start.method: quasi_steady" if case.start.method == "blade" else ""

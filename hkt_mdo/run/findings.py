@@ -20,7 +20,6 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.checks import energy_bound
-from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.start.find import find_start
 
 # range over the best tip speed ratio in which a rotor may operate during the design
@@ -173,7 +172,7 @@ class Findings:
     def __init__(self, physics: Physics):
         case, blade = physics.case, physics.blade
         self.physics, self.case = physics, case
-        self.groups = by_scenario(physics.scenarios)
+        self.groups = physics.groups
         self.flows = [
             Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
             for name, places in self.groups.items()

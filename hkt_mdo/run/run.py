@@ -31,11 +31,9 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.checked import Checked, quasi_steady_reference
+from hkt_mdo.run.checked import Checked, best_of, first_remedy, quasi_steady_reference
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.fallback import best_of, first_remedy
-from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.iterate import Earlier, read_iterate
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.memory import with_memory
@@ -43,7 +41,7 @@ from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import Progress, RunState
-from hkt_mdo.run.summary import Finished, summarize, write_tables
+from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
 from hkt_mdo.start.find import find_start
@@ -107,7 +105,7 @@ def run_case(
     out = Path(out).absolute()  # another thread may change the current folder of the process
     with locked(out):
         physics = _prepared(case)
-        names = tuple(by_scenario(physics.scenarios))
+        names = tuple(physics.groups)
         claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
         return _run(physics, out, Earlier(), (progress, on_pass, on_start), figures, records)
@@ -215,32 +213,23 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         reference = quasi_steady_reference(state.first, start)
         start = with_memory(state.first, start)
     end = best = optimize(state, start, reference)
-    remedy = first_remedy(end.physics)
-    refused, held, gains = explain_all(end.checks, remedy), "", {}
-    if refused:
+    message, held, prices = explain_all(end.checks, first_remedy(end.physics)), "", {}
+    if message:
         best, held = best_of(state, end)
-    physics, result, verifications = best.physics, best.result, best.verifications
-    converged = result.outcome.success
-    if converged:
-        gains = shadow_prices(
-            physics, result, [each.at_nodes for each in verifications], state.scratch
-        )
-    breaks = broken_limits(state.first, best.start)
-    parts = Finished(
-        physics, best.optimum, best.start, breaks, result, verifications, best.checks, remedy, gains
-    )
-    finished = summarize(parts)
-    message = finished.message
-    if held:
-        message = f"{refused}; the folder holds {held}, which is better than the last point"
-    if not finished.success:
+        if held:
+            message += f"; the folder holds {held}, which is better than the last point"
         message = "; ".join(filter(None, (_why_none(state.first, best), message)))
-    write_tables(out, parts)
+    physics, result = best.physics, best.result
+    if result.outcome.success:
+        nodes = [each.at_nodes for each in best.verifications]
+        prices = shadow_prices(physics, result, nodes, state.scratch)
+    summary = summarize(best, message, broken_limits(state.first, best.start), prices)
+    write_tables(out, best)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), **_SILENT)
-    if held or converged:
+    if held or result.outcome.success:
         state.go_on_from(physics, result.point, best.start, best.reference)
-    return finished.model_copy(update={"message": message})
+    return summary
 
 
 def _why_none(physics: Physics, ended: Checked) -> str:

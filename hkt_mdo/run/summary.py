@@ -2,8 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from importlib import metadata
 from operator import attrgetter
 from pathlib import Path
@@ -18,24 +17,20 @@ from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.point import KEPT_EXCESS
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
-from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run import year as a_year
-from hkt_mdo.run.checks import RESOLVED, designed, energy_bound, explain_all, in_case
+from hkt_mdo.run.checked import Checked
+from hkt_mdo.run.checks import RESOLVED, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.memory import stability, stability_of
 from hkt_mdo.run.verification import (
-    Optimized,
     SteadyVerification,
-    Verification,
     design_and_result,
     simulated_objective,
     start_against_friction,
@@ -63,62 +58,26 @@ PULSES = (
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-@dataclass(frozen=True, eq=False)
-class Finished:
-    """A finished run, from which summary and tables are made.
+def summarize(
+    finished: Checked,
+    message: str = "",
+    start_breaks: Sequence[str] = (),
+    shadow_prices: Mapping[str, float] | None = None,
+) -> Summary:
+    """Return the summary of a finished run.
 
-    Attributes
+    Parameters
     ----------
-    physics : Physics
-        What the case describes, on the mesh of the result.
-    optimum : SteadyOptimum
-        Has the power coefficient that bounds the energy.
-    start : StartingPoint
-        Where the optimization began.
-    start_breaks : sequence of str
+    finished
+        The end of the run, or what its folder holds in place of it.
+    message
+        Why it failed.
+    start_breaks
         Names of the limits that the start exceeds, on the mesh that it was found on.
-    result : Optimized
-        The end of the optimization.
-    verifications : tuple of Verification
-        The integration of each scenario of the problem.
-    checks : list of CheckEntry
-        The checks of the result.
-    remedy : str
-        What to try if the optimizer failed.
-    shadow_prices : mapping of float
+    shadow_prices
         Those of `hkt_mdo.run.shadow_prices`.
     """
-
-    physics: Physics
-    optimum: SteadyOptimum
-    start: StartingPoint
-    start_breaks: Sequence[str]
-    result: Optimized
-    verifications: tuple[Verification, ...]
-    checks: list[CheckEntry]
-    remedy: str = ""
-    shadow_prices: Mapping[str, float] = field(default_factory=dict)
-
-    @cached_property
-    def scenarios(self) -> dict[str, tuple[Verification, ...]]:
-        """The verifications of each scenario of the case: several where it has intervals."""
-        groups = by_scenario([verification.scenario for verification in self.verifications])
-        return {x: tuple(self.verifications[i] for i in places) for x, places in groups.items()}
-
-    @property
-    def turning(self) -> bool:
-        """Whether the rotor turns to the end of every integration."""
-        return _turning(self.verifications)
-
-    def check(self, name: str) -> float | None:
-        """Return the value of a check; None if there is no such check."""
-        return next((check.value for check in self.checks if check.name == name), None)
-
-
-def summarize(finished: Finished) -> Summary:
-    """Return the summary of a finished run."""
     outcome = finished.result.outcome
-    passed = all(check.passed for check in finished.checks)
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     several = len(scenarios) > 1
     if several and finished.physics.objective.is_rate:
@@ -127,21 +86,21 @@ def summarize(finished: Finished) -> Summary:
     values = {
         "version": VERSION,
         "case": finished.physics.case.name,
-        "success": passed,
-        "message": explain_all(finished.checks, finished.remedy) or "converged and verified",
+        "success": finished.passed,
+        "message": message or "converged and verified",
         "package": outcome.package,
         "optimizer": outcome.optimizer,
         "iterations": outcome.iterations,
         **_energies(finished),
         **_controller(finished),
         **_blade(finished),
-        **_extremes(finished, scenarios),
+        **_extremes(finished, scenarios, shadow_prices or {}),
         **_memory(finished),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
         "branches": [*_branches(finished.start)],
         "starts": [vars(record) for record in finished.start.starts],
-        "start_breaks": list(finished.start_breaks),
+        "start_breaks": list(start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
         "surrogate_nodes": int(finished.result.curve.size),
@@ -176,10 +135,13 @@ def _energies(finished):
     open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
     return {
         "energy_J": finished.result.energy,
-        **{key: sums[name] if finished.turning else None for name, key in SIMULATED.items()},
+        **{
+            key: sums[name] if _turning(finished.verifications) else None
+            for name, key in SIMULATED.items()
+        },
         "energy_bound_J": bound,
         # relative difference of the certificate and the simulated energy
-        "certified_gap": None if over is None or not finished.turning else -over,
+        "certified_gap": None if over is None or not _turning(finished.verifications) else -over,
         "objective": {
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
@@ -249,7 +211,7 @@ def _at_bounds(finished):
                 yield {"name": limit.name, "end": end, "bound": scale * bound} | about
 
 
-def _extremes(finished, scenarios):
+def _extremes(finished, scenarios, shadow_prices):
     """Return limits, loads and standstill of the result: the largest of all scenarios."""
     physics, several, found = finished.physics, len(scenarios) > 1, {}
     for name, scenario in scenarios.items():
@@ -262,7 +224,7 @@ def _extremes(finished, scenarios):
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
             limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
     for name, pairs in over_time.items():
-        limits[name] = _limit(pairs) | {"worth": finished.shadow_prices.get(name)}
+        limits[name] = _limit(pairs) | {"worth": shadow_prices.get(name)}
         if several:
             over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
@@ -492,15 +454,15 @@ def _versions():
     return versions
 
 
-def write_tables(out: Path, finished: Finished) -> None:
+def write_tables(out: Path, finished: Checked) -> None:
     """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV.
 
     Parameters
     ----------
     out : Path
         The result folder.
-    finished : Finished
-        The run. Of several scenarios, each has tables with its name.
+    finished : Checked
+        The end of the run. Of several scenarios, each has tables with its name.
     """
     physics, blade = finished.physics, finished.result.point.blade
     for scenario, verifications in finished.scenarios.items():

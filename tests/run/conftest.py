@@ -16,11 +16,11 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import CheckEntry, PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.run.checked import Checked
 from hkt_mdo.run.checks import checks_of
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import RunState
-from hkt_mdo.run.summary import Finished
 from hkt_mdo.run.verification import Optimized, Verification
 from hkt_mdo.start.find import find_start
 
@@ -53,10 +53,10 @@ class Solved:
         (verification,) = self.verifications
         return verification
 
-    def finished(self) -> Finished:
+    def finished(self) -> Checked:
         """Return what a summary and the tables are made of."""
-        parts = self.physics, self.optimum, self.start, [], self.result, self.verifications
-        return Finished(*parts, list(self.checks().values()))
+        parts = self.start, self.physics, self.result, self.verifications
+        return Checked(*parts, self.optimum, self.reference, list(self.checks().values()))
 
 
 def _solve(
