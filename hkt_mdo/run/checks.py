@@ -213,7 +213,7 @@ def _of_design(physics, optimum, reference, result, verifications):
     for verification, suffix in _suffixed(verifications):
         for limit in physics.limits_in(verification.scenario):
             yield from _of_limit(physics, limit, verification, suffix)
-    yield from _resolved(physics, result, verifications)
+    yield from _resolved(physics, verifications)
 
 
 def _of_tables(band, result):
@@ -256,20 +256,15 @@ def _bounds(physics, optimum, verifications):
             yield name, energy / most - 1.0, BOUND_MARGIN, detail
 
 
-def _resolved(physics, result, verifications):
+def _resolved(physics, verifications):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
-    if not any(limit.is_of(LOADS) for limit in physics.all_limits):
-        return
     found = []
-    pairs = [(each.scenario, each.simulated) for each in verifications]
-    finer = loads.resolved(physics, result.point.blade, pairs)
-    for verification, each in zip(verifications, finer, strict=False):
-        scenario = verification.scenario
-        for limit in physics.limits_in(scenario):
-            if limit.is_of(LOADS):
-                over = limit.excess(each)
-                worst = int(np.argmax(over))
-                found.append((float(over[worst]), limit.name, scenario.when(each["time"][worst])))
+    for verification in verifications:
+        for limit in physics.limits_in(verification.scenario):
+            if limit.is_of(LOADS) and verification.resolved:
+                over, time = limit.excess(verification.resolved), verification.resolved["time"]
+                when = verification.scenario.when(time[np.argmax(over)])
+                found.append((float(np.max(over)), limit.name, when))
     if found:
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"

@@ -80,38 +80,32 @@ def placed(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> di
     return found
 
 
-def resolved(
-    physics: Physics, blade: Blade, trajectories: Iterable[tuple[Scenario, Known]]
-) -> list[Known]:
-    """Return trajectories at the times of their largest loads, with those of a resolved blade.
+def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -> Known | None:
+    """Return a trajectory at the times of its largest loads, with those of a resolved blade.
 
-    Each comes with its scenario. The resolved blade has `STATIONS` stations; between those of the
+    The resolved blade has `STATIONS` stations; between those of the
     blade itself chord, twist and a designed thickness are linear. Suction counts up to the blade's
     own last station: closer to the tip, its loss alone decides the angle of attack. Only loads that
-    limits need; none if there are no such loads or the blade has as many stations.
+    limits need; None if there are no such loads or the blade has as many stations.
     """
     names = physics.load_names
     if not names or blade.r.size >= STATIONS:
-        return []
+        return None
     finer = with_many_stations(physics)
     many = finer.blade.with_rotor_radius(blade.rotor_radius)
-    own = blade.chord, blade.twist, blade.thickness
-    shape = (each if each is None else np.interp(many.r, blade.r, each) for each in own)
-    many, found = many.with_shape(*shape), []
-    for scenario, known in trajectories:
-        rotor = finer.rotor_in(scenario)
-        worst = np.unique([np.argmax(known[name]) for name in names])
-        size = known["time"].size
-        at = {name: x for name, x in known.items() if name != "sections"}
-        there = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
-        own = dict(there)
-        there |= loads_along(rotor, many, there, tuple(set(names) - {"cavitation"}))
-        if "cavitation" in names:
-            there |= _cavitation(rotor, many, there, many.r <= blade.r[-1])
-        if "sections" in known:  # in the same proportion as with a wake in equilibrium
-            steady = loads_along(physics.rotor_in(scenario), blade, own, names)
-            there |= {name: own[name] * there[name] / steady[name] for name in names}
-        found.append(there)
+    given = blade.chord, blade.twist, blade.thickness
+    shape = (each if each is None else np.interp(many.r, blade.r, each) for each in given)
+    many, rotor = many.with_shape(*shape), finer.rotor_in(scenario)
+    worst = np.unique([np.argmax(known[name]) for name in names])
+    size = known["time"].size
+    at = {name: x for name, x in known.items() if name != "sections"}
+    own = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
+    found = own | loads_along(rotor, many, own, tuple(set(names) - {"cavitation"}))
+    if "cavitation" in names:
+        found |= _cavitation(rotor, many, own, many.r <= blade.r[-1])
+    if "sections" in known:  # in the same proportion as with a wake in equilibrium
+        steady = loads_along(physics.rotor_in(scenario), blade, own, names)
+        found |= {name: own[name] * found[name] / steady[name] for name in names}
     return found
 
 

@@ -231,7 +231,7 @@ def _extremes(finished, scenarios, shadow_prices):
     (first, *others) = scenarios.values()
     blade, model = finished.result.point.blade, physics.rotor
     bent = [
-        loads.tip_deflection(physics.rotor_in(each.scenario), blade, [each.told])
+        loads.tip_deflection(physics.rotor_in(each.scenario), blade, [each.simulated])
         for each in finished.verifications
     ]
     return {
@@ -349,27 +349,29 @@ def _notes(finished):
         *physics.messages,
         *finished.start.messages,
         *(text for _, text in met),
-        *_unresolved(physics, blade, finished.verifications),
+        *_unresolved(physics, finished.verifications),
         *_unstable(finished.verifications),
         *([start] if start else []),
         *(PULSES,) * physics.may_pulse,
     ]
 
 
-def _unresolved(physics, blade, verifications):
+def _unresolved(physics, verifications):
     """Yield a note if the loads are larger on a blade of many stations."""
-    known = [verification.told for verification in verifications]
-    scenarios = [verification.scenario for verification in verifications]
-    finer = loads.resolved(physics, blade, zip(scenarios, known, strict=True))
-    changes = {
-        name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
-        for name in (physics.load_names if finer else ())
-    }
-    if max((abs(change - 1.0) for change in changes.values()), default=0.0) > RESOLVED:
-        text = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
+    if not all(each.resolved for each in verifications):
+        return
+    changes = {}
+    for name in physics.load_names:
+        most, own = (
+            max(np.max(getattr(each, known)[name]) for each in verifications)
+            for known in ("resolved", "simulated")
+        )
+        changes[name] = most / own - 1.0
+    if max(map(abs, changes.values())) > RESOLVED:
+        text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
         yield (
-            f"loads are held on {blade.r.size} stations; the same blade with {loads.STATIONS} "
-            f"stations has {text}: give rotor.station_count: 40"
+            f"loads are held on {physics.blade.r.size} stations; the same blade with "
+            f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
         )
 
 
@@ -421,7 +423,7 @@ def _limit(pairs):
 
 def _loads(finished, verifications):
     """Return the largest loads along some integrations, when and where along the blade."""
-    simulated = [verification.told for verification in verifications]
+    simulated = [verification.simulated for verification in verifications]
     rotor = finished.physics.rotor_in(verifications[0].scenario)
     found = loads.placed(rotor, finished.result.point.blade, simulated)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
@@ -467,8 +469,8 @@ def write_tables(out: Path, finished: Checked) -> None:
     physics, blade = finished.physics, finished.result.point.blade
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
-        simulated = [verification.told for verification in verifications]
-        nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in verifications]
+        simulated = [verification.simulated for verification in verifications]
+        nodes = [verification.at_nodes for verification in verifications]
         for name, values in (("trajectory", nodes), ("simulation", simulated)):
             table = {
                 QUANTITIES[quantity].column: np.concatenate([each[quantity] for each in values])
@@ -485,7 +487,7 @@ def write_tables(out: Path, finished: Checked) -> None:
             bins = a_year.table(verifications)
             write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
-    met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]
+    met = [each.simulated["tip_speed_ratio"] for each in finished.verifications]
     best = physics.rotor.best_operation(blade).tip_speed_ratio
     low = min(0.3 * best, 0.95 * min(map(np.min, met)))
     high = max(1.7 * best, 1.05 * max(map(np.max, met)))

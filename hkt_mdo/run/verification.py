@@ -41,6 +41,7 @@ from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.run.loads import resolved
 from hkt_mdo.solve.drivers import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
@@ -87,14 +88,10 @@ class SimulatedDesign:
         return loads_along(self.rotor, self.plant.blade, known, self.rotor.load_names)
 
     @cached_property
-    def simulated_loads(self) -> dict[str, np.ndarray]:
-        """All loads of the model, along the integration."""
-        return self.loads(self.integrated)
-
-    @property
-    def told(self) -> dict[str, Any]:
-        """The report of the integration: its quantities, all loads, rates and the scalars."""
-        return self.integrated | self.simulated_loads | self.simulated_rates | self.scalars
+    def simulated(self) -> dict[str, Any]:
+        """What is reported of the integration: its quantities, all loads, rates and the scalars."""
+        known = self.integrated
+        return known | self.loads(known) | self.simulated_rates | self.scalars
 
     @property
     def simulated_rates(self) -> dict[str, np.ndarray]:
@@ -137,8 +134,6 @@ class Verification(SimulatedDesign):
 
     scenario: Scenario
     trajectory: dict[str, np.ndarray]
-    limits_loads: bool
-    """Whether the case limits loads; without, they are computed for the tables only."""
     two_filters: Verification | None = None
     """If the wake has memory, the integration with the optimization's two filters (`MeanWake`)."""
 
@@ -146,15 +141,6 @@ class Verification(SimulatedDesign):
     def of_model(self) -> Verification:
         """The integration of the model that was optimized."""
         return self.two_filters or self
-
-    @cached_property
-    def loads_at_nodes(self) -> dict[str, np.ndarray]:
-        """All loads of the model, at the nodes, in the wake of the optimization."""
-        wake, nodes = self.of_model.plant.wake, self.trajectory
-        if wake is None:
-            return self.loads(nodes)
-        ratios = (nodes[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
-        return self.loads(nodes | {"sections": wake.behind(*ratios)})
 
     @property
     def rates_at_nodes(self) -> dict[str, np.ndarray]:
@@ -168,15 +154,20 @@ class Verification(SimulatedDesign):
 
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
-        """The inputs of limits at the nodes: the trajectory, its loads, rates and the scalars."""
-        loads = self.loads_at_nodes if self.limits_loads else {}
-        return self.trajectory | loads | self.rates_at_nodes | self.scalars
+        """What is reported of the nodes: the trajectory, all loads, rates and the scalars.
+
+        The loads are those in the wake of the optimization.
+        """
+        known, wake = self.trajectory, self.of_model.plant.wake
+        if wake is not None:
+            ratios = (known[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
+            known = known | {"sections": wake.behind(*ratios)}
+        return self.trajectory | self.loads(known) | self.rates_at_nodes | self.scalars
 
     @cached_property
-    def simulated(self) -> dict[str, Any]:
-        """The inputs of limits along the integration."""
-        loads = self.simulated_loads if self.limits_loads else {}
-        return self.integrated | loads | self.simulated_rates | self.scalars
+    def resolved(self) -> dict[str, Any] | None:
+        """The integration at its largest loads, with those of a blade of many stations."""
+        return resolved(self.physics, self.plant.blade, self.scenario, self.simulated)
 
     @property
     def energy_error(self) -> float:
@@ -280,9 +271,9 @@ class SteadyVerification(Verification):
 
     simulated_rates = rates_at_nodes
 
-    @property
-    def told(self):
-        return super().told | {"steady": True}
+    @cached_property
+    def simulated(self):
+        return super().simulated | {"steady": True}
 
     @property
     def recorded(self):
@@ -342,13 +333,13 @@ def verify(
     two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
     to choose a remedy.
     """
-    blade, limited, verifications = result.point.blade, bool(physics.load_names), []
+    blade, verifications = result.point.blade, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         rotor, law, mesh = physics.rotor_in(scenario), physics.law_in(scenario), scenario.mesh
         inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
         plant = plant_of(physics, rotor, blade, inertia)
         plant = plant.tabulated(TABULATED) if tabulated else plant
-        options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
             run = _balanced(plant, scenario, law, result.point.gains, nodes)
