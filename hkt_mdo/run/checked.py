@@ -2,96 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.shape import POINTS
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.checks import BELOW_START, checks_of
+from hkt_mdo.run.checks import BELOW_START, Checked
 from hkt_mdo.run.optimization import assembled
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
 from hkt_mdo.start.find import bounding_optimum
 
 
-@dataclass(frozen=True, eq=False)
-class Checked:
-    """A result with its integrations and checks.
-
-    Attributes
-    ----------
-    start : StartingPoint
-        Where its run began.
-    physics : Physics
-        On the mesh of the result.
-    result : Optimized
-    verifications : tuple of Verification
-        The integration in each scenario.
-    optimum : SteadyOptimum
-        That which bounds the energy of the optimized blade.
-    reference : float
-        Objective of the start, J; 0 where it is no measure of the optimum.
-    checks : list of CheckEntry
-    """
-
-    start: StartingPoint
-    physics: Physics
-    result: Optimized
-    verifications: tuple[Verification, ...]
-    optimum: SteadyOptimum
-    reference: float
-    checks: list[CheckEntry]
-
-    @classmethod
-    def of(
-        cls,
-        state: RunState,
-        start: StartingPoint,
-        reference: float,
-        physics: Physics,
-        result: Optimized,
-        verifications: tuple[Verification, ...] | None = None,
-    ) -> Checked:
-        """Return a result with its checks; its integrations may be given."""
-        verifications = verifications or verify(physics, result)
-        if result.objective < (1.0 - BELOW_START) * reference:
-            reference = min(reference, _moving_reference(state, start, result))
-        optimum = bounding_optimum(physics, state.optimum, result.point.blade)
-        checks = checks_of(physics, optimum, reference, result, verifications, start.starts)
-        return cls(start, physics, result, verifications, optimum, reference, checks)
-
-    @property
-    def passed(self) -> bool:
-        """Whether all checks pass."""
-        return all(check.passed for check in self.checks)
-
-    @cached_property
-    def scenarios(self) -> dict[str, tuple[Verification, ...]]:
-        """The verifications of each scenario of the case: several where it has intervals."""
-        groups = self.physics.groups.items()
-        return {name: tuple(self.verifications[i] for i in places) for name, places in groups}
-
-    def check(self, name: str) -> float | None:
-        """Return the value of a check; None if there is no such check."""
-        return next((check.value for check in self.checks if check.name == name), None)
-
-    @cached_property
-    def rank(self) -> tuple[float, float, float]:
-        """Rank of a result: numbers of large and of all failures, and the integration's objective.
-
-        A start in balance at every instant exceeds a torque limit by the torque that accelerates
-        the rotor. It ranks above an end only if that is false or worse by more than `BELOW_START`.
-        """
-        large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
-        refused = sum(not check.passed for check in self.checks)
-        worth = self.physics.objective.sign * simulated_objective(self.physics, self.verifications)
-        return -large, -refused, worth
+def checked(
+    state: RunState,
+    start: StartingPoint,
+    reference: float,
+    result: Optimized,
+    verifications: tuple[Verification, ...] = (),
+) -> Checked:
+    """Return a result, of a run that began at a start, with its integrations; they may be given."""
+    verifications = verifications or verify(result)
+    if result.objective < (1.0 - BELOW_START) * reference:
+        reference = min(reference, _moving_reference(state, start, result))
+    optimum = bounding_optimum(result.physics, state.optimum, result.point.blade)
+    return Checked(start, result, verifications, optimum, reference)
 
 
 def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
@@ -121,7 +59,7 @@ def _moving_reference(state, start, result) -> float:
     A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
     """
     physics = state.first
-    verifications = verify(physics, as_it_stands(state, physics, start, result))
+    verifications = verify(as_it_stands(state, physics, start, result))
     for verification in verifications:
         limits = physics.limits_in(verification.scenario)
         # a law with states has other states over time than in equilibrium
@@ -132,7 +70,7 @@ def _moving_reference(state, start, result) -> float:
         ]
         if verification.simulation.stopped_at is not None or max(over) > START_EXCESS:
             return 0.0
-    return simulated_objective(physics, verifications)
+    return simulated_objective(verifications)
 
 
 def as_it_stands(
@@ -176,9 +114,9 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
             continue
         physics, point, words = other
         stands = as_it_stands(state, physics, point, end.result)
-        checked = Checked.of(state, end.start, end.reference, physics, stands)
-        if checked.rank > best.rank:
-            best, held = checked, words
+        known = checked(state, end.start, end.reference, stands)
+        if known.rank > best.rank:
+            best, held = known, words
     return best, held
 
 

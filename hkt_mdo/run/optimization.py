@@ -99,7 +99,7 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
             wake = "tip_speed_ratio" if scenario.steady else "wake_ratio"
             nodes["wake_ratio"] = series(problem, scenario, wake)
     return Optimized(
-        *(problem, outcome, setup, point_of(physics, problem), trajectories),
+        *(physics, problem, outcome, setup, point_of(physics, problem), trajectories),
         *(float(problem.get_val(name)[0]) for name in ("energy", "objective", "inertia", "mass")),
         problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
     )

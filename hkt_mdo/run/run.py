@@ -31,8 +31,8 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.checked import Checked, best_of, first_remedy, quasi_steady_reference
-from hkt_mdo.run.checks import explain_all
+from hkt_mdo.run.checked import best_of, first_remedy, quasi_steady_reference
+from hkt_mdo.run.checks import Checked, explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.iterate import Earlier, read_iterate
 from hkt_mdo.run.log import Log
@@ -219,16 +219,15 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         if held:
             message += f"; the folder holds {held}, which is better than the last point"
         message = "; ".join(filter(None, (_why_none(state.first, best), message)))
-    physics, result = best.physics, best.result
+    result = best.result
     if result.outcome.success:
-        nodes = [each.at_nodes for each in best.verifications]
-        prices = shadow_prices(physics, result, nodes, state.scratch)
+        prices = shadow_prices(best, state.scratch)
     summary = summarize(best, message, broken_limits(state.first, best.start), prices)
     write_tables(out, best)
     if records:
         om.n2(result.problem, outfile=str(out / "n2.html"), **_SILENT)
     if held or result.outcome.success:
-        state.go_on_from(physics, result.point, best.start, best.reference)
+        state.go_on_from(best.physics, result.point, best.start, best.reference)
     return summary
 
 

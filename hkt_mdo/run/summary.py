@@ -25,8 +25,7 @@ from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run import year as a_year
-from hkt_mdo.run.checked import Checked
-from hkt_mdo.run.checks import RESOLVED, designed, energy_bound, in_case
+from hkt_mdo.run.checks import RESOLVED, Checked, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.memory import stability, stability_of
 from hkt_mdo.run.verification import (
@@ -146,7 +145,7 @@ def _energies(finished):
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
-            "simulated": simulated_objective(physics, verifications),
+            "simulated": simulated_objective(verifications),
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
@@ -246,7 +245,7 @@ def _extremes(finished, scenarios, shadow_prices):
 def _memory(finished):
     """Return the stability of the loop if the wake has memory, where the rotor turns."""
     if finished.physics.remembers:
-        found = stability_of(finished.physics, finished.result)
+        found = stability_of(finished.result)
     else:
         found = stability(finished.verifications)
     return {} if found is None else {"memory": found.model_dump()}

@@ -53,6 +53,8 @@ SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of t
 class Optimized:
     """An optimization's end; `trajectories` has the quantities at the nodes of each scenario."""
 
+    physics: Physics
+    """What the case describes, on the mesh of this optimization."""
     problem: om.Problem
     outcome: Outcome
     setup: Setup
@@ -168,6 +170,12 @@ class Verification(SimulatedDesign):
     def resolved(self) -> dict[str, Any] | None:
         """The integration at its largest loads, with those of a blade of many stations."""
         return resolved(self.physics, self.plant.blade, self.scenario, self.simulated)
+
+    @property
+    def constrained(self) -> list[Limit]:
+        """The limits over time that the optimization constrains in the scenario."""
+        limits = self.physics.limits_in(self.scenario)
+        return [limit for limit in limits if limit.constrains(self.physics.law)]
 
     @property
     def energy_error(self) -> float:
@@ -324,16 +332,14 @@ def may_tabulate(physics: Physics) -> bool:
     return simple and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
 
-def verify(
-    physics: Physics, result: Optimized, tabulated: bool = False
-) -> tuple[Verification, ...]:
+def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
     With the wake of the case; if it has memory, with filters at all stations, and again with the
     two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
     to choose a remedy.
     """
-    blade, verifications = result.point.blade, []
+    physics, blade, verifications = result.physics, result.point.blade, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         rotor, law, mesh = physics.rotor_in(scenario), physics.law_in(scenario), scenario.mesh
         inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
@@ -414,9 +420,10 @@ def _simulated(plant, scenario, controller, start, max_step) -> Simulation:
         return replace(simulated, stopped_at=simulated.stopped_at or failed.time)
 
 
-def simulated_objective(physics: Physics, verifications: tuple[Verification, ...]) -> float:
+def simulated_objective(verifications: tuple[Verification, ...]) -> float:
     """Return the objective of the integrations, in its unit, less the price of the shaft."""
-    price = physics.price_of(verifications[0].plant.blade) if physics.designs_hub else 0.0
+    physics = verifications[0].physics
+    price = physics.price_of(verifications[0].plant.blade)
     if physics.objective.is_rate:
         integrals = (verification.objective(physics.objective) for verification in verifications)
         return united(physics, integrals) - price

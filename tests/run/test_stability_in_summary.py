@@ -90,7 +90,7 @@ def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_phy
     assert found.failed() == []
     assert not any("coarse" in each.why for each in found.passes)
     verification = found.verification
-    gap = found.checks()["two_filters_energy"].value
+    gap = found.by_name["two_filters_energy"].value
     assert verification.energy_error < 0.2 * gap < 2e-4
     table = found.result.problem.get_val("loads_phase.thrust").ravel()
     direct, nodes = verification.at_nodes["thrust"], verification.trajectory
