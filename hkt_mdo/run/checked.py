@@ -1,4 +1,4 @@
-"""A result with its integrations and checks, measured by its start; the best where a run fails."""
+"""The end of a run, measured by its start; if it failed, the best that it has, and why."""
 
 from __future__ import annotations
 
@@ -6,15 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 
+from hkt_mdo.problem.evaluation import excesses, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.quantities import RATES
+from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.checks import BELOW_START, Checked
 from hkt_mdo.run.optimization import assembled
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
 from hkt_mdo.start.find import bounding_optimum
+
+NOT_RUNNING = (
+    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
+    "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
+    "control.law, or wider design bounds)"
+)
+NONE_FOUND = (
+    "no design that keeps the limits was found from {starts}: the smallest violation was "
+    "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
+    "{key}, or wider design bounds)"
+)
 
 
 def checked(
@@ -131,3 +145,53 @@ def first_remedy(physics: Physics) -> str:
         if free:
             return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
     return "try start.method: quasi_steady" if case.start.method == "blade" else ""
+
+
+def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
+    """Return why a run that failed may have no solution; empty where that is not known.
+
+    That the rotor does not turn, or that no design keeps the limits: if neither start nor end keep
+    them. `physics` is on the mesh of the start; `checks` are those of the end.
+    """
+    starts = f"{start.tried} start{'s' * (start.tried != 1)}"
+    if not start.operation.running:
+        bounds = physics.case.design.gain_bounds
+        within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
+        return NOT_RUNNING.format(within=within, starts=starts)
+    rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
+    over = excesses(physics, start)
+    if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
+        over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
+    at_end = {
+        name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
+        for name in over
+    }
+    begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
+    if begun[0] <= START_EXCESS or ended[0] <= 0.0:
+        return ""
+    at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
+    share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
+    key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
+    law = "control.law: curve, which can keep more limits, " * (len(physics.law.gain_units) == 1)
+    about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
+    return NONE_FOUND.format(starts=starts, **about)
+
+
+def _in_flow(physics, start, name) -> str:
+    """Return in which flow a starting point exceeds a limit most."""
+    excesses = [
+        (limit.excess(known), known["inflow_speed"])
+        for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True)
+        for limit in (*physics.limits_in(scenario), *physics.design_limits)
+        if limit.name == name
+    ]
+    over, flow = max(excesses, key=lambda pair: np.max(pair[0]))
+    if over.size != flow.size:  # a limit on the design alone
+        return "in any flow"
+    return f"in a flow of {flow[np.argmax(over)]:.4g} m/s"
+
+
+def _is_of(check: CheckEntry, limit: str) -> bool:
+    """Tell whether a check is that of a limit."""
+    parts = ("at_nodes", "between_nodes", "bounds")
+    return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]

@@ -14,7 +14,7 @@ import numpy as np
 from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED
@@ -31,7 +31,6 @@ from hkt_mdo.run.certified import certified_energy
 from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.verification import (
     Optimized,
-    SteadyVerification,
     Verification,
     design_and_result,
     simulated_objective,
@@ -175,7 +174,7 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     yield "max_speed_error", error[worst], SPEED_ERROR, word
     if verification.two_filters is not None:
         yield from _of_two_filters(verification, verification.two_filters)
-    if isinstance(verification, SteadyVerification) and verification.recorded is None:
+    if verification.scenario.steady and isinstance(verification.controller, FeedbackTorque):
         worst = int(np.argmax(verification.growth))
         word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
         yield "equilibrium_growth", verification.growth[worst], 0.0, f"{word}{when(time[worst])}"

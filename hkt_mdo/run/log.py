@@ -35,9 +35,10 @@ class Log:
         self._out, self._records, self._summary = out, records, summary
         self._history = list(history)
 
-    def note_evaluation(self, objective: float, infeasibility: float) -> None:
-        """Add an evaluation's objective (J) and infeasibility to the history."""
+    def note_evaluation(self, objective: float, infeasibility: float) -> int:
+        """Add an evaluation's objective (J) and infeasibility to the history; return its length."""
         self._history.append((len(self._history), objective, infeasibility))
+        return len(self._history)
 
     def write_iterate(self, physics: Physics, point: StartingPoint, reference: float) -> None:
         """Write the point from which a resumed run continues."""

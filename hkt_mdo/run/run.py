@@ -31,13 +31,12 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.checked import best_of, first_remedy, quasi_steady_reference
-from hkt_mdo.run.checks import Checked, explain_all
+from hkt_mdo.run.checked import best_of, first_remedy, none_found, quasi_steady_reference
+from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.iterate import Earlier, read_iterate
 from hkt_mdo.run.log import Log
 from hkt_mdo.run.memory import with_memory
-from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import Progress, RunState
@@ -46,11 +45,6 @@ from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
 from hkt_mdo.start.find import find_start
 
-NOT_RUNNING = (
-    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
-    "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
-    "control.law, or wider design bounds)"
-)
 ROOM = "make room on the disk and give hkt run --resume"
 UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 
@@ -176,7 +170,7 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     log = Log(out, records, summary, earlier.history)
     log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, log, scratch, *calls, evaluations=len(earlier.history))
+        state = RunState(physics, log, scratch, *calls)
         try:
             with _termination_interrupts(state):
                 finished = _optimize_and_verify(state, earlier, out, records)
@@ -218,7 +212,9 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         best, held = best_of(state, end)
         if held:
             message += f"; the folder holds {held}, which is better than the last point"
-        message = "; ".join(filter(None, (_why_none(state.first, best), message)))
+        message = "; ".join(
+            filter(None, (none_found(state.first, best.start, best.checks), message))
+        )
     result = best.result
     if result.outcome.success:
         prices = shadow_prices(best, state.scratch)
@@ -229,15 +225,6 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
     if held or result.outcome.success:
         state.go_on_from(best.physics, result.point, best.start, best.reference)
     return summary
-
-
-def _why_none(physics: Physics, ended: Checked) -> str:
-    """Return why a run that failed may have no solution; empty where that is not known."""
-    if ended.start.operation.running:
-        return none_found(physics, ended.start, ended.checks)
-    bounds = physics.case.design.gain_bounds
-    within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-    return NOT_RUNNING.format(within=within, starts=starts(ended.start))
 
 
 def write_n2(case: Case, path: Path) -> None:

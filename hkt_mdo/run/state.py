@@ -46,8 +46,6 @@ class RunState:
         Called after every optimization.
     on_start
         Called after every one of the search for a start.
-    evaluations
-        Number of those that an earlier run made.
 
     Attributes
     ----------
@@ -79,7 +77,6 @@ class RunState:
         progress: Progress | None = None,
         on_pass: Callable[[PassEntry], None] | None = None,
         on_start: Callable[[StartRecord], None] | None = None,
-        evaluations: int = 0,
     ):
         self.first = self.physics = physics
         self.log, self.scratch, self.on_start = log, scratch, on_start
@@ -89,7 +86,7 @@ class RunState:
         self.reference = 0.0
         self.passes: list[PassEntry] = []
         self.terminated = False
-        self._progress, self._on_pass, self._evaluations = progress, on_pass, evaluations
+        self._progress, self._on_pass = progress, on_pass
         self._highest, self._saved = -np.inf, 0.0
 
     @cached_property
@@ -101,10 +98,9 @@ class RunState:
         """Note an evaluation, and the iterate if a run may continue from it."""
         if self.terminated:
             raise KeyboardInterrupt
-        self._evaluations += 1
-        self.log.note_evaluation(objective, infeasibility)
+        evaluations = self.log.note_evaluation(objective, infeasibility)
         if infeasibility <= RESUMABLE and self.point is not None:
-            if self._evaluations % EVALUATIONS_BETWEEN_POINTS == 0:
+            if evaluations % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
                 if infeasibility <= FEASIBLE:
                     self.keep(self.last, objective)
@@ -112,7 +108,7 @@ class RunState:
                 self._save(self.point())
                 self.log.write_history()
         if self._progress is not None:
-            self._progress(self._evaluations, objective, infeasibility)
+            self._progress(evaluations, objective, infeasibility)
 
     def keep(self, point: StartingPoint, objective: float) -> None:
         """Keep a feasible point of the physics at work if it is the best so far."""

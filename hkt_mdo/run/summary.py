@@ -328,8 +328,7 @@ def _operation(finished, verifications, power):
 
 def _unstable(verifications):
     """Yield a note if an open loop needs a controller of its speed."""
-    known = [each.recorded.stiffness for each in verifications if each.recorded]
-    if stiffness := max(known, default=0.0):
+    if stiffness := max(getattr(each.controller, "stiffness", 0.0) for each in verifications):
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
@@ -342,7 +341,7 @@ def _notes(finished):
     physics, blade = finished.physics, finished.result.point.blade
     ratios = _nodes(finished.verifications, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    met = Stations.of(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
+    met = Stations(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
     start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
     return [
         *physics.messages,

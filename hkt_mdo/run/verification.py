@@ -149,11 +149,6 @@ class Verification(SimulatedDesign):
         """All rates, at the nodes: those of each segment's polynomial."""
         return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
 
-    @property
-    def recorded(self) -> RecordedTorque | None:
-        """The open loop's torque history; None under feedback."""
-        return self.controller if isinstance(self.controller, RecordedTorque) else None
-
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
         """What is reported of the nodes: the trajectory, all loads, rates and the scalars.
@@ -245,10 +240,10 @@ class Verification(SimulatedDesign):
         The open loop's torque and its rate are those of the collocation's polynomials, before the
         torque is cut to the generator's range; all else is that of the integration.
         """
-        scenario, recorded = self.scenario, self.recorded
-        simulated = self.simulated
+        scenario, simulated, recorded = self.scenario, self.simulated, self.controller
         dense, over = simulated["time"][1:], limit.excess(simulated)[1:]
-        if recorded is not None and limit.inputs in (("control_torque",), ("torque_rate",)):
+        of_polynomial = limit.inputs in (("control_torque",), ("torque_rate",))
+        if isinstance(recorded, RecordedTorque) and of_polynomial:
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
             torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
             polynomial = limit.excess({"control_torque": torque, "torque_rate": rate})
@@ -282,10 +277,6 @@ class SteadyVerification(Verification):
     @cached_property
     def simulated(self):
         return super().simulated | {"steady": True}
-
-    @property
-    def recorded(self):
-        return self.controller if isinstance(self.controller, HeldSpeeds) else None
 
     @property
     def speed_errors(self):

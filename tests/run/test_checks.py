@@ -15,8 +15,8 @@ from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.run.checked import none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain
-from hkt_mdo.run.none_found import none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
