@@ -212,9 +212,8 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
         best, held = best_of(state, end)
         if held:
             message += f"; the folder holds {held}, which is better than the last point"
-        message = "; ".join(
-            filter(None, (none_found(state.first, best.start, best.checks), message))
-        )
+        why = none_found(state.first, best.start, best.checks)
+        message = f"{why}; {message}" if why else message
     result = best.result
     if result.outcome.success:
         prices = shadow_prices(best, state.scratch)
