@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.evaluation import excesses, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
@@ -14,7 +15,7 @@ from hkt_mdo.quantities import RATES
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.checks import BELOW_START, Checked
-from hkt_mdo.run.optimization import assembled
+from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
 from hkt_mdo.start.find import bounding_optimum
@@ -103,7 +104,11 @@ def as_it_stands(
     """
     message = "its result was refused" if ended.outcome.success else ended.outcome.message
     outcome = replace(ended.outcome, success=False, message=message)
-    return assembled(physics, Setup(point, curve_nodes(physics, point)), outcome, state.scratch)
+    setup = Setup(point, curve_nodes(physics, point))
+    problem = assemble(physics, setup, work_dir=state.scratch)
+    problem.run_model()
+    problem.cleanup()
+    return collect(physics, setup, problem, outcome)
 
 
 def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:

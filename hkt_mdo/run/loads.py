@@ -29,13 +29,17 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
         reported["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
         for name, (values, unit) in reported.items():
             worst = int(np.argmax(values))
-            value, place = float(values[worst]), {"time_s": float(known["time"][worst])}
-            if known.get("steady"):
-                place = {"flow_m_s": float(known["inflow_speed"][worst])}
-            before = found.get(name)
+            value, before = float(values[worst]), found.get(name)
             if before is None or value > before.value:
-                found[name] = LoadEntry(value=value, unit=unit or "", **place)
+                found[name] = LoadEntry(value=value, unit=unit or "", **place(known, worst))
     return found
+
+
+def place(known: Known, at: int) -> dict[str, float]:
+    """Return when the largest value of something occurs, or in which flow, for `LoadEntry`."""
+    if known.get("steady"):
+        return {"flow_m_s": float(known["inflow_speed"][at])}
+    return {"time_s": float(known["time"][at])}
 
 
 def over_span(
@@ -75,8 +79,8 @@ def placed(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> di
     found = largest(several)
     for name, (r, values) in over_span(rotor, blade, several).items():
         if name in found:
-            place = {"r_m": float(r[np.argmax(values)])}
-            found[name] = found[name].model_copy(update=place)
+            where = {"r_m": float(r[np.argmax(values)])}
+            found[name] = found[name].model_copy(update=where)
     return found
 
 

@@ -9,6 +9,7 @@ from hkt_mdo.problem.build import assemble, make_driver, point_of, series
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
+from hkt_mdo.run.recorders import add_recorders
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized
 from hkt_mdo.solve.drivers import Outcome
@@ -41,7 +42,8 @@ def solve(
     driver = make_driver(physics, state, most, near, refined)
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
-    state.log.add_recorders(problem, whole=rows <= MOST_ROWS)
+    if state.records:
+        add_recorders(problem, state.out, whole=rows <= MOST_ROWS)
     try:
         problem.final_setup()  # opens the recorders' files
         try:
@@ -51,31 +53,14 @@ def solve(
             with any_values():
                 problem.run_driver()
         finally:
-            state.log.record_final(problem)
+            if state.records:
+                problem.record("final")
     finally:
         problem.cleanup()
     result = collect(physics, setup, problem, problem.driver.outcome())
     if result.outcome.success:
         state.keep(result.point, result.objective)
     return result
-
-
-def assembled(physics: Physics, setup: Setup, outcome: Outcome, scratch: str) -> Optimized:
-    """Return a setup, unchanged, as if it were the end of an optimization.
-
-    Parameters
-    ----------
-    physics, setup
-        The problem.
-    outcome
-        The outcome that is reported.
-    scratch
-        Folder for OpenMDAO's own files.
-    """
-    problem = assemble(physics, setup, work_dir=scratch)
-    problem.run_model()
-    problem.cleanup()
-    return collect(physics, setup, problem, outcome)
 
 
 def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimized:

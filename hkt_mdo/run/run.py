@@ -15,7 +15,6 @@ import sqlite3
 import tempfile
 import time
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import openmdao.api as om
@@ -34,8 +33,7 @@ from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.run.checked import best_of, first_remedy, none_found, quasi_steady_reference
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.iterate import Earlier, read_iterate
-from hkt_mdo.run.log import Log
+from hkt_mdo.run.iterate import read_iterate
 from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
@@ -102,7 +100,7 @@ def run_case(
         names = tuple(physics.groups)
         claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
-        return _run(physics, out, Earlier(), (progress, on_pass, on_start), figures, records)
+        return _run(physics, out, (progress, on_pass, on_start), figures, records)
 
 
 @interrupts_of_compiled_code()
@@ -144,12 +142,15 @@ def resume_case(
     out = Path(out).absolute()
     with locked(out):
         physics = _prepared(load_case(out / "case.yaml", extensions=extensions))
+        evaluations: Iterable = ()
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)
             if solution.success:
                 return solution
-        physics, earlier = read_iterate(out, physics)
-        return _run(physics, out, earlier, (progress, on_pass, on_start), figures, records)
+            evaluations = zip(*solution.convergence.values(), strict=True)
+        physics, start, reference = read_iterate(out, physics)
+        earlier = {"start": start, "reference": reference, "history": evaluations if start else ()}
+        return _run(physics, out, (progress, on_pass, on_start), figures, records, **earlier)
 
 
 def _prepared(case: Case) -> Physics:
@@ -163,17 +164,19 @@ def _prepared(case: Case) -> Physics:
 _SILENT = {"show_browser": False, "display_in_notebook": False}
 
 
-def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
-    """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
+def _run(physics, out, calls, figures, records, start=None, reference=0.0, history=()) -> Solution:
+    """Run a case in its locked folder; `calls` are its callbacks.
+
+    From `start`, the last iterate of an earlier run, whose own start has the objective `reference`
+    (J); its `history` is the beginning of that of this run.
+    """
     began, made_of = time.perf_counter(), digest(physics.case)
     summary = Summary(version=VERSION, case=physics.case.name, success=False, message=UNFINISHED)
-    log = Log(out, records, summary, earlier.history)
-    log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, log, scratch, *calls)
+        state = RunState(physics, out, records, summary, scratch, history, *calls)
         try:
-            with _termination_interrupts(state):
-                finished = _optimize_and_verify(state, earlier, out, records)
+            with handling(signal.SIGTERM, state.terminate):
+                finished = _optimize_and_verify(state, start, reference)
             update = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=update)
         except InputError as error:
@@ -185,8 +188,8 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
                 reason = "no space left on the device"
             raise InputError(f"cannot be written ({reason})", ROOM, file=out) from error
         finally:
-            log.write_history()
-            log.write_summary(summary.model_copy(update={"passes": state.passes}))
+            state.write_history()
+            state.write_summary(summary.model_copy(update={"passes": state.passes}))
     solution = Solution.load(out, extensions=physics.case.extensions)
     if figures:
         from hkt_mdo.results import style
@@ -199,9 +202,8 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     return solution
 
 
-def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: bool) -> Summary:
+def _optimize_and_verify(state: RunState, start, reference) -> Summary:
     """Return the summary of a run; its tables are written."""
-    start, reference = earlier.start, earlier.reference
     if start is None:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
         reference = quasi_steady_reference(state.first, start)
@@ -218,9 +220,9 @@ def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: 
     if result.outcome.success:
         prices = shadow_prices(best, state.scratch)
     summary = summarize(best, message, broken_limits(state.first, best.start), prices)
-    write_tables(out, best)
-    if records:
-        om.n2(result.problem, outfile=str(out / "n2.html"), **_SILENT)
+    write_tables(state.out, best)
+    if state.records:
+        om.n2(result.problem, outfile=str(state.out / "n2.html"), **_SILENT)
     if held or result.outcome.success:
         state.go_on_from(best.physics, result.point, best.start, best.reference)
     return summary
@@ -242,15 +244,3 @@ def write_n2(case: Case, path: Path) -> None:
         raise InputError(
             f"{path}: cannot be written: {error.strerror}; choose another --out"
         ) from error
-
-
-def _termination_interrupts(state: RunState) -> AbstractContextManager:
-    """Let SIGTERM end a run as Ctrl-C does."""
-
-    def handler(signum, frame):
-        # checked at the next evaluation, in case compiled code swallows this
-        state.terminated = True
-        interrupt = signal.getsignal(signal.SIGINT)
-        (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
-
-    return handling(signal.SIGTERM, handler)

@@ -1,19 +1,22 @@
-"""The state of a run: the optimizer reports every evaluation to it, and it reports to the log."""
+"""The state of a run, to which the optimizer reports every evaluation, and its files meanwhile."""
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint, StartRecord
-from hkt_mdo.results.summary import PassEntry
+from hkt_mdo.results.folder import write_csv, write_json
+from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.log import Log
+from hkt_mdo.run.iterate import as_data
 from hkt_mdo.start.find import steady_optimum
 
 FEASIBLE = 1e-6
@@ -32,14 +35,22 @@ Progress = Callable[[int, float, float], None]
 class RunState:
     """The state of a run; called at every evaluation of the optimizer.
 
+    It writes history, iterate and summary while the run works; nothing is read from these.
+
     Parameters
     ----------
     physics
         The case's, on the mesh that the run begins with.
-    log
-        Writer of the files.
+    out
+        The result folder.
+    records
+        Whether OpenMDAO's databases are written.
+    summary
+        The summary that stands in the folder until the run ends.
     scratch
         Folder for OpenMDAO's own files.
+    history
+        Evaluations of an earlier run: number, objective (J), infeasibility.
     progress
         Called at every evaluation.
     on_pass
@@ -72,14 +83,17 @@ class RunState:
     def __init__(
         self,
         physics: Physics,
-        log: Log,
+        out: Path,
+        records: bool,
+        summary: Summary,
         scratch: str,
+        history: Iterable = (),
         progress: Progress | None = None,
         on_pass: Callable[[PassEntry], None] | None = None,
         on_start: Callable[[StartRecord], None] | None = None,
     ):
         self.first = self.physics = physics
-        self.log, self.scratch, self.on_start = log, scratch, on_start
+        self.out, self.records, self.scratch, self.on_start = out, records, scratch, on_start
         self.point: Callable[[], StartingPoint] | None = None
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
@@ -87,7 +101,9 @@ class RunState:
         self.passes: list[PassEntry] = []
         self.terminated = False
         self._progress, self._on_pass = progress, on_pass
+        self._summary, self._history = summary, [*history]
         self._highest, self._saved = -np.inf, 0.0
+        self.write_summary(summary)
 
     @cached_property
     def optimum(self) -> SteadyOptimum:
@@ -98,17 +114,24 @@ class RunState:
         """Note an evaluation, and the iterate if a run may continue from it."""
         if self.terminated:
             raise KeyboardInterrupt
-        evaluations = self.log.note_evaluation(objective, infeasibility)
+        self._history.append((len(self._history), objective, infeasibility))
         if infeasibility <= RESUMABLE and self.point is not None:
-            if evaluations % EVALUATIONS_BETWEEN_POINTS == 0:
+            if len(self._history) % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
                 if infeasibility <= FEASIBLE:
                     self.keep(self.last, objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
                 self._save(self.point())
-                self.log.write_history()
+                self.write_history()
         if self._progress is not None:
-            self._progress(evaluations, objective, infeasibility)
+            self._progress(len(self._history), objective, infeasibility)
+
+    def terminate(self, number, frame) -> None:
+        """Handle SIGTERM, which ends a run as Ctrl-C does."""
+        # checked at the next evaluation, in case compiled code swallows this
+        self.terminated = True
+        interrupt = signal.getsignal(signal.SIGINT)
+        (interrupt if callable(interrupt) else signal.default_int_handler)(number, frame)
 
     def keep(self, point: StartingPoint, objective: float) -> None:
         """Keep a feasible point of the physics at work if it is the best so far."""
@@ -133,12 +156,21 @@ class RunState:
 
     def _save(self, point) -> None:
         point = replace(point, branch=self.start.branch, starts=self.start.starts)
-        self.log.write_iterate(self.physics, point, self.reference)
+        write_json(self.out / "iterate.json", as_data(self.physics, point, self.reference))
         self._saved = time.monotonic()
+
+    def write_history(self) -> None:
+        """Write the energy and infeasibility of every evaluation."""
+        header = ("evaluation", "energy_J", "infeasibility")
+        write_csv(self.out / "convergence.csv", header, self._history)
+
+    def write_summary(self, summary: Summary) -> None:
+        """Write a summary."""
+        write_json(self.out / "summary.json", dict(summary))
 
     def note_pass(self, entry: PassEntry) -> None:
         """Note an optimization and the remedy that decides the next one."""
         self.passes.append(entry)
-        self.log.write_passes(self.passes)
+        self.write_summary(self._summary.model_copy(update={"passes": self.passes}))
         if self._on_pass is not None:
             self._on_pass(entry)

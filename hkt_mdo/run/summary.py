@@ -408,14 +408,13 @@ def _limit(pairs):
     found, binds, spans = [], 0.0, 0.0
     counts = any(verification.scenario.weight for _, verification in pairs)
     for limit, verification in pairs:
-        simulated, time = limit.told(verification.simulated), verification.simulated["time"]
+        known, simulated = verification.simulated, limit.told(verification.simulated)
         value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
-        place = _place(verification.scenario, time[np.argmax(simulated)])
-        found.append(_entry(limit, value) | place)
+        found.append(_entry(limit, value) | loads.place(known, np.argmax(simulated)))
         binding = np.where(simulated >= _least(limit), 1.0, 0.0)
         weight = verification.scenario.weight if counts else 1.0
         binds += weight * verification.integral(binding)
-        spans += weight * verification.integral(np.ones(time.size))
+        spans += weight * verification.integral(np.ones(known["time"].size))
     return max(found, key=_over) | {"share_of_time": round(binds / spans, 9)}
 
 
@@ -425,13 +424,6 @@ def _loads(finished, verifications):
     rotor = finished.physics.rotor_in(verifications[0].scenario)
     found = loads.placed(rotor, finished.result.point.blade, simulated)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
-
-
-def _place(scenario, time):
-    """Return when the largest value of something occurs, or in which flow."""
-    if scenario.steady:
-        return {"flow_m_s": float(scenario.inflow.speed_at(np.array(time)))}
-    return {"time_s": time}
 
 
 def _set_angle(physics, blade):

@@ -98,17 +98,11 @@ class SimulatedDesign:
     @property
     def simulated_rates(self) -> dict[str, np.ndarray]:
         """All rates, along the integration."""
-        simulated = self.simulation
-        friction = self.plant.generator.friction(simulated.rotor_speed)
-        net = simulated.hydrodynamic_torque - simulated.control_torque - friction
+        run = self.simulation
+        friction = self.plant.generator.friction(run.rotor_speed)
+        net = run.hydrodynamic_torque - run.control_torque - friction
         acceleration = net / self.plant.inertia
-        known = (
-            simulated.time,
-            simulated.rotor_speed,
-            acceleration,
-            simulated.inflow_speed,
-            *simulated.states,
-        )
+        known = run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states
         return {"torque_rate": self.controller.rate(*known)}
 
     @cached_property
@@ -390,16 +384,11 @@ def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
 
 def _simulated(plant, scenario, controller, start, max_step) -> Simulation:
     """Integrate a scenario; without a solution to the end, up to there, as if the rotor stopped."""
-    first, duration = start.time, scenario.duration
-    samples = scenario.dense
-
-    def until(duration, samples):
-        return simulate(plant, scenario.inflow, controller, start, duration, samples, max_step)
-
-    share, failed = 1.0, None
+    first, duration, share, failed = start.time, scenario.duration, 1.0, None
     while True:
+        span = share * duration, first + share * (scenario.dense - first)
         try:
-            simulated = until(share * duration, first + share * (samples - first))
+            simulated = simulate(plant, scenario.inflow, controller, start, *span, max_step)
         except IntegrationError as error:  # an infinite torque has no integral
             share = (error.time - first) / duration * (1.0 if failed is None else SHORTER)
             failed = failed or error

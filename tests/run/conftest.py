@@ -15,7 +15,6 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.summary import CheckEntry, PassEntry, Summary
 from hkt_mdo.run.checks import Checked
-from hkt_mdo.run.log import Log
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Verification
@@ -50,7 +49,7 @@ def _solve(
 ) -> Solved:
     world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
-        state = RunState(world, Log(Path(folder), False, Summary(success=False)), folder)
+        state = RunState(world, Path(folder), False, Summary(success=False), folder)
         start = find_start(world, state.optimum)
         reference = objective_at(world, start)
         end = optimize(state, start, reference)

@@ -62,15 +62,15 @@ def read(folder, physics, data):
 
 
 def same(found, fine, point):
-    physics, earlier = found
+    physics, start, reference = found
     for one, other in zip(physics.scenarios, fine.scenarios, strict=True):
         assert np.array_equal(one.edges, other.edges)
-    assert np.array_equal(earlier.start.operation.rotor_speed, point.operation.rotor_speed)
-    assert np.array_equal(earlier.start.gains, point.gains)
-    assert (earlier.reference, earlier.history) == (5.0, ())
+    assert np.array_equal(start.operation.rotor_speed, point.operation.rotor_speed)
+    assert np.array_equal(start.gains, point.gains)
+    assert reference == 5.0
     assert point.starts
-    assert earlier.start.starts == point.starts
-    assert earlier.start.branch == point.branch
+    assert start.starts == point.starts
+    assert start.branch == point.branch
 
 
 @pytest.mark.parametrize("case", [ONE, SEVERAL])
