@@ -35,20 +35,20 @@ NONE_FOUND = (
 def checked(
     state: RunState,
     start: StartingPoint,
-    reference: float,
     result: Optimized,
     verifications: tuple[Verification, ...] = (),
 ) -> Checked:
     """Return a result, of a run that began at a start, with its integrations; they may be given."""
     verifications = verifications or verify(result)
-    if result.objective < (1.0 - BELOW_START) * reference:
-        reference = min(reference, _moving_reference(state, start, result))
+    if result.objective < (1.0 - BELOW_START) * start.reference:
+        moving = _moving_reference(state, start, result)
+        start = replace(start, reference=min(start.reference, moving))
     optimum = bounding_optimum(result.physics, state.optimum, result.point.blade)
-    return Checked(start, result, verifications, optimum, reference)
+    return Checked(start, result, verifications, optimum)
 
 
-def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
-    """Return the objective of a start, J; 0 where it is no measure of the optimum.
+def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
+    """Return a start with its objective as the measure of the optimum, where it is one.
 
     A start that breaks a limit may be better than the best design that keeps it.
 
@@ -60,12 +60,12 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
         Found by quasi-steady co-design.
     """
     if physics.start_objective is not physics.objective:  # the start maximizes another quantity
-        return 0.0
+        return start
     if len(physics.rotors) > 1:  # its operation is that of the case's own turbine
-        return 0.0
+        return start
     if not start.operation.running or start.excess > START_EXCESS or np.isnan(start.objective):
-        return 0.0
-    return start.objective - physics.price_of(start.blade)
+        return start
+    return replace(start, reference=start.objective - physics.price_of(start.blade))
 
 
 def _moving_reference(state, start, result) -> float:
@@ -133,7 +133,7 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
             continue
         physics, point, words = other
         stands = as_it_stands(state, physics, point, end.result)
-        known = checked(state, end.start, end.reference, stands)
+        known = checked(state, end.start, stands)
         if known.rank > best.rank:
             best, held = known, words
     return best, held

@@ -72,15 +72,12 @@ class Checked:
         The integration in each scenario.
     optimum : SteadyOptimum
         That whose power coefficient bounds the energy of the optimized blade.
-    reference : float
-        Objective of the start, J; 0 where it is no measure of the optimum.
     """
 
     start: StartingPoint
     result: Optimized
     verifications: tuple[Verification, ...]
     optimum: SteadyOptimum
-    reference: float
 
     @property
     def physics(self) -> Physics:
@@ -248,8 +245,8 @@ def _of_design(ended):
         known = simulated_objective(tuple(each.of_model for each in verifications))
         error = abs(result.objective - known) / max(abs(known), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
-    if ended.reference > 0.0:
-        behind = physics.objective.behind(objective, ended.reference)
+    if ended.start.reference > 0.0:
+        behind = physics.objective.behind(objective, ended.start.reference)
         word = "share by which the objective is below that at the start of the run"
         yield "energy_below_start", behind, BELOW_START, word
     for limit in physics.design_limits:

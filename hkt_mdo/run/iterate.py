@@ -23,7 +23,7 @@ OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
 REMEDY = "delete it to begin anew, or run the case again with --force"
 
 
-def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[str, Any]:
+def as_data(physics: Physics, point: StartingPoint) -> dict[str, Any]:
     """Return a point as the data of `iterate.json`: the scenarios' mesh and trajectories by name.
 
     Parameters
@@ -32,8 +32,6 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         The physics on the mesh of the point.
     point
         Blade, gains, and the trajectories at the samples of every scenario.
-    reference
-        Objective of the case's own start, J.
     """
     return {
         "version": VERSION,
@@ -44,7 +42,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "hub_inertia_kg_m2": point.blade.hub_inertia,
         "gains": point.gains,
         "energy_J": point.operation.energy,
-        "reference_energy_J": reference,
+        "reference_energy_J": point.reference,
         "branch": point.branch,
         "starts": [vars(record) for record in point.starts],
         "scenarios": {
@@ -56,10 +54,8 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
     }
 
 
-def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | None, float]:
-    """Return the physics on an earlier run's mesh, its last iterate and its start's objective.
-
-    Without an iterate these are the given physics, None and 0.
+def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | None]:
+    """Return the physics on an earlier run's mesh, and its last iterate; None if there is none.
 
     Parameters
     ----------
@@ -75,7 +71,7 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | 
     """
     path = out / "iterate.json"
     if not path.exists():
-        return physics, None, 0.0
+        return physics, None
     content = read_bytes(path, MAX_BYTES, "iterate of a run")
     try:
         data = json.loads(content)
@@ -86,9 +82,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | 
         starts = tuple(map(_record, data.get("starts", ())))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError("is no iterate of this case", REMEDY, file=path) from None
-    branch = str(data.get("branch", ""))
-    start = StartingPoint(blade, gains, operation, branch=branch, starts=starts)
-    return physics, start, reference
+    about = {"branch": str(data.get("branch", "")), "starts": starts, "reference": reference}
+    return physics, StartingPoint(blade, gains, operation, **about)
 
 
 def _record(data) -> StartRecord:

@@ -20,7 +20,7 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
-from hkt_mdo.run.checked import checked, quasi_steady_reference
+from hkt_mdo.run.checked import checked, measured
 from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false, most_between
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
@@ -51,8 +51,6 @@ class Task:
     ----------
     start : StartingPoint
         The start of the series of passes to which it belongs.
-    reference : float
-        Objective of that start, J; 0 where it is no measure of the optimum.
     physics : Physics
         On the mesh that is optimized on.
     setup : Setup
@@ -70,7 +68,6 @@ class Task:
     """
 
     start: StartingPoint
-    reference: float
     physics: Physics
     setup: Setup
     name: str = ""
@@ -81,7 +78,7 @@ class Task:
     optimum: Optimized | None = None
 
     @classmethod
-    def first(cls, physics: Physics, start: StartingPoint, reference: float, **others) -> Task:
+    def first(cls, physics: Physics, start: StartingPoint, **others) -> Task:
         """Return the first optimization from a start; a designed hub makes its loop stable.
 
         The torque of several sections is rough: their curve has twice the nodes, since its
@@ -89,7 +86,7 @@ class Task:
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.several_sections)
         setup = Setup(start, nodes, least_hub=first_hub(physics, start))
-        return cls(start, reference, physics, setup, **others)
+        return cls(start, physics, setup, **others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +234,7 @@ class Pass:
         elif self.converged:
             result = replace(result, mesh_error=self.division.error)
             verifications = () if self.approximate else self.verifications
-        return checked(self.state, task.start, task.reference, result, verifications)
+        return checked(self.state, task.start, result, verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -329,8 +326,8 @@ def other_branch(this: Pass) -> Task | None:
         why = f"without time branch {start.branch} is better by {gain}"
     else:
         return None
-    reference = quasi_steady_reference(physics, start)
-    return Task.first(physics, start, reference, why=why, first_passed=this.end.passed)
+    start = measured(physics, start)
+    return Task.first(physics, start, why=why, first_passed=this.end.passed)
 
 
 FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
@@ -350,7 +347,7 @@ def next_task(this: Pass) -> Task | None:
     return None
 
 
-def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked:
+def optimize(state: RunState, start: StartingPoint) -> Checked:
     """Optimize from a start, and as long as something follows.
 
     Parameters
@@ -359,21 +356,19 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
         The state of the run, which records every pass.
     start
         Where the first optimization begins.
-    reference
-        Objective of the start, J; 0 where it is no measure of the optimum.
 
     Returns
     -------
     Checked
         The end, on its mesh: of the branches of the start the best that passes, else the first.
     """
-    task: Task | None = Task.first(state.first, start, reference)
+    task: Task | None = Task.first(state.first, start)
     ends = []
     while task is not None:
         if task.passes == 0:
             near = max(excesses(state.first, task.start).values(), default=0.0) < FAR
         if task.passes == 0 or task.physics is not state.physics:
-            state.go_on_from(task.physics, task.setup.start, task.start, task.reference)
+            state.go_on_from(task.physics, task.setup.start, task.start)
         began = time.perf_counter()
         most = None if task.name == "begin again" else FIRST_ITERATIONS
         refined = task.name == "refine"

@@ -30,7 +30,7 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.checked import best_of, first_remedy, none_found, quasi_steady_reference
+from hkt_mdo.run.checked import best_of, first_remedy, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.iterate import read_iterate
@@ -148,9 +148,9 @@ def resume_case(
             if solution.success:
                 return solution
             evaluations = zip(*solution.convergence.values(), strict=True)
-        physics, start, reference = read_iterate(out, physics)
-        earlier = {"start": start, "reference": reference, "history": evaluations if start else ()}
-        return _run(physics, out, (progress, on_pass, on_start), figures, records, **earlier)
+        physics, start = read_iterate(out, physics)
+        earlier = start, evaluations if start else ()
+        return _run(physics, out, (progress, on_pass, on_start), figures, records, *earlier)
 
 
 def _prepared(case: Case) -> Physics:
@@ -164,11 +164,10 @@ def _prepared(case: Case) -> Physics:
 _SILENT = {"show_browser": False, "display_in_notebook": False}
 
 
-def _run(physics, out, calls, figures, records, start=None, reference=0.0, history=()) -> Solution:
+def _run(physics: Physics, out: Path, calls, figures, records, start=None, history=()) -> Solution:
     """Run a case in its locked folder; `calls` are its callbacks.
 
-    From `start`, the last iterate of an earlier run, whose own start has the objective `reference`
-    (J); its `history` is the beginning of that of this run.
+    From `start`, the last iterate of an earlier run, whose evaluations are in `history`.
     """
     began, made_of = time.perf_counter(), digest(physics.case)
     summary = Summary(version=VERSION, case=physics.case.name, success=False, message=UNFINISHED)
@@ -176,7 +175,7 @@ def _run(physics, out, calls, figures, records, start=None, reference=0.0, histo
         state = RunState(physics, out, records, summary, scratch, history, *calls)
         try:
             with handling(signal.SIGTERM, state.terminate):
-                finished = _optimize_and_verify(state, start, reference)
+                finished = _optimize_and_verify(state, start)
             update = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=update)
         except InputError as error:
@@ -202,13 +201,12 @@ def _run(physics, out, calls, figures, records, start=None, reference=0.0, histo
     return solution
 
 
-def _optimize_and_verify(state: RunState, start, reference) -> Summary:
+def _optimize_and_verify(state: RunState, start) -> Summary:
     """Return the summary of a run; its tables are written."""
     if start is None:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
-        reference = quasi_steady_reference(state.first, start)
-        start = with_memory(state.first, start)
-    end = best = optimize(state, start, reference)
+        start = with_memory(state.first, measured(state.first, start))
+    end = best = optimize(state, start)
     message, held, prices = explain_all(end.checks, first_remedy(end.physics)), "", {}
     if message:
         best, held = best_of(state, end)
@@ -224,7 +222,7 @@ def _optimize_and_verify(state: RunState, start, reference) -> Summary:
     if state.records:
         om.n2(result.problem, outfile=str(state.out / "n2.html"), **_SILENT)
     if held or result.outcome.success:
-        state.go_on_from(best.physics, result.point, best.start, best.reference)
+        state.go_on_from(best.physics, result.point, best.start)
     return summary
 
 

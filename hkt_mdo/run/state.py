@@ -70,8 +70,6 @@ class RunState:
         The last recorded iterate.
     best : tuple of Physics and StartingPoint, or None
         The best feasible iterate and the physics with its mesh.
-    reference : float
-        Objective of the start, J; 0 where it is no measure of the optimum.
     start : StartingPoint
         Where the series of optimizations at work began.
     passes : list of PassEntry
@@ -97,7 +95,6 @@ class RunState:
         self.point: Callable[[], StartingPoint] | None = None
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
-        self.reference = 0.0
         self.passes: list[PassEntry] = []
         self.terminated = False
         self._progress, self._on_pass = progress, on_pass
@@ -139,24 +136,24 @@ class RunState:
         if worth > self._highest:
             self.best, self._highest = (self.physics, point), worth
 
-    def go_on_from(
-        self, physics: Physics, point: StartingPoint, start: StartingPoint, reference: float
-    ) -> None:
+    def go_on_from(self, physics: Physics, point: StartingPoint, start: StartingPoint) -> None:
         """Take a point as the last iterate, and write it.
 
         Parameters
         ----------
         physics, point
             The point from which a resumed run continues, and its physics.
-        start, reference
-            The start that has led to it, and its objective, J.
+        start
+            The start that has led to it.
         """
-        self.physics, self.last, self.start, self.reference = physics, point, start, reference
+        self.physics, self.last, self.start = physics, point, start
         self._save(point)
 
     def _save(self, point) -> None:
-        point = replace(point, branch=self.start.branch, starts=self.start.starts)
-        write_json(self.out / "iterate.json", as_data(self.physics, point, self.reference))
+        start = self.start
+        about = {"branch": start.branch, "starts": start.starts, "reference": start.reference}
+        point = replace(point, **about)
+        write_json(self.out / "iterate.json", as_data(self.physics, point))
         self._saved = time.monotonic()
 
     def write_history(self) -> None:

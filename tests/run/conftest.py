@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -51,9 +51,8 @@ def _solve(
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
         state = RunState(world, Path(folder), False, Summary(success=False), folder)
         start = find_start(world, state.optimum)
-        reference = objective_at(world, start)
-        end = optimize(state, start, reference)
-    parts = end.start, end.result, end.verifications, end.optimum, end.reference
+        end = optimize(state, replace(start, reference=objective_at(world, start)))
+    parts = end.start, end.result, end.verifications, end.optimum
     return Solved(*parts, world, state.passes)
 
 

@@ -154,7 +154,8 @@ def smaller_generator(solved):
 
 
 def better_start(solved):
-    return replace(solved, reference=1.004 * solved.reference)
+    start = replace(solved.start, reference=1.004 * solved.start.reference)
+    return replace(solved, start=start)
 
 
 def with_gust(solved, **gust):
