@@ -263,10 +263,9 @@ class Findings:
         (N*m*s/rad), zero for a torque that does not follow the speed. Negative where the
         equilibrium is unstable.
         """
-        step = 1e-4 * rotor_speed
-        faster = self.torque(rotor_speed + step, flow_speed)
-        slower = self.torque(rotor_speed - step, flow_speed)
-        return self.plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
+        at = np.array([[rotor_speed], [flow_speed]])
+        slope = self.plant.torque_slope(*at)[0] - self.plant.generator.shaft_friction_slope
+        return float(self.plant.inertia / (control_slope - slope))
 
 
 def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:

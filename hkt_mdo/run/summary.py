@@ -230,8 +230,7 @@ def _extremes(finished, scenarios, shadow_prices):
     (first, *others) = scenarios.values()
     blade, model = finished.result.point.blade, physics.rotor
     bent = [
-        loads.tip_deflection(physics.rotor_in(each.scenario), blade, [each.simulated])
-        for each in finished.verifications
+        loads.tip_deflection(each.rotor, blade, [each.simulated]) for each in finished.verifications
     ]
     return {
         "operation": None if others else first["operation"],
@@ -281,7 +280,7 @@ def _scenario(finished, verifications):
         "tip_speed_ratio": _span(_nodes(verifications, "tip_speed_ratio")),
         "operation": _operation(finished, verifications, power),
         "limits": limits,
-        "loads": _loads(finished, verifications),
+        "loads": _loads(verifications),
         "steady": scenario.steady,
         "year": year,
     }
@@ -418,11 +417,11 @@ def _limit(pairs):
     return max(found, key=_over) | {"share_of_time": round(binds / spans, 9)}
 
 
-def _loads(finished, verifications):
+def _loads(verifications):
     """Return the largest loads along some integrations, when and where along the blade."""
     simulated = [verification.simulated for verification in verifications]
-    rotor = finished.physics.rotor_in(verifications[0].scenario)
-    found = loads.placed(rotor, finished.result.point.blade, simulated)
+    first = verifications[0]
+    found = loads.placed(first.rotor, first.plant.blade, simulated)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
@@ -471,7 +470,7 @@ def write_tables(out: Path, finished: Checked) -> None:
             if name == "simulation":  # open loop repeats the trajectory, at every node
                 rows = rows[_shown(rows)]
             write_csv(out / f"{name}{suffix}.csv", table, rows)
-        span = loads.over_span(physics.rotor_in(verifications[0].scenario), blade, simulated)
+        span = loads.over_span(verifications[0].rotor, blade, simulated)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(verifications[0], SteadyVerification):
             bins = a_year.table(verifications)

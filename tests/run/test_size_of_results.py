@@ -4,7 +4,7 @@ import numpy as np
 import openmdao.api as om
 import pytest
 
-from hkt_mdo.run.recorders import add_recorders
+from hkt_mdo.run.optimization import add_recorders
 from hkt_mdo.run.summary import MOST_ROWS, _shown
 
 
