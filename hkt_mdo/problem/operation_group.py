@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import INTEGRALS
-from hkt_mdo.dynamics.rotor_ode import RememberingComp, hydrodynamics_group
 from hkt_mdo.problem.components import (
     AggregateComp,
     FormulaComp,
@@ -32,11 +31,6 @@ def named(name: str, variant: str) -> str:
     """Return the name in the model of a quantity of scenarios' own; see `Physics.variant`."""
     own = name in ("density", "inertia", "weight_stress") or name.endswith(("_table", "_band"))
     return f"{name}{variant}" if own else name
-
-
-def _hydrodynamics(options: dict, nodes: int) -> om.Group | RememberingComp:
-    made = RememberingComp if "band" in options else hydrodynamics_group
-    return made(num_nodes=nodes, **options)
 
 
 class OperationGroup(om.Group):
@@ -108,10 +102,7 @@ class OperationGroup(om.Group):
         for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
             variant = physics.variant(each)
             hydrodynamics, parameters = self._hydrodynamics(each)
-            options = {
-                "hydrodynamics": partial(_hydrodynamics, hydrodynamics),
-                "generator": physics.case.generator,
-            }
+            options = {"hydrodynamics": hydrodynamics, "generator": physics.case.generator}
             about = physics.law_in(each), options, parameters, self.options["scales"], bounds
             torque = torque - physics.case.generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
@@ -132,7 +123,7 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, scenario):
-        """Return the options of `hydrodynamics_group` and the ODE's inputs, with units.
+        """Return the hydrodynamics of `RotorODE` and the ODE's inputs, with units.
 
         In a steady scenario a wake with memory is in equilibrium.
         """

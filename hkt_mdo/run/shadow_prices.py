@@ -85,13 +85,13 @@ def _with_more_torque(result, scratch) -> State:
 def _with_other_saturation(problem) -> State:
     """Return the state with a law that saturates at a little more torque; the model is restored."""
     controllers = list(problem.model.system_iter(typ=FeedbackComp))
-    laws = [each.options["law"] for each in controllers]
+    laws = [each.law for each in controllers]
     try:
         for each, law in zip(controllers, laws, strict=True):
-            each.options["law"] = law.with_torque_limit((1.0 + STEP) * law.torque_limit)
+            each.law = law.with_torque_limit((1.0 + STEP) * law.torque_limit)
         problem.run_model()
         return State.of(problem.driver)
     finally:
         for each, law in zip(controllers, laws, strict=True):
-            each.options["law"] = law
+            each.law = law
         problem.run_model()
