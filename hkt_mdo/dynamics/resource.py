@@ -139,26 +139,13 @@ class DurationCurve(Inflow):
     def messages(self):
         return self.notes
 
-    @property
-    def tells_features(self):
-        return True
-
     def speed_at(self, time):
         inner = np.array(self.ends[1:-1])
         return np.array(self.speeds)[np.searchsorted(inner, np.real(time), "right")] + 0.0 * time
 
-    def rate_at(self, time):
-        return np.zeros(np.shape(time))
-
     def cubes(self, edges):
         middle = 0.5 * (edges[1:] + edges[:-1])
         return np.diff(edges) * self.speed_at(middle) ** 3
-
-    def off_lines(self, times):
-        return np.zeros(times.size - 1)
-
-    def check(self, duration):
-        pass
 
 
 class Resource(Inflow):

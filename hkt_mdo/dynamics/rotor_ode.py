@@ -86,8 +86,7 @@ class _NodeComp(om.ExplicitComponent):
     @property
     def over_time(self):
         """Names of what changes over time."""
-        inner = "rotor_acceleration", "torque_coefficient", "wake_ratio", "wake_factor"
-        return (*TRAJECTORY, *inner, *self.states)
+        return (*TRAJECTORY, "rotor_acceleration", "torque_coefficient", *self.states)
 
     @property
     def _needed(self):
@@ -147,16 +146,8 @@ class InflowComp(_NodeComp):
 class TorqueComp(_NodeComp):
     """Torque and power from the coefficient, Q = 0.5 rho v² pi R³ Cq, P = Q w (paper eq. 5)."""
 
-    needs = {  # noqa: RUF012
-        "hydrodynamic_torque": ("torque_coefficient", "inflow_speed", "density", "rotor_radius"),
-        "hydrodynamic_power": (
-            "torque_coefficient",
-            "inflow_speed",
-            "density",
-            "rotor_radius",
-            "rotor_speed",
-        ),
-    }
+    _AT = "torque_coefficient", "inflow_speed", "density", "rotor_radius"
+    needs = {"hydrodynamic_torque": _AT, "hydrodynamic_power": (*_AT, "rotor_speed")}  # noqa: RUF012
 
     def formula(self, torque_coefficient, inflow_speed, density, rotor_radius, rotor_speed):
         torque = torque_scale(density, rotor_radius, inflow_speed) * torque_coefficient
