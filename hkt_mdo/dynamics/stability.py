@@ -60,10 +60,10 @@ class Loop:
         speed (rad/s), flow (m/s) and the states of the law have the shape (n,).
         """
         wake, n = plant.wake, speed.size
-        rest = wake.at_rest(speed, flow)
+        rest, (_, at_place) = wake.at_rest(speed, flow), wake.balanced(speed, flow)
         step = MOVE * speed
-        ends = (wake.balanced(speed + move, flow) for move in (step, -step))
-        by_speed = -np.subtract(*reversed(list(ends))) / (2.0 * step[:, None])
+        (faster, _), (slower, _) = (wake.balanced(speed + move, flow) for move in (step, -step))
+        by_speed = (faster - slower) / (2.0 * step[:, None])
         places, answers = rest.shape[1] // 4, 0.0
         for part in (0, 1):  # the axial velocity, the tangential one
             moved = []
@@ -73,7 +73,7 @@ class Loop:
                 moved.append(plant.station_torques(speed, flow, state))
             by_wake = np.subtract(*moved) / (2.0 * MOVE * flow[:, None])
             answers = answers + by_wake * by_speed[:, part * places : (part + 1) * places]
-        slow, fast = wake.times(flow, rest[:, 2 * places :])
+        slow, fast = wake.times(flow, at_place)
         if isinstance(controller, FeedbackTorque):
             slopes = controller.law.slopes(speed, flow, controller.gains, *states)
             law = np.moveaxis(slopes, -1, 0)

@@ -111,9 +111,7 @@ class SimulatedDesign:
         run, wake = self.simulation, self.plant.wake
         if wake is None:
             return None
-        slowest = SLOWEST_RATIO * run.inflow_speed / self.plant.blade.rotor_radius
-        speed = np.maximum(run.rotor_speed, slowest)
-        return wake.sections(speed, run.inflow_speed, run.wake_at(run.time))
+        return wake.sections(run.rotor_speed, run.inflow_speed, run.wake_at(run.time))
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
