@@ -64,58 +64,55 @@ class Passing:
         return cls(time - edges[0], (half * weights).ravel(), *flow)
 
 
-def certificate(
-    best, passing, density, rotor_radius, law=None, torque_limit=None, friction=LOSSLESS.friction
-):
-    """Return an upper bound (J) on the captured energy of every blade and gain.
+class Certificate:
+    """Upper bounds on the captured energy, J, of every blade of a family in a passing flow.
 
-    best is the family's `BestPower`; law is a `FeedbackLaw` with one gain, or None: open loop, with
-    a torque between zero and torque_limit (N*m; None: no limit). The bound holds at tip speed
-    ratios within those of `best` and, under feedback, for gains within a factor `WIDEST` of the one
-    that is best in steady flow. friction (N*m) is a function of the rotor speed (rad/s).
+    best is the family's `BestPower`; friction (N*m) is a function of the rotor speed (rad/s). The
+    bounds hold at tip speed ratios within those of `best`. Powers are over the grid of flow speeds
+    (axis 0) and tip speed ratios (axis 1).
     """
-    scale = power_scale(density, rotor_radius, passing.speed)
-    if law is None and torque_limit is None:
-        return float(passing.weights @ scale * best.power.max())
-    table = _Table(best, passing, density, rotor_radius)
-    if law is None:
-        return table.energy(lambda speed: (torque_limit + friction(speed)) * speed, most=1.0)
-    place = np.argmax(best.power)
-    middle = np.cbrt(passing.weights @ passing.speed**3 / passing.weights.sum())
-    speed = best.tip_speed_ratio[place] * middle / rotor_radius
-    torque = power_scale(density, rotor_radius, middle) * best.power[place] / speed
-    held = max(torque - friction(speed), LEAST * torque)
-    fitted = law.fit(np.array([speed]), np.array([held]))
 
-    def braking(speed, gain):
-        return (law.torque(speed, np.atleast_1d(gain)) + friction(speed)) * speed
-
-    def at(gain):
-        return table.energy(lambda speed: braking(speed, gain))
-
-    gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
-    found = np.array([at(gain) for gain in gains])
-    for _ in range(REFINEMENTS):
-        peak = int(np.argmax(found))
-        around = gains[max(peak - 1, 0) : peak + 2]
-        new = np.sqrt(around[1:] * around[:-1])
-        gains, order = np.unique(np.append(gains, new), return_index=True)
-        found = np.append(found, [at(gain) for gain in new])[order]
-    return float(found.max())
-
-
-class _Table:
-    """Powers over the grid of flow speeds (axis 0) and tip speed ratios (axis 1)."""
-
-    def __init__(self, best, passing, density, rotor_radius):
-        self.best, self.passing, self.density, self.radius = best, passing, density, rotor_radius
+    def __init__(self, best, passing, density, rotor_radius, friction=LOSSLESS.friction):
+        self.best, self.passing, self.friction = best, passing, friction
+        self.density, self.radius = density, rotor_radius
         low, high = passing.speed.min(), passing.speed.max()
         margin = 1e-3 * high
         self.flow = np.linspace(low - margin, high + margin, SPEEDS)
         self.rotor_speed = best.tip_speed_ratio * self.flow[:, None] / rotor_radius
         self.scale = power_scale(density, rotor_radius, self.flow)[:, None]
 
-    def energy(self, generated, most=MOST):
+    def of_limit(self, torque_limit):
+        """Return the bound for any torque between zero and a limit, N*m."""
+        return self._energy(lambda speed: (torque_limit + self.friction(speed)) * speed, most=1.0)
+
+    def of_law(self, law):
+        """Return the bound for a `FeedbackLaw` with one gain.
+
+        For gains within a factor `WIDEST` of the one that is best in steady flow.
+        """
+        best, passing = self.best, self.passing
+        place = np.argmax(best.power)
+        middle = np.cbrt(passing.weights @ passing.speed**3 / passing.weights.sum())
+        speed = best.tip_speed_ratio[place] * middle / self.radius
+        torque = power_scale(self.density, self.radius, middle) * best.power[place] / speed
+        held = max(torque - self.friction(speed), LEAST * torque)
+        fitted = law.fit(np.array([speed]), np.array([held]))
+
+        def at(gain):
+            gain = np.atleast_1d(gain)
+            return self._energy(lambda w: (law.torque(w, gain) + self.friction(w)) * w)
+
+        gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
+        found = np.array([at(gain) for gain in gains])
+        for _ in range(REFINEMENTS):
+            peak = int(np.argmax(found))
+            around = gains[max(peak - 1, 0) : peak + 2]
+            new = np.sqrt(around[1:] * around[:-1])
+            gains, order = np.unique(np.append(gains, new), return_index=True)
+            found = np.append(found, [at(gain) for gain in new])[order]
+        return float(found.max())
+
+    def _energy(self, generated, most=MOST):
         """Return the bound, J, from the generator power u w (W), a function of the rotor speed.
 
         `most` is the largest multiplier: 1 if the torque may be lower, because a larger one gains
@@ -134,24 +131,20 @@ class _Table:
         # convex in the rate of the flow: chords between none and the extremes lie above
         flow = np.interp(np.arange(2 * SPEEDS - 1) / 2.0, np.arange(SPEEDS), self.flow)
         steepest = np.abs(passing.rate).max() + 1e-12
+
+        def supremum(flow, theta, rate):
+            return self._supremum(generated, flow, theta, rate, balanced, mean)
+
         down, level, up = (
-            between(
-                flow,
-                self._supremum(generated, flow, theta(flow), rate * theta(flow, 1), balanced, mean),
-                passing.speed[inner],
-            )
-            for rate in (-steepest, 0.0, steepest)
+            between(flow, supremum(flow, theta(flow), x * theta(flow, 1)), passing.speed[inner])
+            for x in (-steepest, 0.0, steepest)
         )
         share = passing.rate[inner] / steepest
-        bound = (
-            level + np.maximum(share, 0.0) * (up - level) + np.maximum(-share, 0.0) * (down - level)
-        )
-        power = np.empty(time.size)
-        power[inner] = bound * power_scale(self.density, self.radius, passing.speed[inner])
-        outer, flow = ~inner, passing.speed[~inner]
-        power[outer] = power_scale(self.density, self.radius, flow) * self._supremum(
-            generated, flow, 1.0 + ramp[outer] * excess[outer], rate[outer], balanced, mean
-        )
+        rising, falling = np.maximum(share, 0.0), np.maximum(-share, 0.0)
+        power, outer = power_scale(self.density, self.radius, passing.speed), ~inner
+        power[inner] *= level + rising * (up - level) + falling * (down - level)
+        about = passing.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer]
+        power[outer] *= supremum(*about)
         return float(passing.weights @ power)
 
     def _supremum(self, generated, flow, theta, rate, balanced, mean):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.dynamics.certificate import Passing, certificate
+from hkt_mdo.dynamics.certificate import Certificate, Passing
 from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.simulation import Plant, simulate
 from hkt_mdo.problem.physics import physics
@@ -48,7 +48,7 @@ def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
     optimum, bound, _ = _certified(world)
     passing = Passing.of(world.inflow, np.linspace(0.0, 60.0, 61))
     best, radius = _best_power(world, optimum), world.blade.rotor_radius
-    found = certificate(best, passing, world.density, radius, QuadraticFeedback())
+    found = Certificate(best, passing, world.density, radius).of_law(QuadraticFeedback())
     assert found == pytest.approx(bound, rel=2e-5)
 
 
@@ -86,7 +86,8 @@ def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_tha
     optimum, bound, certified = _certified(world)
     passing = Passing.of(world.inflow, np.linspace(0.0, 60.0, 61))
     light = replace(_best_power(world, optimum), inertia=(0.0, 0.0))
-    decoupled = certificate(light, passing, world.density, world.blade.rotor_radius, None, 300.0)
+    radius = world.blade.rotor_radius
+    decoupled = Certificate(light, passing, world.density, radius).of_limit(300.0)
     simulated = _simulated(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)
     assert decoupled < simulated <= certified <= bound
 
