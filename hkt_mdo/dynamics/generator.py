@@ -5,7 +5,7 @@ Speeds are those of the rotor's shaft: a gearbox is part of the generator.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +13,6 @@ from pydantic import model_validator
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
-from hkt_mdo.files.table import file_state
 from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
 
 _LOSSES = {
@@ -148,7 +147,7 @@ class Generator(Section):
     @cached_property
     def _surface(self) -> _Surface:
         """The contents of the table's file, read once."""
-        return _read(str(self.table), file_state(str(self.table)))
+        return _Surface(str(self.table))
 
 
 LOSSLESS = Generator()
@@ -189,8 +188,3 @@ class _Surface:
             float(np.max(np.maximum(nodes[0] - x, x - nodes[-1]))) / (nodes[-1] - nodes[0])
             for nodes, x in zip((s.nodes for s in self._splines), (torque, speed), strict=True)
         )
-
-
-@lru_cache(maxsize=2)
-def _read(path: str, state: object) -> _Surface:
-    return _Surface(path)

@@ -368,16 +368,12 @@ class DistributionResource(Resource):
     shape: Annotated[float, Quantity(gt=0.1, le=100)]
     """Shape: Weibull's exponent, or the standard deviation of the lognormal speed's logarithm."""
 
-    @cached_property
-    def _distribution(self):
+    def occurrence(self):
+        """Return the speeds at Gauss's points of every bin."""
         from scipy import stats
 
         family = {"weibull": "weibull_min", "lognormal": "lognorm", "gamma": "gamma"}[self.family]
-        return getattr(stats, family)(self.shape, scale=self.scale)
-
-    def occurrence(self):
-        """Return the speeds at Gauss's points of every bin."""
-        known = self._distribution
+        known = getattr(stats, family)(self.shape, scale=self.scale)
         count = int(np.ceil(known.ppf(1.0 - TAIL) / self.bin_width))
         if count > MOST_SPEEDS:
             problem = f"needs {count} bins of resource.bin_width"

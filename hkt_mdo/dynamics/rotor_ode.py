@@ -6,7 +6,7 @@ import openmdao.api as om
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import Law, OpenLoop
-from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW
+from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.components import refuse_complex_step
 from hkt_mdo.rotor.reynolds import polar_in_flow
@@ -234,8 +234,7 @@ class RememberingComp(_NodeComp):
     both ratios (`Band`, docs/studies/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the
     axial induction in equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
 
-    Inputs are those of `needs` and the tables of `band`, over both ratios. `tau1` is in s, None: by
-    the induction; `share` is tau2 over tau1.
+    Inputs are those of `needs` and the tables of `band`, over both ratios.
     """
 
     _AT = ("rotor_speed", "inflow_speed", "rotor_radius")
@@ -287,13 +286,9 @@ class RememberingComp(_NodeComp):
         coefficient = read("coefficient", coefficient)
         torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
         steady = inflow_speed * read("steady", band.spline.values(of_induction, ratio)[0])
-        slow = self.tau1
-        if slow is None:
-            place = band.spline.values(tables["place_induction_table"], ratio)[0]
-            place = read("place", place)
-            kept = 1.0 - 1.3 * np.where(place.real < MOST_INDUCTION, place, MOST_INDUCTION)
-            slow = SLOW * rotor_radius / (kept * inflow_speed)
-        fast = self.share * slow
+        place = read("place", band.spline.values(tables["place_induction_table"], ratio)[0])
+        slow = slow_time(self.tau1, place, rotor_radius, inflow_speed)
+        fast = band.share * slow
         held = reduced_velocity + AT_ONCE * steady
         return {
             "tip_speed_ratio": ratio,

@@ -18,7 +18,7 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.band import Band, place_shares
+from hkt_mdo.rotor.band import Band, fast_share, place_shares
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
 
@@ -34,16 +34,21 @@ FINER = 4
 """Intervals of `MeanWake`'s table in one of the optimization's."""
 
 
-def fast_share(places):
-    """Return the fast filter's time constant over the slow one's, at radii over the tip's."""
-    return 0.39 - 0.26 * places**2
+def slow_time(tau1, induction, radius, flow):
+    """Return the slow filter's time constant, s: tau1, or if it is None that by the induction.
+
+    That is 1.1 R / ((1 - 1.3 a) V), a the axial induction at 0.7 R in equilibrium; it, the radius R
+    of the disc (m) and the flow's speed V (m/s) may be complex.
+    """
+    if tau1 is not None:
+        return tau1
+    kept = 1.0 - 1.3 * np.where(np.real(induction) < MOST_INDUCTION, induction, MOST_INDUCTION)
+    return SLOW * radius / (kept * flow)
 
 
 @dataclass(frozen=True, eq=False)
 class Wake:
-    """The filters of a blade's wake; tau1 (s) is the time constant of the slow ones.
-
-    Without tau1 it is 1.1 R / ((1 - 1.3 a) V), a the axial induction at 0.7 R in equilibrium.
+    """The filters of a blade's wake; tau1 is that of `slow_time`.
 
     The state of the filters is an array (..., 4 n_stations): x, then z of the module's equations,
     each of the axial velocity against the flow and then of the tangential one, with the rotation of
@@ -87,12 +92,9 @@ class Wake:
 
         at_place is the axial velocity that is induced in equilibrium at 0.7 R, m/s, (n_points,).
         """
-        if self.tau1 is not None:
-            slow = np.full((flow.size, 1), self.tau1)
-        else:
-            induction = at_place / (flow * np.cos(self.blade.cone))
-            kept = 1.0 - 1.3 * np.minimum(induction, MOST_INDUCTION)
-            slow = (SLOW * self.blade.rotor_radius / (kept * flow))[:, None]
+        induction = at_place / (flow * np.cos(self.blade.cone))
+        slow = slow_time(self.tau1, induction, self.blade.rotor_radius, flow)
+        slow = np.broadcast_to(slow, flow.shape)[:, None]
         return slow, self.share * slow
 
     def rates(self, filters, flow, balanced):
@@ -127,10 +129,9 @@ class MeanWake(Wake):
 
     band: Band = None  # type: ignore[assignment]
 
-    @cached_property
+    @property
     def share(self):
-        """Time constant of the fast filter over that of the slow one, the mean of all stations."""
-        return float(self.band.weights @ fast_share(self.blade.r / self.blade.tip_radius))
+        return self.band.share
 
     @cached_property
     def _table(self):
@@ -144,10 +145,9 @@ class MeanWake(Wake):
 
     def balanced(self, speed, flow):
         """Return the mean velocity in equilibrium, (n_points, 1), and that at 0.7 R, m/s."""
-        found, _ = super().balanced(speed, flow)
-        found = found[:, : self.blade.r.size]
-        mean = found @ self.band.weights / np.cos(self.blade.cone)
-        return mean[:, None], found @ self.band.places
+        found, at_place = super().balanced(speed, flow)
+        mean = found[:, : self.blade.r.size] @ self.band.weights / np.cos(self.blade.cone)
+        return mean[:, None], at_place
 
     def sections(self, speed, flow, filters):
         band, table = self._table

@@ -131,8 +131,7 @@ class OperationGroup(om.Group):
         names = ["density", "inertia", "rotor_radius"]
         remembers = physics.remembers and not scenario.steady
         if remembers:
-            tau1 = physics.case.inflow_dynamics.tau1
-            options = {"band": self._band, "tau1": tau1, "share": self._follower.share}
+            options = {"band": self._band, "tau1": physics.case.inflow_dynamics.tau1}
         elif physics.has_curve:
             options = {"spline": TorqueSpline(setup.nodes)}
         else:
