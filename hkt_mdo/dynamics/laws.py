@@ -62,6 +62,7 @@ class Law(Section):
     """Whether the flow speed that a law with states uses is estimated from speed and torque."""
     simpler: ClassVar[Law | None] = None
     """A law of fewer gains, from whose optimum under limits the search for a start begins."""
+    _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
     @property
     def is_static(self) -> bool:
@@ -71,6 +72,12 @@ class Law(Section):
     def with_torque_limit(self, limit: float | None) -> Self:
         """Return the same law with another limit of the torque, N*m; None: none."""
         return self.model_copy(update={"torque_limit": limit})
+
+    def applied(self, factor: float) -> Self:
+        """Return the same law; the torque on the rotor is that of the law times a factor."""
+        law = self.model_copy()
+        law._applied = factor
+        return law
 
     def in_flow(self, slowest: float, fastest: float) -> Law:
         """Return this law for a design flow between two speeds, m/s; most laws are unchanged."""
@@ -131,7 +138,6 @@ class FeedbackLaw(Law):
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation at the torque limit (paper, eq. 4)."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
-    _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
     def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
@@ -146,12 +152,6 @@ class FeedbackLaw(Law):
         if self.torque_limit is not None:
             demand = smooth_saturation(demand, self.torque_limit, self.smoothing)
         return self._applied * demand
-
-    def applied(self, factor: float) -> Self:
-        """Return the same law; the torque on the rotor is that of the law times a factor."""
-        law = self.model_copy()
-        law._applied = factor
-        return law
 
     def fit(self, speed, torque):
         """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).

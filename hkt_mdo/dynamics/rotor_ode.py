@@ -13,16 +13,13 @@ from hkt_mdo.rotor.reynolds import polar_in_flow
 from hkt_mdo.rotor.scales import torque_scale
 
 _INNER = {
-    "rotor_acceleration": {"units": "rad/s**2", "desc": "rate of the rotor's angular speed"},
-    "torque_coefficient": {"units": None, "desc": "Q / (0.5 rho V^2 pi R^3)"},
-    "torque_coefficient_table": {
-        "units": None,
-        "desc": "torque coefficient at the nodes of the curve",
-    },
-    "wake_ratio": {"units": None, "desc": "tip speed ratio of the wake"},
-    "wake_factor": {"units": None, "desc": "tip speed ratio of the rotor over that of the wake"},
+    "rotor_acceleration": ("rad/s**2", "rate of the rotor's angular speed"),
+    "torque_coefficient": (None, "Q / (0.5 rho V^2 pi R^3)"),
+    "torque_coefficient_table": (None, "torque coefficient at the nodes of the curve"),
+    "wake_ratio": (None, "tip speed ratio of the wake"),
+    "wake_factor": (None, "tip speed ratio of the rotor over that of the wake"),
 }
-"""Units and description of what the equation has besides the quantities of the registry."""
+"""Unit and description of what the equation has besides the quantities of the registry."""
 
 WAKE_STATES = {
     "reduced_velocity": ("m/s", "state of the slow filter of the wake's mean axial velocity"),
@@ -104,10 +101,10 @@ class _NodeComp(om.ExplicitComponent):
             self.add_output(name, shape=shape, **self._meta(name))
 
     def _meta(self, name):
-        state = name.removesuffix("_rate")
-        if state not in self.states:
-            return _INNER[name] if name in _INNER else QUANTITIES[name].meta
-        unit, text = self.states[state]
+        state, known = name.removesuffix("_rate"), _INNER | self.states
+        if state not in known:
+            return QUANTITIES[name].meta
+        unit, text = known[state]
         return {"units": unit if name == state else f"{unit}/s", "desc": text}
 
     def _add_fixed(self, name, val=1.0):

@@ -11,7 +11,7 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
 from hkt_mdo.problem.scenario import Scenario
@@ -62,7 +62,7 @@ class Physics:
 
     def law_in(self, scenario: Scenario) -> Law:
         """Return the control law with the torque constant that the generator has in a scenario."""
-        if scenario.condition is None or not isinstance(self.law, FeedbackLaw):
+        if scenario.condition is None:
             return self.law
         return self.law.applied(scenario.condition.torque_constant)
 

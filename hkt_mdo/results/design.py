@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import steady_plant
@@ -93,7 +93,7 @@ class Design:
             blade,
             polars,
             turbine.outlines,
-            world.law.applied(1.0) if isinstance(world.law, FeedbackLaw) else world.law,
+            world.law.applied(1.0),
             gains,
             world.mass_and_inertia(blade)[1],
             turbine._replace(blade=blade, polar=polars),
