@@ -24,13 +24,10 @@ class FlowEstimate:
 
     def __init__(self, plant: Plant) -> None:
         if isinstance(plant.polar, LocalReynolds):
-            raise InputError(
-                "needs a single torque curve, which a rotor with local Reynolds numbers does not "
-                "have",
-                "use flow: sensed, or rotor.reynolds: invariant",
-                key="control.flow",
-                value="estimated",
-            )
+            problem = "needs a single torque curve, which a rotor with local Reynolds numbers "
+            remedy = "use flow: sensed, or rotor.reynolds: invariant"
+            place = {"key": "control.flow", "value": "estimated"}
+            raise InputError(f"{problem}does not have", remedy, **place)
         self.plant = plant
 
     @cached_property

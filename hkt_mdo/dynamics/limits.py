@@ -331,22 +331,13 @@ class DistanceFromStall(Limit):
         """Also the states of the law."""
         return super().series | self.law.states
 
-    def value(
-        self,
-        rotor_speed,
-        inflow_speed,
-        torque_coefficient_table,
-        density,
-        rotor_radius,
-        gains,
-        **states,
-    ):
+    def value(self, rotor_speed, inflow_speed, density, rotor_radius, gains, **others):
+        table, *states = (others[x] for x in ("torque_coefficient_table", *self.law.states))
         unit = torque_scale(density, rotor_radius, inflow_speed)
 
         def net(speed):
-            ratio = speed * rotor_radius / inflow_speed
-            driving, _ = self.spline.values(torque_coefficient_table, ratio)
-            return unit * driving - self.law.torque(speed, gains, *states.values())
+            driving, _ = self.spline.values(table, speed * rotor_radius / inflow_speed)
+            return unit * driving - self.law.torque(speed, gains, *states)
 
         recovery = net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed)
         return recovery - self.least * TYPICAL * unit

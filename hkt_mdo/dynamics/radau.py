@@ -52,6 +52,7 @@ def through(edges: np.ndarray, places: np.ndarray, values: np.ndarray) -> PPoly:
 
 def divided(edges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """Return the edges of pieces that are each divided into a number of equal parts."""
+    parts = parts.astype(int)
     number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
     left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
     return np.append(left, edges[-1])

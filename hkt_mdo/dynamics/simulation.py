@@ -15,22 +15,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.optimize import brentq
 
+from hkt_mdo.dynamics import radau
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.dynamics.radau import (
-    ERROR,
-    MATRIX,
-    NODES,
-    STAGES,
-    Slopes,
-    StageSystem,
-    divided,
-    magnitudes,
-    solve_stages,
-    through,
-)
 from hkt_mdo.dynamics.wake import SLOWEST_RATIO, MeanWake, Wake
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
@@ -158,14 +147,14 @@ class RecordedTorque:
         nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
         place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
-        self.unlimited = through(self.ends, place, values)
+        self.unlimited = radau.through(self.ends, place, values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
         self.unlimited_rate = self.unlimited.derivative()
         """Its rate, N*m/s."""
         self.limit = np.inf if limit is None else limit
         self.stiffness = stiffness
         if stiffness:
-            self._held = through(self.ends, place, np.reshape(speed, nodes.shape))
+            self._held = radau.through(self.ends, place, np.reshape(speed, nodes.shape))
             self._held_rate = self._held.derivative()
 
     @classmethod
@@ -450,7 +439,7 @@ class _Motion:
         inside = ends[(ends > begin + near) & (ends < end - near)]
         inside = inside[np.diff(inside, prepend=begin) > near]
         ends = np.concatenate(([begin], inside, [end]))
-        return divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
+        return radau.divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1.0))
 
     def _graded(self, edges, last):
         """Let steps of a wake with memory grow from the last one, s, after which it may still run.
@@ -461,21 +450,21 @@ class _Motion:
         if last is None or self.plant.wake is None:
             return edges
         longest = GROWTH * last + 0.5 * (edges[:-1] - edges[0])
-        parts = np.ceil(np.diff(edges) / longest - 1e-6).astype(int)
-        return divided(edges, np.clip(parts, 1, 64))
+        parts = np.ceil(np.diff(edges) / longest - 1e-6)
+        return radau.divided(edges, np.clip(parts, 1, 64))
 
     def _divided_by_flow(self, edges):
         """Halve the steps in which the flow is no polynomial through the nodes."""
         for _ in range(20):
             step = np.diff(edges)[:, None]
-            nodes = self.inflow.speed_at(edges[:-1, None] + step * NODES)
+            nodes = self.inflow.speed_at(edges[:-1, None] + step * radau.NODES)
             places = edges[:-1, None] + step * (np.arange(PROBES) + 0.5) / PROBES
             probes = self.inflow.speed_at(places)
-            off = np.max(np.abs(through(edges, NODES, nodes)(places) - probes), axis=1)
+            off = np.max(np.abs(radau.through(edges, radau.NODES, nodes)(places) - probes), axis=1)
             coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
             if not np.any(coarse):
                 break
-            edges = divided(edges, 1 + coarse)
+            edges = radau.divided(edges, 1 + coarse)
         return edges
 
     def torques(self, time, flow, values):
@@ -517,7 +506,7 @@ class _Motion:
 
     def _slope(self, time, flow, values, driving, rates):
         """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        size, n = magnitudes(values[..., : self.dense]), self.dense
+        size, n = radau.magnitudes(values[..., : self.dense]), self.dense
         found = np.empty((*flow.shape, n, n))
         for i in range(n):
             step = 1e-6 * size[..., i]
@@ -539,10 +528,11 @@ class _Motion:
         """
         dense = self._slope(time, flow, values, known[0], rates)
         if self.plant.wake is None:
-            slopes = Slopes.without_chains(dense)
+            slopes = radau.Slopes.without_chains(dense)
         else:
-            slopes = Slopes(dense, *self._wake_slopes(flow, values, rates, known))
-        return StageSystem(step, slopes) if all(np.all(np.isfinite(x)) for x in slopes) else None
+            slopes = radau.Slopes(dense, *self._wake_slopes(flow, values, rates, known))
+        finite = all(np.all(np.isfinite(each)) for each in slopes)
+        return radau.StageSystem(step, slopes) if finite else None
 
     def _wake_slopes(self, flow, values, rates, known):
         """Return the slopes of `Slopes` that involve filters, by differences."""
@@ -581,7 +571,7 @@ class _Motion:
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it
-            time = edges[:-1, None] + step * np.minimum(NODES, 1.0 - 1e-12)
+            time = edges[:-1, None] + step * np.minimum(radau.NODES, 1.0 - 1e-12)
             flow = self.inflow.speed_at(time)
             if not np.all(flow > 0.0):
                 return None
@@ -594,18 +584,18 @@ class _Motion:
             rates_at = partial(self._rates, time[:, 1:], flow[:, 1:])
             system_at = partial(self._system, step, time[:, 1:], flow[:, 1:])
             about = start, step, guess[:, 1:], self.dense, enough
-            found = solve_stages(rates_at, system_at, *about)
+            found = radau.solve_stages(rates_at, system_at, *about)
             if found is None:
                 return None
             stages, system, (driving, control, _) = found
             begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
             rates, (first, *_) = self._rates(time[:, :1], flow[:, :1], begin)
             values = np.concatenate((begin, stages), axis=1)
-            path = through(edges, NODES, values)
+            path = radau.through(edges, radau.NODES, values)
             errors = np.abs(system.errors(begin, stages, rates[:, 0]))
-            errors = np.max(errors / magnitudes(stages, self.dense)[:, -1], axis=1)
+            errors = np.max(errors / radau.magnitudes(stages, self.dense)[:, -1], axis=1)
             power = np.hstack((first, driving)) * values[..., 0]
-            share = np.abs(step[:, 0] * (power @ ERROR)) / unit
+            share = np.abs(step[:, 0] * (power @ radau.ERROR)) / unit
             share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
                 turning = stages[..., 0]
@@ -613,9 +603,9 @@ class _Motion:
                 electrical = generator.electrical_power(control, turning)
                 lost = generator.friction(turning) * turning
                 powers = driving * turning, control * turning, electrical, lost
-                return path, np.array([np.sum(step * MATRIX[-1] * each) for each in powers])
-            parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
-            edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
+                return path, np.array([np.sum(step * radau.MATRIX[-1] * each) for each in powers])
+            parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (radau.STAGES + 1))), nan=8.0)
+            edges = radau.divided(edges, np.where(share <= 1.0, 1.0, np.clip(parts, 2.0, 8.0)))
         return False
 
     def _standstill(self, path):
