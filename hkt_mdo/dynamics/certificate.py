@@ -39,43 +39,27 @@ class BestPower:
     inertia: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Passing:
-    """A flow at quadrature points of time: time and weights (s), speed (m/s), rate (m/s²)."""
+class Certificate:
+    """Upper bounds on the captured energy, J, of every blade of a family in a passing inflow.
 
-    time: np.ndarray
-    weights: np.ndarray
-    speed: np.ndarray
-    rate: np.ndarray
+    best is the family's `BestPower`; friction (N*m) is a function of the rotor speed (rad/s). The
+    bounds hold at tip speed ratios within those of `best`. The flow is sampled by Gauss's rule,
+    four points in segments with rising edges (s), which resolve it, and in the ramps at both ends:
+    time (s, since the first edge), weights (s), speed (m/s) and rate (m/s²). Powers are over a grid
+    of flow speeds (axis 0) and tip speed ratios (axis 1).
+    """
 
-    @classmethod
-    def of(cls, inflow, edges):
-        """Sample an inflow by Gauss's rule, four points in segments with rising edges, s.
-
-        The ramps at both ends are segments of their own. The segments resolve the flow. Times are
-        those since the first edge.
-        """
+    def __init__(self, best, inflow, edges, density, rotor_radius, friction=LOSSLESS.friction):
+        self.best, self.friction = best, friction
+        self.density, self.radius = density, rotor_radius
         ends = np.array([0.0, 0.5 * RAMP, RAMP])
         edges = np.union1d(np.union1d(edges, edges[0] + ends), edges[-1] - ends)
         places, weights = np.polynomial.legendre.leggauss(4)
         half = 0.5 * np.diff(edges)[:, None]
         time = ((edges[:-1, None] + half) + half * places).ravel()
-        flow = inflow.speed_at(time), inflow.rate_at(time)
-        return cls(time - edges[0], (half * weights).ravel(), *flow)
-
-
-class Certificate:
-    """Upper bounds on the captured energy, J, of every blade of a family in a passing flow.
-
-    best is the family's `BestPower`; friction (N*m) is a function of the rotor speed (rad/s). The
-    bounds hold at tip speed ratios within those of `best`. Powers are over the grid of flow speeds
-    (axis 0) and tip speed ratios (axis 1).
-    """
-
-    def __init__(self, best, passing, density, rotor_radius, friction=LOSSLESS.friction):
-        self.best, self.passing, self.friction = best, passing, friction
-        self.density, self.radius = density, rotor_radius
-        low, high = passing.speed.min(), passing.speed.max()
+        self.time, self.weights = time - edges[0], (half * weights).ravel()
+        self.speed, self.rate = inflow.speed_at(time), inflow.rate_at(time)
+        low, high = self.speed.min(), self.speed.max()
         margin = 1e-3 * high
         self.flow = np.linspace(low - margin, high + margin, SPEEDS)
         self.rotor_speed = best.tip_speed_ratio * self.flow[:, None] / rotor_radius
@@ -90,11 +74,10 @@ class Certificate:
 
         For gains within a factor `WIDEST` of the one that is best in steady flow.
         """
-        best, passing = self.best, self.passing
-        place = np.argmax(best.power)
-        middle = np.cbrt(passing.weights @ passing.speed**3 / passing.weights.sum())
-        speed = best.tip_speed_ratio[place] * middle / self.radius
-        torque = power_scale(self.density, self.radius, middle) * best.power[place] / speed
+        place = np.argmax(self.best.power)
+        middle = np.cbrt(self.weights @ self.speed**3 / self.weights.sum())
+        speed = self.best.tip_speed_ratio[place] * middle / self.radius
+        torque = power_scale(self.density, self.radius, middle) * self.best.power[place] / speed
         held = max(torque - self.friction(speed), LEAST * torque)
         fitted = law.fit(np.array([speed]), np.array([held]))
 
@@ -121,31 +104,31 @@ class Certificate:
         braking = generated(self.rotor_speed) / self.scale
         multiplier, speed = self._multiplier(braking, most)
         theta, balanced = (PchipInterpolator(self.flow, each) for each in (multiplier, speed))
-        passing, time = self.passing, self.passing.time
+        time = self.time
         duration = time[0] + time[-1]
         ramp, ramp_rate = _ramp(time, duration)
-        excess = theta(passing.speed) - 1.0
-        rate = ramp * theta(passing.speed, 1) * passing.rate + ramp_rate * excess
-        mean = 0.5 * passing.weights @ (rate * balanced(passing.speed) ** 2) / duration
+        excess = theta(self.speed) - 1.0
+        rate = ramp * theta(self.speed, 1) * self.rate + ramp_rate * excess
+        mean = 0.5 * self.weights @ (rate * balanced(self.speed) ** 2) / duration
         inner = (time > RAMP) & (time < duration - RAMP)
         # convex in the rate of the flow: chords between none and the extremes lie above
         flow = np.interp(np.arange(2 * SPEEDS - 1) / 2.0, np.arange(SPEEDS), self.flow)
-        steepest = np.abs(passing.rate).max() + 1e-12
+        steepest = np.abs(self.rate).max() + 1e-12
 
         def supremum(flow, theta, rate):
             return self._supremum(generated, flow, theta, rate, balanced, mean)
 
         down, level, up = (
-            between(flow, supremum(flow, theta(flow), x * theta(flow, 1)), passing.speed[inner])
+            between(flow, supremum(flow, theta(flow), x * theta(flow, 1)), self.speed[inner])
             for x in (-steepest, 0.0, steepest)
         )
-        share = passing.rate[inner] / steepest
+        share = self.rate[inner] / steepest
         rising, falling = np.maximum(share, 0.0), np.maximum(-share, 0.0)
-        power, outer = power_scale(self.density, self.radius, passing.speed), ~inner
+        power, outer = power_scale(self.density, self.radius, self.speed), ~inner
         power[inner] *= level + rising * (up - level) + falling * (down - level)
-        about = passing.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer]
+        about = self.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer]
         power[outer] *= supremum(*about)
-        return float(passing.weights @ power)
+        return float(self.weights @ power)
 
     def _supremum(self, generated, flow, theta, rate, balanced, mean):
         """Return the supremum of the integrand over power_scale at flow speeds."""

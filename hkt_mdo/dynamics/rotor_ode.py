@@ -372,19 +372,14 @@ class ShaftComp(_NodeComp):
     @property
     def needs(self):
         """Inputs of the balance, and of the power, which needs the generator's torque."""
+        rubbing = ("rotor_speed",) if self.generator.rubs else ()
         if self.inverse:
             torque = ("hydrodynamic_torque", "rotor_acceleration", "inertia")
-            power, torque = ("rotor_speed", *torque), (*self._rubbing, *torque)
-            found = {"control_torque": torque}
+            found, power = {"control_torque": (*rubbing, *torque)}, ("rotor_speed", *torque)
         else:
-            torque = (*self._rubbing, "hydrodynamic_torque", "control_torque", "inertia")
+            torque = (*rubbing, "hydrodynamic_torque", "control_torque", "inertia")
             found, power = {"rotor_acceleration": torque}, ("rotor_speed", "control_torque")
         return found | {"generator_power": power, "electrical_power": power}
-
-    @property
-    def _rubbing(self):
-        """The inputs on which the friction depends."""
-        return ("rotor_speed",) if self.generator.rubs else ()
 
     def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
         (given,) = given.values()

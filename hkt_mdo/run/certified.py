@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.certificate import RAMP, BestPower, Certificate, Passing, between, peak
+from hkt_mdo.dynamics.certificate import RAMP, BestPower, Certificate, between, peak
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor import bem
@@ -48,9 +48,8 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     def at(inertia):
         total, family = 0.0, replace(best, inertia=inertia)
         for scenario in physics.scenarios:
-            passing = Passing.of(scenario.inflow, scenario.edges)
-            about = physics.density, shape.blade.rotor_radius, friction
-            certificate = Certificate(family, passing, *about)
+            about = scenario.inflow, scenario.edges, physics.density, shape.blade.rotor_radius
+            certificate = Certificate(family, *about, friction)
             # the torque of a law under a limit lies between zero and the limit
             found = [certificate.of_limit(limit)] if limit is not None else []
             if known is not None:
