@@ -145,13 +145,11 @@ class Certificate:
         power = self.best.power
         low, high = np.full(SPEEDS, 1e-3), np.full(SPEEDS, 2.0 * most)
         rows = np.arange(SPEEDS)
-        for _ in range(BISECTIONS):
+        for _ in range(BISECTIONS + 1):
             theta = np.minimum(0.5 * (low + high), most)
             place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
             rising = power[place] > braking[rows, place]
             low, high = np.where(rising, low, theta), np.where(rising, theta, high)
-        theta = np.minimum(0.5 * (low + high), most)
-        place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
         return theta, self.rotor_speed[rows, place]
 
 

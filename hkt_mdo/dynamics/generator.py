@@ -108,9 +108,7 @@ class Generator(Section):
         """
         if self.table is None:
             return
-        low, high = (
-            ratio * v / radius for ratio, v in zip(RATIOS, (slowest, fastest), strict=True)
-        )
+        low, high = RATIOS[0] * slowest / radius, RATIOS[1] * fastest / radius
         first, last = self._surface.speeds
         if first > high or last < low:
             problem = f"has speeds from {first:.4g} to {last:.4g} rad/s, and this rotor turns at "

@@ -302,9 +302,7 @@ class HistogramResource(Resource):
 
     profile: Literal["histogram"] = "histogram"
     """The kind of resource."""
-    speeds_of_bins: Annotated[tuple[_Speed, ...] | None, Field(alias="speeds", max_length=2000)] = (
-        None
-    )
+    speeds_of_bins: tuple[_Speed, ...] | None = Field(None, alias="speeds", max_length=2000)
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or numbers in proportion to them."""

@@ -155,10 +155,8 @@ class CurveFeedback(FeedbackLaw):
 
     @model_validator(mode="after")
     def _check_knots(self) -> CurveFeedback:
-        given = self.knot_speeds, self.knot_torques
-        for key, own, other in zip(
-            ("knot_speeds", "knot_torques"), given, given[::-1], strict=True
-        ):
+        keys, given = ("knot_speeds", "knot_torques"), (self.knot_speeds, self.knot_torques)
+        for key, own, other in zip(keys, given, given[::-1], strict=True):
             if own is None and other is not None:
                 problem, remedy = "is missing", "give knot_speeds and knot_torques, or neither"
                 raise refusal(problem, remedy, key=key, value=None)
