@@ -212,20 +212,6 @@ class FeedbackTorque:
         moved = (x + 1j * STEP * rate for x, rate in zip(states, rates, strict=True))
         return np.imag(self(time, speed + 1j * STEP * acceleration, *moved)) / STEP
 
-    def linearized(self, plant, speed, flow, *states):
-        """Return the matrix of the motion linearized at points of shape (n,), [n, rate, value].
-
-        Rates and values are those of the rotor's speed, then of the law's states, while the flow
-        (m/s) keeps its speed; the slope of the flow's torque is by differences of direct BEM, with
-        the wake in equilibrium.
-        """
-        slopes = self.law.slopes(speed, flow, self.gains, *states)
-        slopes[0] *= -1.0 / plant.inertia
-        quick = replace(plant, wake=None)
-        by_speed = quick.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
-        slopes[0, 0] += by_speed / plant.inertia
-        return np.moveaxis(slopes, -1, 0)
-
 
 @dataclass(frozen=True, eq=False)
 class Simulation:

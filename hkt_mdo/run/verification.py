@@ -29,6 +29,7 @@ from hkt_mdo.dynamics.simulation import (
     Start,
     simulate,
 )
+from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant, united
@@ -184,8 +185,8 @@ class Verification(SimulatedDesign):
     def growth(self) -> np.ndarray:
         """Growth of a small change of speed and states under feedback, 1/s."""
         run = self.simulation
-        known = self.plant, run.rotor_speed, run.inflow_speed, *run.states
-        return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
+        known = self.controller, run.rotor_speed, run.inflow_speed, *run.states
+        return Loop.of(replace(self.plant, wake=None), *known).frozen_growth
 
     @cached_property
     def net_torques(self) -> tuple[np.ndarray, np.ndarray]:
