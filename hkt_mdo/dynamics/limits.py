@@ -303,10 +303,10 @@ def settled(known):
 class DistanceFromStall(Limit):
     """A rotor under feedback recovers from a small loss of speed.
 
-    N((1 - slowed) w) - N(w) >= least, N = Q(w, v) - u(w): positive where the rotor keeps a distance
+    N((1 - SLOWED) w) - N(w) >= LEAST, N = Q(w, v) - u(w): positive where the rotor keeps a distance
     from stall, where stable and unstable equilibrium meet. Collocation does not distinguish them,
     so an optimizer would go to that edge and beyond. N(w) = J dw/dt is the acceleration due to
-    changes of the flow, which is not stall. `least` is a share of a typical torque, TYPICAL 0.5 rho
+    changes of the flow, which is not stall. `LEAST` is a share of a typical torque, TYPICAL 0.5 rho
     pi R³ v²: close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that
     of the torque curve. For a law with states, u is computed with the states held.
     """
@@ -317,8 +317,6 @@ class DistanceFromStall(Limit):
 
     law: Any
     spline: Any
-    slowed: float = SLOWED
-    least: float = LEAST
 
     @property
     def inputs(self):
@@ -339,8 +337,8 @@ class DistanceFromStall(Limit):
             driving, _ = self.spline.values(table, speed * rotor_radius / inflow_speed)
             return unit * driving - self.law.torque(speed, gains, *states)
 
-        recovery = net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed)
-        return recovery - self.least * TYPICAL * unit
+        recovery = net((1.0 - SLOWED) * rotor_speed) - net(rotor_speed)
+        return recovery - LEAST * TYPICAL * unit
 
     def partials(self, **quantities):
         arrays = "torque_coefficient_table", "gains"  # inputs by which derivatives are taken
@@ -348,7 +346,7 @@ class DistanceFromStall(Limit):
         found = {name: slope(self.value, quantities, name, name in self.series) for name in names}
         names = "rotor_speed", "inflow_speed", "rotor_radius", "density", "gains", *self.law.states
         speed, flow, radius, density, gains, *states = (quantities[name] for name in names)
-        slowed = (1.0 - self.slowed) * speed
+        slowed = (1.0 - SLOWED) * speed
         bases = self.spline.basis(slowed * radius / flow) - self.spline.basis(speed * radius / flow)
         found["torque_coefficient_table"] = torque_scale(density, radius, flow)[:, None] * bases
         here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
