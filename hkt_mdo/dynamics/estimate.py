@@ -34,8 +34,7 @@ class FlowEstimate:
     def ratio_of(self):
         """The tip speed ratio as a function of the torque coefficient over its square."""
         ratio = np.concatenate((np.arange(SLOWEST_RATIO, 4.0, 0.02), np.arange(4.0, 20.0, 0.01)))
-        plant = self.plant
-        share = plant.coefficients(plant.blade, plant.polar, ratio).torque / ratio**2
+        share = self.plant.coefficient(ratio) / ratio**2
         best = int(np.argmax(share * ratio**3))
         rising = np.flatnonzero(np.diff(share) >= 0.0)
         first, last = np.searchsorted(rising, best) + np.array([-1, 0])

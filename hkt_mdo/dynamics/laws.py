@@ -50,6 +50,8 @@ class Law(Section):
     """Flow speed above which the machine stands still, without energy and limits."""
     gain_units: ClassVar[tuple[str, ...]] = ()
     """Units of the gains, which are optimized."""
+    farthest: ClassVar[float] = np.inf
+    """Largest factor by which gains change in one optimization."""
     states: ClassVar[dict[str, tuple[str, str]]] = {}
     """Unit and description of each state of the controller, by its name."""
     is_feedback: ClassVar[bool] = False
@@ -96,7 +98,8 @@ class Law(Section):
 
         They are apart by a factor, at most `farthest` of a law. A gain with equal bounds is fixed.
         """
-        return np.stack((gains, gains))
+        factor = min(factor, self.farthest)
+        return np.sort((gains / factor, gains * factor), axis=0)
 
     def contains(self, other: Law) -> bool:
         """Tell whether another law is a special case of this one, with some of its gains."""
@@ -132,8 +135,6 @@ class FeedbackLaw(Law):
     """
 
     is_feedback: ClassVar[bool] = True
-    farthest: ClassVar[float] = np.inf
-    """Largest factor by which gains change in one optimization."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation at the torque limit (paper, eq. 4)."""
@@ -166,10 +167,6 @@ class FeedbackLaw(Law):
         # a term may be zero at all of these speeds
         alone = columns @ torque / np.maximum(np.sum(columns**2, axis=1), np.finfo(float).tiny)
         return lsq_linear(columns.T * alone, torque, (LEAST_TERM, np.inf)).x * alone
-
-    def moves(self, gains, factor):
-        factor = min(factor, self.farthest)
-        return np.sort((gains / factor, gains * factor), axis=0)
 
     def scaled_gains(self, gains, share):
         """Return gains whose torque is a share of that with other gains, if possible."""

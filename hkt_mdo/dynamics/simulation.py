@@ -61,18 +61,22 @@ class Plant:
         """Return the same rotor with the two filters of an optimization with its `Band`."""
         return replace(self, wake=MeanWake(self.blade, self.polar, self.wake.tau1, band))
 
+    def coefficient(self, ratio):
+        """Return the torque coefficient, of sections that do not depend on the Reynolds number."""
+        return self.coefficients(self.blade, self.polar, ratio).torque
+
     def tabulated(self, ratios):
         """Return the same rotor with the torque coefficient as a spline over tip speed ratios.
 
-        Without dynamic inflow, and of sections that do not depend on the Reynolds number. A
-        long integration evaluates the spline a hundred times faster than BEM.
+        And the spline. Without dynamic inflow, and of sections that do not depend on the Reynolds
+        number. A long integration evaluates the spline a hundred times faster than BEM.
         """
-        curve = CubicSpline(ratios, self.coefficients(self.blade, self.polar, ratios).torque)
+        curve = CubicSpline(ratios, self.coefficient(ratios))
 
         def coefficients(_blade, _polar, ratio, *_):
             return SimpleNamespace(torque=curve(np.minimum(ratio, ratios[-1])))
 
-        return replace(self, coefficients=coefficients)
+        return replace(self, coefficients=coefficients), curve
 
     def torque(self, speed, inflow_speed, filters=None):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).

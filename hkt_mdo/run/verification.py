@@ -328,7 +328,7 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
         rotor, law, mesh = physics.rotor_in(scenario), physics.law_in(scenario), scenario.mesh
         inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
         plant = plant_of(physics, rotor, blade, inertia)
-        plant = plant.tabulated(TABULATED) if tabulated else plant
+        plant = plant.tabulated(TABULATED)[0] if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
