@@ -71,10 +71,8 @@ class Limit(Formula):
     @property
     def place(self) -> str:
         """Dimension of its value: over "time", over the "span" of the blade, or of the "design"."""
-        if self.series:
-            return "time"
-        along = any(name in QUANTITIES and QUANTITIES[name].over == "span" for name in self.inputs)
-        return "span" if along else "design"
+        over = {QUANTITIES[name].over for name in self.inputs if name in QUANTITIES}
+        return next((each for each in ("time", "span") if each in over), "design")
 
     @property
     def caps_series(self) -> bool:
