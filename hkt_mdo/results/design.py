@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import steady_plant
