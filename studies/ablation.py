@@ -100,7 +100,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
     "polynomials of order 5": (partial(went_on, "of order"), [(refine, "HIGHER_ORDER", 0)]),
     "limits lowered between the nodes": (
         partial(went_on, "between the nodes"),
-        [(passes, "lowered", lambda physics, setup, verifications: (setup.shares, 0.0))],
+        [(passes, "lowered", lambda setup, verifications: (setup.shares, 0.0))],
     ),
     "the other branch over time": (
         partial(went_on, "other branch"),

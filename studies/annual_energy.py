@@ -15,7 +15,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 import page_data
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hkt_mdo import Limit, load_case, run_case
@@ -210,7 +209,6 @@ def draw(solutions, path: Path) -> None:
     known = np.genfromtxt(DATA / "power.csv", delimiter=",", names=True)
     names = {"fixed": "HARP_Opt's blade", "design": "co-design"}
     figure = Figure(figsize=(8.4, 6.2), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(2, 2)
     axes[0, 0].plot(known["speed_m_s"], known["power_kW"], ":", color="0.3", label="HARP_Opt's own")
     for index, (key, name) in enumerate(names.items()):

@@ -9,12 +9,8 @@ figure from docs/data/codesign_map.csv alone, without any run.
 import argparse
 import csv
 import math
-import os
 import textwrap
 from pathlib import Path
-
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 
 import numpy as np
 from scipy.spatial import Delaunay

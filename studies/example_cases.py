@@ -9,22 +9,18 @@ run. Results that are there already are used again. The files of cases/examples/
 
 import argparse
 import io
-import os
 import sys
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
 
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
-
 import numpy as np
 import page_data
 import study_plots as plots
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
+from study_common import markdown_table
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.sampled import TurbulentInflow
@@ -292,16 +288,15 @@ def from_data(data):
     results = data["results"]
     page = page_data.text_of("examples")
     for name, (heads, *rows) in TABLES.items():
-        best = results[rows[0][1]]["energy_J"]
-        lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+        best, lines = results[rows[0][1]]["energy_J"], []
         for label, run in rows:
             less = 100.0 * (results[run]["energy_J"] / best - 1.0)
             known = COLUMNS | {"to the designed one": lambda x, less=less: f"{less:+.3f} %"}
             mark = "" if results[run]["success"] else " (no success)"
-            cells = (known[head](results[run]) for head in heads[1:])
-            lines.append(f"| {label}{mark} | {' | '.join(cells)} |")
+            lines.append((label + mark, *(known[head](results[run]) for head in heads[1:])))
         begin = f"<!-- {name}, by studies/example_cases.py -->\n"
-        page = page_data.between(page, begin, "<!-- end -->", "\n".join(lines) + "\n")
+        table = "\n".join(markdown_table(heads, lines)) + "\n"
+        page = page_data.between(page, begin, "<!-- end -->", table)
     return page
 
 
@@ -311,7 +306,6 @@ def from_data(data):
 def panels(solutions, *draws):
     """Return a figure of two columns, one panel a function of (solutions, ax), one legend."""
     figure = Figure(figsize=(9.6, 2.75 * ((len(draws) + 1) // 2)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots((len(draws) + 1) // 2, 2).ravel()
     for draw, ax in zip(draws, axes, strict=True):
         draw(solutions, ax)

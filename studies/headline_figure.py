@@ -7,7 +7,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from study_plots import plot_chord, plot_control_torque, plot_rotor_speed, plot_twist
 
@@ -22,7 +21,6 @@ for name, law in LAWS.items():
     case = solution.case.model_copy(update={"name": label})
     solutions.append(replace(solution, case=case))
 figure = Figure(figsize=(10.5, 6.0), layout="constrained")
-FigureCanvasAgg(figure)
 axes = figure.subplots(2, 2)
 for plot, ax in zip(
     (plot_chord, plot_rotor_speed, plot_twist, plot_control_torque), axes.flat, strict=True

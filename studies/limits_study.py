@@ -7,13 +7,9 @@ also by `python studies/page_data.py --write limits`.
 """
 
 import argparse
-import os
 import textwrap
 from functools import partial
 from pathlib import Path
-
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 
 import numpy as np
 import page_data

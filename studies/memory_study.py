@@ -174,11 +174,9 @@ def flown_of(run):
 
 def the_map(reference, other, image):
     """Return the table of least inertias at a limit of torque and of power; draw their figure."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.4), layout="constrained")
-    FigureCanvasAgg(figure)
     ax, rows = figure.subplots(), []
     design = reference.design()
     plants = {"paper's rotor (700 N m)": design.plant, "Reference Model 1": plant_of(other)}

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from study_common import shipped_table
 
@@ -29,15 +28,9 @@ def main():
     tabulated = np.minimum(shipped_table("bahaj2007", "blade")["r_over_R"], 0.999)
     polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
     figure = Figure(figsize=(6.2, 6.4), layout="constrained")
-    FigureCanvasAgg(figure)
     ax, below = figure.subplots(2, 1, sharex=True)
-    ax.plot(
-        measured["TSR"],
-        measured["Cp"],
-        "ko",
-        markersize=4,
-        label="measured, 20° hub pitch, 1.73 m/s",
-    )
+    text = "measured, 20° hub pitch, 1.73 m/s"
+    ax.plot(measured["TSR"], measured["Cp"], "ko", markersize=4, label=text)
     below.plot(thrust["TSR"], thrust["Ct"], "ko", markersize=4, label="measured, same tests")
     ratios = np.linspace(3.5, 10.5, 141)
     for (label, stations), line in zip(SETS.items(), ("-", "--"), strict=True):
@@ -45,21 +38,20 @@ def main():
         blade = build_turbine(Rotor(stations=tuple(r), radius=0.4), Fluid(), 1.0).blade
         error = bem.rotor_coefficients(blade, polar, measured["TSR"]).power - measured["Cp"]
         rms = np.sqrt(np.mean(error**2))
-        power = bem.rotor_coefficients(blade, polar, ratios).power
-        ax.plot(ratios, power, line, color="0.25", label=f"BEM, {label} (rms error {rms:.3f})")
+        found = bem.rotor_coefficients(blade, polar, ratios)
+        text = f"BEM, {label} (rms error {rms:.3f})"
+        ax.plot(ratios, found.power, line, color="0.25", label=text)
         share = bem.rotor_coefficients(blade, polar, thrust["TSR"]).thrust / thrust["Ct"] - 1.0
         text = f"{100 * np.min(share):.1f} to {100 * np.max(share):.1f} %"
         print(f"thrust of BEM against the measured one, {label}: {text}")
-        curve = bem.rotor_coefficients(blade, polar, ratios).thrust
-        below.plot(ratios, curve, line, color="0.25", label=f"BEM, {label} ({text})")
-    below.set_xlabel("tip speed ratio (-)")
-    below.set_ylabel("thrust coefficient $C_T$ (-)")
-    below.grid(True, color="0.88", linewidth=0.6)
-    below.legend(loc="lower right", fontsize=9)
-    ax.set_ylabel("power coefficient $C_P$ (-)")
+        below.plot(ratios, found.thrust, line, color="0.25", label=f"BEM, {label} ({text})")
+    for axes, name, place in ((ax, "power coefficient $C_P$", "left"),
+                              (below, "thrust coefficient $C_T$", "right")):  # fmt: skip
+        axes.set_ylabel(f"{name} (-)")
+        axes.grid(True, color="0.88", linewidth=0.6)
+        axes.legend(loc=f"lower {place}", fontsize=9)
     ax.set_ylim(0.0, 0.55)
-    ax.grid(True, color="0.88", linewidth=0.6)
-    ax.legend(loc="lower left", fontsize=9)
+    below.set_xlabel("tip speed ratio (-)")
     image = Path(sys.argv[1])
     image.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(image, dpi=130)

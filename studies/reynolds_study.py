@@ -4,15 +4,12 @@ python studies/reynolds_study.py --out results/reynolds
 """
 
 import argparse
-import os
 from dataclasses import replace
 from pathlib import Path
 
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
-
 import numpy as np
 import page_data
+from study_common import markdown_table
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
@@ -108,11 +105,9 @@ def reynolds_range(solution):
 
 def rows(results, cases, variants):
     """Return the rows of a table: one a case and variant."""
-    lines = [
-        "| control | limit | polars | success | energy / kJ | to open loop | gain | Cp max "
-        "| at TSR | chord at 0.7 R / m | in local polars |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    header = ("control", "limit", "polars", "success", "energy / kJ", "to open loop", "gain")
+    header += ("Cp max", "at TSR", "chord at 0.7 R / m", "in local polars")
+    lines = []
     for case in cases:
         law, limit = CASES[case]
         for variant in variants:
@@ -125,13 +120,11 @@ def rows(results, cases, variants):
                 design = results[variant.replace("invariant", "local")][case]["energy_J"]
                 apart = f"{100.0 * (energy / design - 1.0):+.2f} %" if energy else "stops"
             gain = "" if found["gain"] is None else f"{found['gain']:.4g}"
-            lines.append(
-                f"| {law} | {limit} | {variant.rpartition('_')[2]} | {found['success']} | "
-                f"{found['energy_J'] / 1e3:.2f} | {less:+.3f} % | {gain} | "
-                f"{found['power_coefficient']:.4f} | {found['tip_speed_ratio']:.2f} | "
-                f"{found['chord_m']:.4f} | {apart} |"
-            )
-    return "\n".join(lines)
+            cells = law, limit, variant.rpartition("_")[2], found["success"]
+            cells += f"{found['energy_J'] / 1e3:.2f}", f"{less:+.3f} %", gain
+            cells += f"{found['power_coefficient']:.4f}", f"{found['tip_speed_ratio']:.2f}"
+            lines.append((*cells, f"{found['chord_m']:.4f}", apart))
+    return "\n".join(markdown_table(header, lines))
 
 
 def main():

@@ -14,14 +14,12 @@ import textwrap
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from types import SimpleNamespace
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
 import numpy as np
 import page_data
-from scipy.interpolate import CubicSpline
 from study_common import markdown_table, with_blade
 
 from hkt_mdo.case import load_case
@@ -214,31 +212,11 @@ def replace_turbine(solution, state):
     """Return a finished design as it is in another state."""
     first = solution.by_scenario[0]
     data = STATES[state]
-    condition = load_case(
-        {"inflow": "sine", "control": "quadratic"}
-        | {key: value for key, value in data.items() if key == "condition"}
-    ).condition
-    case = first.case.of_turbine(data.get("density"), condition)
+    base = {"inflow": "sine", "control": "quadratic", "condition": data.get("condition", {})}
+    case = first.case.of_turbine(data.get("density"), load_case(base).condition)
     design = Design.of(replace(first, case=case))
-    plant = replace(design.plant, coefficients=Curve.of(design))
+    plant = design.plant.tabulated(RATIOS)
     return replace(design, plant=plant, known=plant)
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Torque coefficients of one blade, by direct BEM at `RATIOS`, cubic between them."""
-
-    torque_at: CubicSpline
-
-    @classmethod
-    def of(cls, design):
-        """Return the curve of a design, in place of BEM at every step."""
-        plant = design.plant
-        return cls(CubicSpline(RATIOS, plant.coefficients(plant.blade, plant.polar, RATIOS).torque))
-
-    def __call__(self, _blade, _polar, ratio, _derivatives=False):
-        """Return the coefficients as a BEM solver does; of the torque alone."""
-        return SimpleNamespace(torque=self.torque_at(np.minimum(ratio, RATIOS[-1])))
 
 
 def flow_of(solution, river, seed) -> Inflow:

@@ -7,7 +7,6 @@ import io
 import sys
 from pathlib import Path
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
@@ -19,7 +18,6 @@ folder, image = Path(sys.argv[1]), Path(sys.argv[2])
 results = charts.labelled(Solution.load(folder))
 rotors, _ = bodies(results)
 figure = Figure(figsize=(12.0, 3.4), layout="constrained")
-FigureCanvasAgg(figure)
 rotor, power, torque = figure.subplots(1, 3, width_ratios=(2.2, 1.0, 1.0))
 rotor.imshow(imread(io.BytesIO(picture(rotors))))
 rotor.set_axis_off()

@@ -4,11 +4,7 @@ python studies/sensitivity.py --out results/sensitivity
 """
 
 import argparse
-import os
 from pathlib import Path
-
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 
 import page_data
 

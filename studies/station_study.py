@@ -4,12 +4,8 @@ python studies/station_study.py --out results/stations
 """
 
 import argparse
-import os
 from itertools import pairwise
 from pathlib import Path
-
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 
 import numpy as np
 import page_data

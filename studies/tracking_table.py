@@ -4,13 +4,9 @@ python studies/tracking_table.py --out results/tracking    # some minutes; finis
 """
 
 import argparse
-import os
 import re
 from functools import partial
 from pathlib import Path
-
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
 
 import page_data
 from study_common import NINE, markdown_table, percent

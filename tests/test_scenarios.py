@@ -16,7 +16,6 @@ from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.check import check_case
-from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.run import run_case
 
 SLOW = {"name": "slow", "inflow": {"profile": "sine", "mean": 1.1}, "weight": 0.5}
@@ -116,11 +115,12 @@ def test_the_largest_are_reported_with_their_scenario(solution):
 
 
 def test_two_of_one_flow_are_two_and_intervals_are_one():
-    (one,) = physics(load_case(case())).scenarios
+    made = physics(load_case(case()))
+    (one,) = made.scenarios
     same = [replace(one, name="a"), replace(one, name="b")]
-    assert by_scenario(same) == {"a": [0], "b": [1]}
+    assert replace(made, scenarios=same).groups == {"a": [0], "b": [1]}
     parts = [replace(one, name=f"a_interval_{n}", interval_of="a") for n in (1, 2)]
-    assert by_scenario([*parts, same[1]]) == {"a": [0, 1], "b": [2]}
+    assert replace(made, scenarios=[*parts, same[1]]).groups == {"a": [0, 1], "b": [2]}
 
 
 def test_a_result_gives_each_flow_and_one_design(solution, capsys):

@@ -39,83 +39,63 @@ class BestPower:
     inertia: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Passing:
-    """A flow at quadrature points of time: time and weights (s), speed (m/s), rate (m/s²)."""
+class Certificate:
+    """Upper bounds on the captured energy, J, of every blade of a family in a passing inflow.
 
-    time: np.ndarray
-    weights: np.ndarray
-    speed: np.ndarray
-    rate: np.ndarray
+    best is the family's `BestPower`; friction (N*m) is a function of the rotor speed (rad/s). The
+    bounds hold at tip speed ratios within those of `best`. The flow is sampled by Gauss's rule,
+    four points in segments with rising edges (s), which resolve it, and in the ramps at both ends:
+    time (s, since the first edge), weights (s), speed (m/s) and rate (m/s²). Powers are over a grid
+    of flow speeds (axis 0) and tip speed ratios (axis 1).
+    """
 
-    @classmethod
-    def of(cls, inflow, edges):
-        """Sample an inflow by Gauss's rule, four points in segments with rising edges, s.
-
-        The ramps at both ends are segments of their own. The segments resolve the flow. Times are
-        those since the first edge.
-        """
+    def __init__(self, best, inflow, edges, density, rotor_radius, friction=LOSSLESS.friction):
+        self.best, self.friction = best, friction
+        self.density, self.radius = density, rotor_radius
         ends = np.array([0.0, 0.5 * RAMP, RAMP])
         edges = np.union1d(np.union1d(edges, edges[0] + ends), edges[-1] - ends)
         places, weights = np.polynomial.legendre.leggauss(4)
         half = 0.5 * np.diff(edges)[:, None]
         time = ((edges[:-1, None] + half) + half * places).ravel()
-        flow = inflow.speed_at(time), inflow.rate_at(time)
-        return cls(time - edges[0], (half * weights).ravel(), *flow)
-
-
-def certificate(
-    best, passing, density, rotor_radius, law=None, torque_limit=None, friction=LOSSLESS.friction
-):
-    """Return an upper bound (J) on the captured energy of every blade and gain.
-
-    best is the family's `BestPower`; law is a `FeedbackLaw` with one gain, or None: open loop, with
-    a torque between zero and torque_limit (N*m; None: no limit). The bound holds at tip speed
-    ratios within those of `best` and, under feedback, for gains within a factor `WIDEST` of the one
-    that is best in steady flow. friction (N*m) is a function of the rotor speed (rad/s).
-    """
-    scale = power_scale(density, rotor_radius, passing.speed)
-    if law is None and torque_limit is None:
-        return float(passing.weights @ scale * best.power.max())
-    table = _Table(best, passing, density, rotor_radius)
-    if law is None:
-        return table.energy(lambda speed: (torque_limit + friction(speed)) * speed, most=1.0)
-    place = np.argmax(best.power)
-    middle = np.cbrt(passing.weights @ passing.speed**3 / passing.weights.sum())
-    speed = best.tip_speed_ratio[place] * middle / rotor_radius
-    torque = power_scale(density, rotor_radius, middle) * best.power[place] / speed
-    held = max(torque - friction(speed), LEAST * torque)
-    fitted = law.fit(np.array([speed]), np.array([held]))
-
-    def braking(speed, gain):
-        return (law.torque(speed, np.atleast_1d(gain)) + friction(speed)) * speed
-
-    def at(gain):
-        return table.energy(lambda speed: braking(speed, gain))
-
-    gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
-    found = np.array([at(gain) for gain in gains])
-    for _ in range(REFINEMENTS):
-        peak = int(np.argmax(found))
-        around = gains[max(peak - 1, 0) : peak + 2]
-        new = np.sqrt(around[1:] * around[:-1])
-        gains, order = np.unique(np.append(gains, new), return_index=True)
-        found = np.append(found, [at(gain) for gain in new])[order]
-    return float(found.max())
-
-
-class _Table:
-    """Powers over the grid of flow speeds (axis 0) and tip speed ratios (axis 1)."""
-
-    def __init__(self, best, passing, density, rotor_radius):
-        self.best, self.passing, self.density, self.radius = best, passing, density, rotor_radius
-        low, high = passing.speed.min(), passing.speed.max()
+        self.time, self.weights = time - edges[0], (half * weights).ravel()
+        self.speed, self.rate = inflow.speed_at(time), inflow.rate_at(time)
+        low, high = self.speed.min(), self.speed.max()
         margin = 1e-3 * high
         self.flow = np.linspace(low - margin, high + margin, SPEEDS)
         self.rotor_speed = best.tip_speed_ratio * self.flow[:, None] / rotor_radius
         self.scale = power_scale(density, rotor_radius, self.flow)[:, None]
 
-    def energy(self, generated, most=MOST):
+    def of_limit(self, torque_limit):
+        """Return the bound for any torque between zero and a limit, N*m."""
+        return self._energy(lambda speed: (torque_limit + self.friction(speed)) * speed, most=1.0)
+
+    def of_law(self, law):
+        """Return the bound for a `FeedbackLaw` with one gain.
+
+        For gains within a factor `WIDEST` of the one that is best in steady flow.
+        """
+        place = np.argmax(self.best.power)
+        middle = np.cbrt(self.weights @ self.speed**3 / self.weights.sum())
+        speed = self.best.tip_speed_ratio[place] * middle / self.radius
+        torque = power_scale(self.density, self.radius, middle) * self.best.power[place] / speed
+        held = max(torque - self.friction(speed), LEAST * torque)
+        fitted = law.fit(np.array([speed]), np.array([held]))
+
+        def at(gain):
+            gain = np.atleast_1d(gain)
+            return self._energy(lambda w: (law.torque(w, gain) + self.friction(w)) * w)
+
+        gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
+        found = np.array([at(gain) for gain in gains])
+        for _ in range(REFINEMENTS):
+            peak = int(np.argmax(found))
+            around = gains[max(peak - 1, 0) : peak + 2]
+            new = np.sqrt(around[1:] * around[:-1])
+            gains, order = np.unique(np.append(gains, new), return_index=True)
+            found = np.append(found, [at(gain) for gain in new])[order]
+        return float(found.max())
+
+    def _energy(self, generated, most=MOST):
         """Return the bound, J, from the generator power u w (W), a function of the rotor speed.
 
         `most` is the largest multiplier: 1 if the torque may be lower, because a larger one gains
@@ -124,35 +104,31 @@ class _Table:
         braking = generated(self.rotor_speed) / self.scale
         multiplier, speed = self._multiplier(braking, most)
         theta, balanced = (PchipInterpolator(self.flow, each) for each in (multiplier, speed))
-        passing, time = self.passing, self.passing.time
+        time = self.time
         duration = time[0] + time[-1]
         ramp, ramp_rate = _ramp(time, duration)
-        excess = theta(passing.speed) - 1.0
-        rate = ramp * theta(passing.speed, 1) * passing.rate + ramp_rate * excess
-        mean = 0.5 * passing.weights @ (rate * balanced(passing.speed) ** 2) / duration
+        excess = theta(self.speed) - 1.0
+        rate = ramp * theta(self.speed, 1) * self.rate + ramp_rate * excess
+        mean = 0.5 * self.weights @ (rate * balanced(self.speed) ** 2) / duration
         inner = (time > RAMP) & (time < duration - RAMP)
         # convex in the rate of the flow: chords between none and the extremes lie above
         flow = np.interp(np.arange(2 * SPEEDS - 1) / 2.0, np.arange(SPEEDS), self.flow)
-        steepest = np.abs(passing.rate).max() + 1e-12
+        steepest = np.abs(self.rate).max() + 1e-12
+
+        def supremum(flow, theta, rate):
+            return self._supremum(generated, flow, theta, rate, balanced, mean)
+
         down, level, up = (
-            between(
-                flow,
-                self._supremum(generated, flow, theta(flow), rate * theta(flow, 1), balanced, mean),
-                passing.speed[inner],
-            )
-            for rate in (-steepest, 0.0, steepest)
+            between(flow, supremum(flow, theta(flow), x * theta(flow, 1)), self.speed[inner])
+            for x in (-steepest, 0.0, steepest)
         )
-        share = passing.rate[inner] / steepest
-        bound = (
-            level + np.maximum(share, 0.0) * (up - level) + np.maximum(-share, 0.0) * (down - level)
-        )
-        power = np.empty(time.size)
-        power[inner] = bound * power_scale(self.density, self.radius, passing.speed[inner])
-        outer, flow = ~inner, passing.speed[~inner]
-        power[outer] = power_scale(self.density, self.radius, flow) * self._supremum(
-            generated, flow, 1.0 + ramp[outer] * excess[outer], rate[outer], balanced, mean
-        )
-        return float(passing.weights @ power)
+        share = self.rate[inner] / steepest
+        rising, falling = np.maximum(share, 0.0), np.maximum(-share, 0.0)
+        power, outer = power_scale(self.density, self.radius, self.speed), ~inner
+        power[inner] *= level + rising * (up - level) + falling * (down - level)
+        about = self.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer]
+        power[outer] *= supremum(*about)
+        return float(self.weights @ power)
 
     def _supremum(self, generated, flow, theta, rate, balanced, mean):
         """Return the supremum of the integrand over power_scale at flow speeds."""
@@ -169,13 +145,11 @@ class _Table:
         power = self.best.power
         low, high = np.full(SPEEDS, 1e-3), np.full(SPEEDS, 2.0 * most)
         rows = np.arange(SPEEDS)
-        for _ in range(BISECTIONS):
+        for _ in range(BISECTIONS + 1):
             theta = np.minimum(0.5 * (low + high), most)
             place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
             rising = power[place] > braking[rows, place]
             low, high = np.where(rising, low, theta), np.where(rising, theta, high)
-        theta = np.minimum(0.5 * (low + high), most)
-        place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
         return theta, self.rotor_speed[rows, place]
 
 

@@ -24,21 +24,17 @@ class FlowEstimate:
 
     def __init__(self, plant: Plant) -> None:
         if isinstance(plant.polar, LocalReynolds):
-            raise InputError(
-                "needs a single torque curve, which a rotor with local Reynolds numbers does not "
-                "have",
-                "use flow: sensed, or rotor.reynolds: invariant",
-                key="control.flow",
-                value="estimated",
-            )
+            problem = "needs a single torque curve, which a rotor with local Reynolds numbers "
+            remedy = "use flow: sensed, or rotor.reynolds: invariant"
+            place = {"key": "control.flow", "value": "estimated"}
+            raise InputError(f"{problem}does not have", remedy, **place)
         self.plant = plant
 
     @cached_property
     def ratio_of(self):
         """The tip speed ratio as a function of the torque coefficient over its square."""
         ratio = np.concatenate((np.arange(SLOWEST_RATIO, 4.0, 0.02), np.arange(4.0, 20.0, 0.01)))
-        plant = self.plant
-        share = plant.coefficients(plant.blade, plant.polar, ratio).torque / ratio**2
+        share = self.plant.coefficient(ratio) / ratio**2
         best = int(np.argmax(share * ratio**3))
         rising = np.flatnonzero(np.diff(share) >= 0.0)
         first, last = np.searchsorted(rising, best) + np.array([-1, 0])

@@ -5,7 +5,7 @@ Speeds are those of the rotor's shaft: a gearbox is part of the generator.
 
 from __future__ import annotations
 
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +13,6 @@ from pydantic import model_validator
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
-from hkt_mdo.files.table import file_state
 from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
 
 _LOSSES = {
@@ -109,9 +108,7 @@ class Generator(Section):
         """
         if self.table is None:
             return
-        low, high = (
-            ratio * v / radius for ratio, v in zip(RATIOS, (slowest, fastest), strict=True)
-        )
+        low, high = RATIOS[0] * slowest / radius, RATIOS[1] * fastest / radius
         first, last = self._surface.speeds
         if first > high or last < low:
             problem = f"has speeds from {first:.4g} to {last:.4g} rad/s, and this rotor turns at "
@@ -148,7 +145,7 @@ class Generator(Section):
     @cached_property
     def _surface(self) -> _Surface:
         """The contents of the table's file, read once."""
-        return _read(str(self.table), file_state(str(self.table)))
+        return _Surface(str(self.table))
 
 
 LOSSLESS = Generator()
@@ -189,8 +186,3 @@ class _Surface:
             float(np.max(np.maximum(nodes[0] - x, x - nodes[-1]))) / (nodes[-1] - nodes[0])
             for nodes, x in zip((s.nodes for s in self._splines), (torque, speed), strict=True)
         )
-
-
-@lru_cache(maxsize=2)
-def _read(path: str, state: object) -> _Surface:
-    return _Surface(path)

@@ -50,6 +50,8 @@ class Law(Section):
     """Flow speed above which the machine stands still, without energy and limits."""
     gain_units: ClassVar[tuple[str, ...]] = ()
     """Units of the gains, which are optimized."""
+    farthest: ClassVar[float] = np.inf
+    """Largest factor by which gains change in one optimization."""
     states: ClassVar[dict[str, tuple[str, str]]] = {}
     """Unit and description of each state of the controller, by its name."""
     is_feedback: ClassVar[bool] = False
@@ -62,6 +64,7 @@ class Law(Section):
     """Whether the flow speed that a law with states uses is estimated from speed and torque."""
     simpler: ClassVar[Law | None] = None
     """A law of fewer gains, from whose optimum under limits the search for a start begins."""
+    _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
     @property
     def is_static(self) -> bool:
@@ -71,6 +74,12 @@ class Law(Section):
     def with_torque_limit(self, limit: float | None) -> Self:
         """Return the same law with another limit of the torque, N*m; None: none."""
         return self.model_copy(update={"torque_limit": limit})
+
+    def applied(self, factor: float) -> Self:
+        """Return the same law; the torque on the rotor is that of the law times a factor."""
+        law = self.model_copy()
+        law._applied = factor
+        return law
 
     def in_flow(self, slowest: float, fastest: float) -> Law:
         """Return this law for a design flow between two speeds, m/s; most laws are unchanged."""
@@ -89,7 +98,8 @@ class Law(Section):
 
         They are apart by a factor, at most `farthest` of a law. A gain with equal bounds is fixed.
         """
-        return np.stack((gains, gains))
+        factor = min(factor, self.farthest)
+        return np.sort((gains / factor, gains * factor), axis=0)
 
     def contains(self, other: Law) -> bool:
         """Tell whether another law is a special case of this one, with some of its gains."""
@@ -125,13 +135,10 @@ class FeedbackLaw(Law):
     """
 
     is_feedback: ClassVar[bool] = True
-    farthest: ClassVar[float] = np.inf
-    """Largest factor by which gains change in one optimization."""
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation at the torque limit (paper, eq. 4)."""
     _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
-    _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
     def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
@@ -147,12 +154,6 @@ class FeedbackLaw(Law):
             demand = smooth_saturation(demand, self.torque_limit, self.smoothing)
         return self._applied * demand
 
-    def applied(self, factor: float) -> Self:
-        """Return the same law; the torque on the rotor is that of the law times a factor."""
-        law = self.model_copy()
-        law._applied = factor
-        return law
-
     def fit(self, speed, torque):
         """Return the starting gains: their demand is closest to torques (N*m) at speeds (rad/s).
 
@@ -166,10 +167,6 @@ class FeedbackLaw(Law):
         # a term may be zero at all of these speeds
         alone = columns @ torque / np.maximum(np.sum(columns**2, axis=1), np.finfo(float).tiny)
         return lsq_linear(columns.T * alone, torque, (LEAST_TERM, np.inf)).x * alone
-
-    def moves(self, gains, factor):
-        factor = min(factor, self.farthest)
-        return np.sort((gains / factor, gains * factor), axis=0)
 
     def scaled_gains(self, gains, share):
         """Return gains whose torque is a share of that with other gains, if possible."""

@@ -31,6 +31,7 @@ class Limit(Formula):
 
     A limit that a case may give under `limits` has a `name`, a `unit` and usually one field,
     `bound`, a `Quantity`: then ``limits: {name: 15 m/s}`` is short for ``{name: {bound: 15 m/s}}``.
+    A limit `of` one quantity has its name, its unit and this input.
 
     `value` takes the quantities that `inputs` names (`hkt_mdo.quantities`) as keyword arguments:
     arrays (n_times,) over time, (n_stations,) along the span, numbers of the design. It must accept
@@ -43,6 +44,12 @@ class Limit(Formula):
     bounded: ClassVar[bool] = False
     """Whether bounds of the optimizer's own variables ensure it, so that no constraint is needed.
     """
+
+    def __init_subclass__(cls, of: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if of:
+            cls.name = vars(cls).get("name", of)
+            cls.unit, cls.inputs = QUANTITIES[of].unit, (of,)
 
     @model_validator(mode="before")
     @classmethod
@@ -64,10 +71,8 @@ class Limit(Formula):
     @property
     def place(self) -> str:
         """Dimension of its value: over "time", over the "span" of the blade, or of the "design"."""
-        if self.series:
-            return "time"
-        along = any(name in QUANTITIES and QUANTITIES[name].over == "span" for name in self.inputs)
-        return "span" if along else "design"
+        over = {QUANTITIES[name].over for name in self.inputs if name in QUANTITIES}
+        return next((each for each in ("time", "span") if each in over), "design")
 
     @property
     def caps_series(self) -> bool:
@@ -97,12 +102,9 @@ class Limit(Formula):
         return np.asarray(np.maximum(self.lower - value, value - self.upper) / size)
 
 
-class TorqueLimit(Limit):
+class TorqueLimit(Limit, of="control_torque"):
     """The generator's torque: never driving the rotor, and at most `control.torque_limit`."""
 
-    name: ClassVar[str] = "control_torque"
-    unit: ClassVar[str | None] = "N*m"
-    inputs: ClassVar[tuple[str, ...]] = ("control_torque",)
     lower: ClassVar[float] = 0.0
 
     bound: float | None = None
@@ -112,56 +114,41 @@ class TorqueLimit(Limit):
         return control.chooses_speed
 
 
-class TorqueRateLimit(Limit):
+class TorqueRateLimit(Limit, of="torque_rate"):
     """Largest rate at which the generator's torque rises or falls, |du/dt|."""
 
-    name: ClassVar[str] = "torque_rate"
-    unit: ClassVar[str | None] = "N*m/s"
-    inputs: ClassVar[tuple[str, ...]] = ("torque_rate",)
     lower = property(lambda self: -self.bound)  # type: ignore[assignment]
 
     bound: Annotated[float, Quantity("N*m/s", gt=0)]
     """Largest rate of the generator torque, rising or falling."""
 
 
-class ForwardRotation(Limit):
+class ForwardRotation(Limit, of="rotor_speed"):
     """The rotor turns forward; the bounds of its speed in the optimization hold this."""
 
     name: ClassVar[str] = "forward_rotation"
-    unit: ClassVar[str | None] = "rad/s"
-    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
     lower: ClassVar[float] = 0.0
     bounded: ClassVar[bool] = True
 
 
-class PowerLimit(Limit):
+class PowerLimit(Limit, of="generator_power"):
     """Largest power that the generator takes from the shaft, u w."""
 
     name: ClassVar[str] = "power"
-    unit: ClassVar[str | None] = "W"
-    inputs: ClassVar[tuple[str, ...]] = ("generator_power",)
 
     bound: Annotated[float, Quantity("W", gt=0)]
     """Largest shaft power of the generator."""
 
 
-class ElectricalPowerLimit(Limit):
+class ElectricalPowerLimit(Limit, of="electrical_power"):
     """Largest power that the generator delivers, after its losses (section `generator`)."""
-
-    name: ClassVar[str] = "electrical_power"
-    unit: ClassVar[str | None] = "W"
-    inputs: ClassVar[tuple[str, ...]] = ("electrical_power",)
 
     bound: Annotated[float, Quantity("W", gt=0)]
     """Largest electrical power."""
 
 
-class RotorSpeedLimit(Limit):
+class RotorSpeedLimit(Limit, of="rotor_speed"):
     """Largest angular speed of the rotor, w."""
-
-    name: ClassVar[str] = "rotor_speed"
-    unit: ClassVar[str | None] = "rad/s"
-    inputs: ClassVar[tuple[str, ...]] = ("rotor_speed",)
 
     bound: Annotated[float, Quantity("rad/s", gt=0)]
     """Largest rotor speed."""
@@ -181,23 +168,15 @@ class TipSpeedLimit(Limit):
         return rotor_speed * rotor_radius
 
 
-class ThrustLimit(Limit):
+class ThrustLimit(Limit, of="thrust"):
     """Largest thrust of the flow on the rotor, along its axis."""
-
-    name: ClassVar[str] = "thrust"
-    unit: ClassVar[str | None] = "N"
-    inputs: ClassVar[tuple[str, ...]] = ("thrust",)
 
     bound: Annotated[float, Quantity("N", gt=0)]
     """Largest thrust."""
 
 
-class RootMomentLimit(Limit):
+class RootMomentLimit(Limit, of="root_moment"):
     """Largest flapwise bending moment of one blade at the hub's radius."""
-
-    name: ClassVar[str] = "root_moment"
-    unit: ClassVar[str | None] = "N*m"
-    inputs: ClassVar[tuple[str, ...]] = ("root_moment",)
 
     bound: Annotated[float, Quantity("N*m", gt=0)]
     """Largest flapwise root moment of one blade."""
@@ -245,11 +224,9 @@ class StressLimit(Limit):
         return self.model_copy(update={"bound": material.allowable_stress})
 
 
-class CavitationLimit(Limit):
+class CavitationLimit(Limit, of="cavitation"):
     """No section reaches the vapour pressure at the top of its turn (docs/rotor_model.md)."""
 
-    name: ClassVar[str] = "cavitation"
-    inputs: ClassVar[tuple[str, ...]] = ("cavitation",)
     upper: ClassVar[float] = 1.0  # type: ignore[assignment]
 
     depth: Annotated[float, Quantity("m", gt=0)] | None = None
@@ -272,21 +249,17 @@ class Taper(Limit):
     def on(self, blade, material=None):
         stations = blade.r / blade.tip_radius
         if stations[-2] < self.bound:
-            problem = (
-                f"needs two stations outboard of it; the last but one is at {stations[-2]:.3g}"
-            )
-            remedy = "give a place inboard of that"
-            raise InputError(problem, remedy, key="limits.taper_from", value=self.bound)
+            problem = "needs two stations outboard of it; the last but one is at "
+            problem += f"{stations[-2]:.3g}"
+            place = {"key": "limits.taper_from", "value": self.bound}
+            raise InputError(problem, "give a place inboard of that", **place)
         limit = self.model_copy()
         limit._stations = tuple(stations)
         return limit
 
-    @property
-    def _asked(self):
-        return np.where(np.array(self._stations[:-1]) >= self.bound, 1.0, 0.0)
-
     def value(self, chord):
-        return np.append(0.0, self._asked * chord[1:] / chord[:-1])
+        asked = np.where(np.array(self._stations[:-1]) >= self.bound, 1.0, 0.0)
+        return np.append(0.0, asked * chord[1:] / chord[:-1])
 
 
 SPANWISE = "chord", "twist", "thickness"
@@ -328,10 +301,10 @@ def settled(known):
 class DistanceFromStall(Limit):
     """A rotor under feedback recovers from a small loss of speed.
 
-    N((1 - slowed) w) - N(w) >= least, N = Q(w, v) - u(w): positive where the rotor keeps a distance
+    N((1 - SLOWED) w) - N(w) >= LEAST, N = Q(w, v) - u(w): positive where the rotor keeps a distance
     from stall, where stable and unstable equilibrium meet. Collocation does not distinguish them,
     so an optimizer would go to that edge and beyond. N(w) = J dw/dt is the acceleration due to
-    changes of the flow, which is not stall. `least` is a share of a typical torque, TYPICAL 0.5 rho
+    changes of the flow, which is not stall. `LEAST` is a share of a typical torque, TYPICAL 0.5 rho
     pi R³ v²: close to stall a rotor recovers slowly and the problem is badly conditioned. Q is that
     of the torque curve. For a law with states, u is computed with the states held.
     """
@@ -342,8 +315,6 @@ class DistanceFromStall(Limit):
 
     law: Any
     spline: Any
-    slowed: float = SLOWED
-    least: float = LEAST
 
     @property
     def inputs(self):
@@ -356,41 +327,26 @@ class DistanceFromStall(Limit):
         """Also the states of the law."""
         return super().series | self.law.states
 
-    def value(
-        self,
-        rotor_speed,
-        inflow_speed,
-        torque_coefficient_table,
-        density,
-        rotor_radius,
-        gains,
-        **states,
-    ):
+    def value(self, rotor_speed, inflow_speed, density, rotor_radius, gains, **others):
+        table, *states = (others[x] for x in ("torque_coefficient_table", *self.law.states))
         unit = torque_scale(density, rotor_radius, inflow_speed)
 
         def net(speed):
-            ratio = speed * rotor_radius / inflow_speed
-            driving, _ = self.spline.values(torque_coefficient_table, ratio)
-            return unit * driving - self.law.torque(speed, gains, *states.values())
+            driving, _ = self.spline.values(table, speed * rotor_radius / inflow_speed)
+            return unit * driving - self.law.torque(speed, gains, *states)
 
-        recovery = net((1.0 - self.slowed) * rotor_speed) - net(rotor_speed)
-        return recovery - self.least * TYPICAL * unit
+        recovery = net((1.0 - SLOWED) * rotor_speed) - net(rotor_speed)
+        return recovery - LEAST * TYPICAL * unit
 
     def partials(self, **quantities):
         arrays = "torque_coefficient_table", "gains"  # inputs by which derivatives are taken
-        found = {
-            name: slope(self.value, quantities, name, name in self.series)
-            for name in self.inputs
-            if name not in arrays
-        }
-        speed, flow, radius = (
-            quantities[n] for n in ("rotor_speed", "inflow_speed", "rotor_radius")
-        )
-        slowed, gains = (1.0 - self.slowed) * speed, quantities["gains"]
+        names = [name for name in self.inputs if name not in arrays]
+        found = {name: slope(self.value, quantities, name, name in self.series) for name in names}
+        names = "rotor_speed", "inflow_speed", "rotor_radius", "density", "gains", *self.law.states
+        speed, flow, radius, density, gains, *states = (quantities[name] for name in names)
+        slowed = (1.0 - SLOWED) * speed
         bases = self.spline.basis(slowed * radius / flow) - self.spline.basis(speed * radius / flow)
-        unit = torque_scale(quantities["density"], radius, flow)
-        found["torque_coefficient_table"] = unit[:, None] * bases
-        states = [quantities[name] for name in self.law.states]
+        found["torque_coefficient_table"] = torque_scale(density, radius, flow)[:, None] * bases
         here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
         found["gains"] = (here - there).T
         return found

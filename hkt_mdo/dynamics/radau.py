@@ -52,6 +52,7 @@ def through(edges: np.ndarray, places: np.ndarray, values: np.ndarray) -> PPoly:
 
 def divided(edges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """Return the edges of pieces that are each divided into a number of equal parts."""
+    parts = parts.astype(int)
     number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
     left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
     return np.append(left, edges[-1])
@@ -188,47 +189,63 @@ class StageSystem:
         first = Slopes(*(each[:, :1] for each in self._slopes))
         return StageSystem(self._step, first, ERROR[:1, None])._own(off[:, None])[:, 0]
 
+    def errors(self, begin: np.ndarray, stages: np.ndarray, first: np.ndarray) -> np.ndarray:
+        """Return the error of each step's values by the embedded formula, (n_steps, n_values).
+
+        Parameters
+        ----------
+        begin, first : array
+            Values and rates at the begin of the steps, (n_steps, 1, n_values) and
+            (n_steps, n_values).
+        stages : array
+            What `solve_stages` returns.
+        """
+        off = ERROR[0] * self._step * first
+        return self.filtered(off + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR))
+
 
 def solve_stages(
-    rates_at: Callable[[np.ndarray], np.ndarray],
-    system_at: Callable[[np.ndarray, np.ndarray], Any],
+    rates_at: Callable,
+    system_at: Callable,
     start: np.ndarray,
     step: np.ndarray,
     stages: np.ndarray,
-    size_of: Callable[[np.ndarray], np.ndarray],
+    dense: int,
     enough: float,
-) -> tuple[np.ndarray, Any] | None:
+) -> tuple[np.ndarray, StageSystem, Any] | None:
     """Solve the stages of successive steps by Newton's method.
 
     Parameters
     ----------
     rates_at : callable
-        Takes the values at the stages, (n_steps, 5, n_values), and returns their rates.
+        Takes the values at the stages, (n_steps, 5, n_values), and returns their rates, and what
+        they follow from.
     system_at : callable
-        Takes values and rates, and returns a `StageSystem`; None if the slopes
-        there are not finite.
+        Takes the values and what `rates_at` returns, and returns a `StageSystem`; None if the
+        slopes there are not finite.
     start : array
         Values at the begin of the first step, (n_values,).
     step : array
         Lengths of the steps, (n_steps, 1).
     stages : array
         Guess of the values at the stages.
-    size_of : callable
-        Returns the magnitudes of values, to which changes are compared.
+    dense : int
+        As of `magnitudes`, to which changes are compared.
     enough : float
         Relative change of the values at which they count as found.
 
     Returns
     -------
     tuple or None
-        Values at the stages, and the system; None if the method does not converge.
+        Values at the stages, the system, and what the last rates follow from; None if the method
+        does not converge.
     """
-    change, fastest = np.inf, LOST * np.max(size_of(stages)[..., 0])
+    change, fastest = np.inf, LOST * np.max(magnitudes(stages)[..., 0])
     for iteration in range(MOST_ITERATIONS):
-        size = size_of(stages)
-        rates = rates_at(stages)
+        size = magnitudes(stages, dense)
+        rates, known = rates_at(stages)
         if change > SAME_SLOPE:
-            system = system_at(stages, rates)
+            system = system_at(stages, rates, known)
             if system is None:
                 return None
         begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
@@ -237,33 +254,8 @@ def solve_stages(
         stages = stages + correction
         change = np.max(np.abs(correction) / size)
         if change <= enough:
-            return stages, system
+            return stages, system, known
         lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
         if lost or (iteration >= system.patience and change > FAR):
             return None
     return None
-
-
-def step_errors(
-    step: np.ndarray,
-    begin: np.ndarray,
-    stages: np.ndarray,
-    first: np.ndarray,
-    system: StageSystem,
-    size: np.ndarray,
-) -> np.ndarray:
-    """Return the largest relative error of each step, by the embedded formula, (n_steps,).
-
-    Parameters
-    ----------
-    step : array
-        Lengths of the steps, (n_steps, 1).
-    begin, first : array
-        Values and rates at the begin of the steps, (n_steps, 1, n_values) and (n_steps, n_values).
-    stages, system : array, StageSystem
-        What `solve_stages` returns.
-    size : array
-        Magnitudes of the stages.
-    """
-    off = ERROR[0] * step * first + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR)
-    return np.asarray(np.max(np.abs(system.filtered(off)) / size[:, -1], axis=1))

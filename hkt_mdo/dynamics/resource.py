@@ -139,26 +139,13 @@ class DurationCurve(Inflow):
     def messages(self):
         return self.notes
 
-    @property
-    def tells_features(self):
-        return True
-
     def speed_at(self, time):
         inner = np.array(self.ends[1:-1])
         return np.array(self.speeds)[np.searchsorted(inner, np.real(time), "right")] + 0.0 * time
 
-    def rate_at(self, time):
-        return np.zeros(np.shape(time))
-
     def cubes(self, edges):
         middle = 0.5 * (edges[1:] + edges[:-1])
         return np.diff(edges) * self.speed_at(middle) ** 3
-
-    def off_lines(self, times):
-        return np.zeros(times.size - 1)
-
-    def check(self, duration):
-        pass
 
 
 class Resource(Inflow):
@@ -315,9 +302,7 @@ class HistogramResource(Resource):
 
     profile: Literal["histogram"] = "histogram"
     """The kind of resource."""
-    speeds_of_bins: Annotated[tuple[_Speed, ...] | None, Field(alias="speeds", max_length=2000)] = (
-        None
-    )
+    speeds_of_bins: tuple[_Speed, ...] | None = Field(None, alias="speeds", max_length=2000)
     """Speed of each bin, negative for a flow that runs the other way."""
     hours: Annotated[tuple[_Hours, ...] | None, Field(max_length=2000)] = None
     """Hours of each bin, or numbers in proportion to them."""
@@ -381,16 +366,12 @@ class DistributionResource(Resource):
     shape: Annotated[float, Quantity(gt=0.1, le=100)]
     """Shape: Weibull's exponent, or the standard deviation of the lognormal speed's logarithm."""
 
-    @cached_property
-    def _distribution(self):
+    def occurrence(self):
+        """Return the speeds at Gauss's points of every bin."""
         from scipy import stats
 
         family = {"weibull": "weibull_min", "lognormal": "lognorm", "gamma": "gamma"}[self.family]
-        return getattr(stats, family)(self.shape, scale=self.scale)
-
-    def occurrence(self):
-        """Return the speeds at Gauss's points of every bin."""
-        known = self._distribution
+        known = getattr(stats, family)(self.shape, scale=self.scale)
         count = int(np.ceil(known.ppf(1.0 - TAIL) / self.bin_width))
         if count > MOST_SPEEDS:
             problem = f"needs {count} bins of resource.bin_width"

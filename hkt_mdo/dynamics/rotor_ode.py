@@ -5,28 +5,27 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law, OpenLoop
-from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW
+from hkt_mdo.dynamics.laws import Law, OpenLoop
+from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.components import refuse_complex_step
 from hkt_mdo.rotor.reynolds import polar_in_flow
 from hkt_mdo.rotor.scales import torque_scale
 
 _INNER = {
-    "rotor_acceleration": {"units": "rad/s**2", "desc": "rate of the rotor's angular speed"},
-    "torque_coefficient": {"units": None, "desc": "Q / (0.5 rho V^2 pi R^3)"},
-    "torque_coefficient_table": {
-        "units": None,
-        "desc": "torque coefficient at the nodes of the curve",
-    },
-    "wake_ratio": {"units": None, "desc": "tip speed ratio of the wake"},
-    "wake_factor": {"units": None, "desc": "tip speed ratio of the rotor over that of the wake"},
+    "rotor_acceleration": ("rad/s**2", "rate of the rotor's angular speed"),
+    "torque_coefficient": (None, "Q / (0.5 rho V^2 pi R^3)"),
+    "torque_coefficient_table": (None, "torque coefficient at the nodes of the curve"),
+    "wake_ratio": (None, "tip speed ratio of the wake"),
+    "wake_factor": (None, "tip speed ratio of the rotor over that of the wake"),
 }
-"""Units and description of what the equation has besides the quantities of the registry."""
+"""Unit and description of what the equation has besides the quantities of the registry."""
 
-
-def _meta(name):
-    return _INNER[name] if name in _INNER else QUANTITIES[name].meta
+WAKE_STATES = {
+    "reduced_velocity": ("m/s", "state of the slow filter of the wake's mean axial velocity"),
+    "induced_velocity": ("m/s", "mean axial velocity that the wake induces"),
+}
+"""Unit and description of the states of a wake with memory, by their names."""
 
 
 class RotorODE(om.Group):
@@ -43,20 +42,24 @@ class RotorODE(om.Group):
     def initialize(self):
         self.options.declare("num_nodes", types=int)
         self.options.declare("inflow", recordable=False)
-        self.options.declare("hydrodynamics", desc="num_nodes -> component", recordable=False)
+        about = "attributes of `CoefficientComp`, or of `RememberingComp`"
+        self.options.declare("hydrodynamics", types=dict, desc=about, recordable=False)
         self.options.declare("law", default=OpenLoop(), types=Law, recordable=False)
         self.options.declare("generator", default=LOSSLESS, types=Generator, recordable=False)
 
     def setup(self):
-        options, n = self.options, self.options["num_nodes"]
-        parts = {
-            "flow": InflowComp(num_nodes=n, inflow=options["inflow"]),
-            "hydrodynamics": options["hydrodynamics"](num_nodes=n),
-        }
-        if options["law"].is_feedback:
-            parts["controller"] = FeedbackComp(num_nodes=n, law=options["law"])
-        inverse = options["law"].chooses_speed
-        parts["shaft"] = ShaftComp(num_nodes=n, inverse=inverse, generator=options["generator"])
+        n, hydrodynamics = self.options["num_nodes"], self.options["hydrodynamics"]
+        law, generator = self.options["law"], self.options["generator"]
+        parts = {"flow": InflowComp(n, inflow=self.options["inflow"])}
+        if "band" in hydrodynamics:
+            parts["hydrodynamics"] = RememberingComp(n, **hydrodynamics)
+        else:
+            # only the coefficient depends on the whole table, most of the Jacobian of a long flow
+            parts["coefficient"] = CoefficientComp(n, **hydrodynamics)
+            parts["torque"] = TorqueComp(n)
+        if law.is_feedback:
+            parts["controller"] = FeedbackComp(n, law=law)
+        parts["shaft"] = ShaftComp(n, inverse=law.chooses_speed, generator=generator)
         for name, part in parts.items():
             self.add_subsystem(name, part, promotes=["*"])
 
@@ -64,22 +67,30 @@ class RotorODE(om.Group):
 class _NodeComp(om.ExplicitComponent):
     """Outputs at the nodes of a phase by a formula of inputs there and of scalars.
 
-    `needs` names the inputs of each output; those in `over_time` are arrays.
+    `needs` names the inputs of each output; those in `over_time` are arrays. `states` has the unit
+    and description of each state whose rate, `<state>_rate`, is an output.
     `formula(**inputs)` returns the outputs by name and must accept complex numbers: its derivatives
-    are taken by complex step.
+    are taken by complex step. What else the formula needs are attributes, given by name.
     """
 
-    over_time = (*TRAJECTORY, "rotor_acceleration", "torque_coefficient")
+    states = {}  # noqa: RUF012
+
+    def __init__(self, num_nodes, **known):
+        super().__init__()
+        self.num_nodes = num_nodes
+        vars(self).update(known)
+
+    @property
+    def over_time(self):
+        """Names of what changes over time."""
+        return (*TRAJECTORY, "rotor_acceleration", "torque_coefficient", *self.states)
 
     @property
     def _needed(self):
         return dict.fromkeys(name for names in self.needs.values() for name in names)
 
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-
     def setup(self):
-        shape = (self.options["num_nodes"],)
+        shape = (self.num_nodes,)
         for name in self._needed:
             if name in self.over_time:
                 tags = ["dymos.targets:time"] if name == "time" else None
@@ -90,13 +101,17 @@ class _NodeComp(om.ExplicitComponent):
             self.add_output(name, shape=shape, **self._meta(name))
 
     def _meta(self, name):
-        return _meta(name)
+        state, known = name.removesuffix("_rate"), _INNER | self.states
+        if state not in known:
+            return QUANTITIES[name].meta
+        unit, text = known[state]
+        return {"units": unit if name == state else f"{unit}/s", "desc": text}
 
     def _add_fixed(self, name, val=1.0):
-        self.add_input(name, val=val, tags=["dymos.static_target"], **_meta(name))
+        self.add_input(name, val=val, tags=["dymos.static_target"], **self._meta(name))
 
     def setup_partials(self):
-        rows = np.arange(self.options["num_nodes"])
+        rows = np.arange(self.num_nodes)
         for output, names in self.needs.items():
             for name in names:
                 diagonal = {"rows": rows, "cols": rows} if name in self.over_time else {}
@@ -117,44 +132,19 @@ class _NodeComp(om.ExplicitComponent):
 
 
 class InflowComp(_NodeComp):
-    """Inflow speed at the nodes of a phase."""
+    """Inflow speed at the nodes of a phase; `inflow` is the flow."""
 
     needs = {"inflow_speed": ("time",)}  # noqa: RUF012
 
-    def initialize(self):
-        super().initialize()
-        self.options.declare("inflow", desc="the flow, an `Inflow`", recordable=False)
-
     def formula(self, time):
-        return {"inflow_speed": self.options["inflow"].speed_at(time)}
-
-
-def hydrodynamics_group(num_nodes, **options):
-    """Return the hydrodynamic torque and power at a phase's nodes, by the torque spline or by BEM.
-
-    Options are those of `CoefficientComp`. The torque has a component of its own: only the
-    coefficient then depends on the whole table, which is most of the Jacobian of a long flow.
-    """
-    group = om.Group()
-    coefficient = CoefficientComp(num_nodes=num_nodes, **options)
-    group.add_subsystem("coefficient", coefficient, promotes=["*"])
-    group.add_subsystem("torque", TorqueComp(num_nodes=num_nodes), promotes=["*"])
-    return group
+        return {"inflow_speed": self.inflow.speed_at(time)}
 
 
 class TorqueComp(_NodeComp):
     """Torque and power from the coefficient, Q = 0.5 rho v² pi R³ Cq, P = Q w (paper eq. 5)."""
 
-    needs = {  # noqa: RUF012
-        "hydrodynamic_torque": ("torque_coefficient", "inflow_speed", "density", "rotor_radius"),
-        "hydrodynamic_power": (
-            "torque_coefficient",
-            "inflow_speed",
-            "density",
-            "rotor_radius",
-            "rotor_speed",
-        ),
-    }
+    _AT = "torque_coefficient", "inflow_speed", "density", "rotor_radius"
+    needs = {"hydrodynamic_torque": _AT, "hydrodynamic_power": (*_AT, "rotor_speed")}  # noqa: RUF012
 
     def formula(self, torque_coefficient, inflow_speed, density, rotor_radius, rotor_speed):
         torque = torque_scale(density, rotor_radius, inflow_speed) * torque_coefficient
@@ -165,28 +155,22 @@ class CoefficientComp(_NodeComp):
     """Tip speed ratio w R / v and torque coefficient at a phase's nodes, by spline or by BEM.
 
     Besides the inputs of `needs`, with a `spline`, torque_coefficient_table[n_tsr], else chord and
-    twist[n_stations].
+    twist[n_stations]. `blade`, `polar` and the BEM solver `coefficients` are for direct BEM.
     """
+
+    spline = blade = polar = coefficients = None
 
     needs = {  # noqa: RUF012
         "tip_speed_ratio": ("rotor_speed", "inflow_speed", "rotor_radius"),
         "torque_coefficient": ("rotor_speed", "inflow_speed", "rotor_radius"),
     }
 
-    def initialize(self):
-        super().initialize()
-        self.options.declare("spline", default=None, desc="TorqueSpline; None: direct BEM")
-        self.options.declare("blade", default=None, desc="Blade for direct BEM", recordable=False)
-        self.options.declare("polar", default=None, desc="Polar for direct BEM", recordable=False)
-        self.options.declare("coefficients", default=None, desc="BEM solver", recordable=False)
-
     def setup(self):
         super().setup()
-        spline, blade = self.options["spline"], self.options["blade"]
-        if spline is not None:
-            self._designed = {"torque_coefficient_table": np.ones(spline.nodes.shape)}
+        if self.spline is not None:
+            self._designed = {"torque_coefficient_table": np.ones(self.spline.nodes.shape)}
         else:
-            self._designed = {"chord": blade.chord, "twist": blade.twist}
+            self._designed = {"chord": self.blade.chord, "twist": self.blade.twist}
         for name, value in self._designed.items():
             self._add_fixed(name, value)
 
@@ -196,11 +180,7 @@ class CoefficientComp(_NodeComp):
 
     def _coefficient(self, inputs, derivatives):
         """Return Cq(tsr, v, R) near the inputs, and by name dCq/dshape at fixed tsr."""
-        radius, flow, spline = (
-            inputs["rotor_radius"],
-            inputs["inflow_speed"],
-            self.options["spline"],
-        )
+        radius, flow, spline = inputs["rotor_radius"], inputs["inflow_speed"], self.spline
         here = inputs["rotor_speed"] * radius / flow
         if spline is not None:
             table = inputs["torque_coefficient_table"]
@@ -209,10 +189,9 @@ class CoefficientComp(_NodeComp):
         if np.any(here <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
             raise om.AnalysisError("the rotor turns backwards")
         refuse_complex_step(self)
-        polar = polar_in_flow(self.options["polar"], flow)
-        blade = self.options["blade"].with_rotor_radius(radius[0])
+        blade = self.blade.with_rotor_radius(radius[0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
-        found = self.options["coefficients"](blade, polar, here, derivatives)
+        found = self.coefficients(blade, polar_in_flow(self.polar, flow), here, derivatives)
         table = found.torque_table
         if not derivatives:
             return lambda *_: table.values, {}
@@ -240,18 +219,6 @@ class CoefficientComp(_NodeComp):
             partials["torque_coefficient", name] = by
 
 
-WAKE_STATES = {
-    "reduced_velocity": ("m/s", "state of the slow filter of the wake's mean axial velocity"),
-    "induced_velocity": ("m/s", "mean axial velocity that the wake induces"),
-}
-"""Unit and description of the states of a wake with memory, by their names."""
-_INNER |= {name: {"units": unit, "desc": text} for name, (unit, text) in WAKE_STATES.items()}
-_INNER |= {
-    f"{name}_rate": {"units": f"{unit}/s", "desc": f"rate of {text}"}
-    for name, (unit, text) in WAKE_STATES.items()
-}
-
-
 class RememberingComp(_NodeComp):
     """Torque and power under a wake that has memory, by two filters of its mean axial velocity w.
 
@@ -264,7 +231,7 @@ class RememberingComp(_NodeComp):
     both ratios (`Band`, docs/studies/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the
     axial induction in equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
 
-    Inputs are those of `needs` and the tables of `Band`.
+    Inputs are those of `needs` and the tables of `band`, over both ratios.
     """
 
     _AT = ("rotor_speed", "inflow_speed", "rotor_radius")
@@ -278,7 +245,7 @@ class RememberingComp(_NodeComp):
         "reduced_velocity_rate": (*_AT, "reduced_velocity"),
         "induced_velocity_rate": (*_AT, *WAKE_STATES),
     }
-    over_time = (*_NodeComp.over_time, "wake_ratio", "wake_factor", *WAKE_STATES)
+    states = WAKE_STATES
     _TORQUES = "torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"
     _RATES = "reduced_velocity_rate", "induced_velocity_rate"
     _BY_TABLES = {  # noqa: RUF012
@@ -289,17 +256,11 @@ class RememberingComp(_NodeComp):
     }
     """By what is read from a table: the table, and the outputs that depend on it."""
 
-    def initialize(self):
-        super().initialize()
-        self.options.declare("band", desc="tables over both ratios, a `Band`", recordable=False)
-        self.options.declare("tau1", default=None, desc="s; None: by the induction")
-        self.options.declare("share", types=float, desc="tau2 over tau1")
-
     def setup(self):
         super().setup()
         self._shift = {}
-        for name, (shape, _) in self.options["band"].outputs(()).items():
-            self.add_input(name, val=np.ones(shape), tags=["dymos.static_target"])
+        for name, about in self.band.outputs(()).items():
+            self.add_input(name, val=np.ones(about["shape"]), tags=["dymos.static_target"])
 
     def setup_partials(self):
         super().setup_partials()
@@ -312,7 +273,7 @@ class RememberingComp(_NodeComp):
 
     def formula(self, rotor_speed, inflow_speed, density, rotor_radius, reduced_velocity,
                 induced_velocity, **tables):  # fmt: skip
-        band, read = self.options["band"], self._read
+        band, read = self.band, self._read
         of_induction = tables["wake_induction_table"]
         ratio = rotor_speed * rotor_radius / inflow_speed
         induction, wake_ratio, slope = self._found
@@ -322,13 +283,9 @@ class RememberingComp(_NodeComp):
         coefficient = read("coefficient", coefficient)
         torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
         steady = inflow_speed * read("steady", band.spline.values(of_induction, ratio)[0])
-        slow = self.options["tau1"]
-        if slow is None:
-            place = band.spline.values(tables["place_induction_table"], ratio)[0]
-            place = read("place", place)
-            kept = 1.0 - 1.3 * np.where(place.real < MOST_INDUCTION, place, MOST_INDUCTION)
-            slow = SLOW * rotor_radius / (kept * inflow_speed)
-        fast = self.options["share"] * slow
+        place = read("place", band.spline.values(tables["place_induction_table"], ratio)[0])
+        slow = slow_time(self.tau1, place, rotor_radius, inflow_speed)
+        fast = band.share * slow
         held = reduced_velocity + AT_ONCE * steady
         return {
             "tip_speed_ratio": ratio,
@@ -345,7 +302,7 @@ class RememberingComp(_NodeComp):
         """Store the wake's induction, its tip speed ratio and the slope of that for the formula."""
         induction = inputs["induced_velocity"] / inputs["inflow_speed"]
         table = inputs["wake_induction_table"]
-        self._found = induction, *self.options["band"].wake_ratio(table, induction)
+        self._found = induction, *self.band.wake_ratio(table, induction)
 
     def compute(self, inputs, outputs):
         self._find_wake(inputs)
@@ -355,7 +312,7 @@ class RememberingComp(_NodeComp):
         """Take derivatives by a table as those by what is read from it, times its basis."""
         self._find_wake(inputs)
         super().compute_partials(inputs, partials)
-        band, (_, wake_ratio, slope) = self.options["band"], self._found
+        band, (_, wake_ratio, slope) = self.band, self._found
         ratio = inputs["rotor_speed"] * inputs["rotor_radius"] / inputs["inflow_speed"]
         along = band.spline.basis(ratio)
         bases = {
@@ -376,41 +333,26 @@ class RememberingComp(_NodeComp):
 class FeedbackComp(_NodeComp):
     """A feedback law at the nodes of a phase; gain_0, gain_1, … are in the law's units.
 
-    Outputs: the generator torque and, of each state of the law, its rate, `<state>_rate`.
+    Outputs: the generator torque and, of each state of `law`, its rate, `<state>_rate`.
     """
 
-    def initialize(self):
-        super().initialize()
-        self.options.declare("law", types=FeedbackLaw, recordable=False)
-
-    @property
-    def over_time(self):
-        """Also the states of the law, and their rates."""
-        states = self.options["law"].states
-        return (*super().over_time, *states, *(f"{name}_rate" for name in states))
-
-    def _meta(self, name):
-        states, state = self.options["law"].states, name.removesuffix("_rate")
-        if state not in states:
-            return super()._meta(name)
-        unit, text = states[state]
-        return {"units": unit if name == state else f"{unit}/s", "desc": text}
+    states = property(lambda self: self.law.states)
 
     @property
     def needs(self):
         """The rotor's speed, the law's states and every gain; of rates, the flow's speed too."""
-        law = self.options["law"]
+        law = self.law
         given = *law.states, *(f"gain_{i}" for i in range(len(law.gain_units)))
         rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in law.states}
         return {"control_torque": ("rotor_speed", *given)} | rates
 
     def _add_fixed(self, name, val=1.0):
-        units = self.options["law"].gain_units[int(name.removeprefix("gain_"))]
+        units = self.law.gain_units[int(name.removeprefix("gain_"))]
         tags = ["dymos.static_target"]
         self.add_input(name, val=val, units=units, desc="feedback gain", tags=tags)
 
     def formula(self, rotor_speed, inflow_speed=None, **given):
-        law = self.options["law"]
+        law = self.law
         states = [given.pop(name) for name in law.states]
         gains = np.array([gain[0] for gain in given.values()])
         found = {"control_torque": law.torque(rotor_speed, gains, *states)}
@@ -423,40 +365,30 @@ class ShaftComp(_NodeComp):
 
     That is the paper's eq. 6 with the friction F of the shaft (`Generator.friction`).
 
-    The inverse shaft has rotor_acceleration as an input and control_torque as an output. The
-    generator's power follows from its torque and the rotor's speed.
+    If `inverse`, rotor_acceleration is an input and control_torque an output. The power of the
+    `generator` follows from its torque and the rotor's speed.
     """
-
-    def initialize(self):
-        super().initialize()
-        self.options.declare("inverse", types=bool)
-        self.options.declare("generator", default=LOSSLESS, types=Generator, recordable=False)
 
     @property
     def needs(self):
         """Inputs of the balance, and of the power, which needs the generator's torque."""
-        if self.options["inverse"]:
+        rubbing = ("rotor_speed",) if self.generator.rubs else ()
+        if self.inverse:
             torque = ("hydrodynamic_torque", "rotor_acceleration", "inertia")
-            power, torque = ("rotor_speed", *torque), (*self._rubbing, *torque)
-            found = {"control_torque": torque}
+            found, power = {"control_torque": (*rubbing, *torque)}, ("rotor_speed", *torque)
         else:
-            torque = (*self._rubbing, "hydrodynamic_torque", "control_torque", "inertia")
+            torque = (*rubbing, "hydrodynamic_torque", "control_torque", "inertia")
             found, power = {"rotor_acceleration": torque}, ("rotor_speed", "control_torque")
         return found | {"generator_power": power, "electrical_power": power}
 
-    @property
-    def _rubbing(self):
-        """The inputs on which the friction depends."""
-        return ("rotor_speed",) if self.options["generator"].rubs else ()
-
     def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
         (given,) = given.values()
-        net = hydrodynamic_torque - self.options["generator"].friction(rotor_speed)
-        if self.options["inverse"]:
+        net = hydrodynamic_torque - self.generator.friction(rotor_speed)
+        if self.inverse:
             torque = net - inertia * given
             found = {"control_torque": torque}
         else:
             torque, acceleration = given, (net - given) / inertia
             found = {"rotor_acceleration": acceleration}
-        electrical = self.options["generator"].electrical_power(torque, rotor_speed)
+        electrical = self.generator.electrical_power(torque, rotor_speed)
         return found | {"generator_power": torque * rotor_speed, "electrical_power": electrical}

@@ -7,6 +7,7 @@ compute on arrays, and are divided until their estimated errors are within the t
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -14,24 +15,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.optimize import brentq
 
+from hkt_mdo.dynamics import radau
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.dynamics.radau import (
-    ERROR,
-    MATRIX,
-    NODES,
-    STAGES,
-    Slopes,
-    StageSystem,
-    divided,
-    magnitudes,
-    solve_stages,
-    step_errors,
-    through,
-)
-from hkt_mdo.dynamics.wake import MeanWake, Wake
+from hkt_mdo.dynamics.wake import SLOWEST_RATIO, MeanWake, Wake
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
@@ -39,7 +28,6 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 
-SLOWEST_RATIO = 0.05  # tip speed ratio at which a rotor counts as standing still
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
 FAILURES = 100, 4  # of Newton's method at most, and for each step that is solved
 AWAY = 1.5  # tip speed ratio over the first one, above which a rotor has run away
@@ -73,18 +61,22 @@ class Plant:
         """Return the same rotor with the two filters of an optimization with its `Band`."""
         return replace(self, wake=MeanWake(self.blade, self.polar, self.wake.tau1, band))
 
+    def coefficient(self, ratio):
+        """Return the torque coefficient, of sections that do not depend on the Reynolds number."""
+        return self.coefficients(self.blade, self.polar, ratio).torque
+
     def tabulated(self, ratios):
         """Return the same rotor with the torque coefficient as a spline over tip speed ratios.
 
-        Without dynamic inflow, and of sections that do not depend on the Reynolds number. A
-        long integration evaluates the spline a hundred times faster than BEM.
+        And the spline. Without dynamic inflow, and of sections that do not depend on the Reynolds
+        number. A long integration evaluates the spline a hundred times faster than BEM.
         """
-        curve = CubicSpline(ratios, self.coefficients(self.blade, self.polar, ratios).torque)
+        curve = CubicSpline(ratios, self.coefficient(ratios))
 
         def coefficients(_blade, _polar, ratio, *_):
             return SimpleNamespace(torque=curve(np.minimum(ratio, ratios[-1])))
 
-        return replace(self, coefficients=coefficients)
+        return replace(self, coefficients=coefficients), curve
 
     def torque(self, speed, inflow_speed, filters=None):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).
@@ -126,12 +118,11 @@ class Plant:
         filters[n, n_filters] is the state of the wake, which need not be in equilibrium. Of a
         `MeanWake` it is the torque of all stations, (n, 1).
         """
-        radius = self.blade.rotor_radius
-        speed = np.maximum(speed, SLOWEST_RATIO * inflow_speed / radius)
-        scale = torque_scale(self.density, radius, inflow_speed)
+        scale = torque_scale(self.density, self.blade.rotor_radius, inflow_speed)
         load = self.wake.sections(speed, inflow_speed, filters).tangential_load
         torques = scale[:, None] * bem.torque_weights(self.blade) * load
-        return torques if self.wake.places > 1 else np.sum(torques, axis=1, keepdims=True)
+        mean = isinstance(self.wake, MeanWake)
+        return np.sum(torques, axis=1, keepdims=True) if mean else torques
 
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
@@ -160,14 +151,14 @@ class RecordedTorque:
         nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
         place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
-        self.unlimited = through(self.ends, place, values)
+        self.unlimited = radau.through(self.ends, place, values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
         self.unlimited_rate = self.unlimited.derivative()
         """Its rate, N*m/s."""
         self.limit = np.inf if limit is None else limit
         self.stiffness = stiffness
         if stiffness:
-            self._held = through(self.ends, place, np.reshape(speed, nodes.shape))
+            self._held = radau.through(self.ends, place, np.reshape(speed, nodes.shape))
             self._held_rate = self._held.derivative()
 
     @classmethod
@@ -224,20 +215,6 @@ class FeedbackTorque:
         rates = self.rates(speed, flow, acceleration, *states)
         moved = (x + 1j * STEP * rate for x, rate in zip(states, rates, strict=True))
         return np.imag(self(time, speed + 1j * STEP * acceleration, *moved)) / STEP
-
-    def linearized(self, plant, speed, flow, *states):
-        """Return the matrix of the motion linearized at points of shape (n,), [n, rate, value].
-
-        Rates and values are those of the rotor's speed, then of the law's states, while the flow
-        (m/s) keeps its speed; the slope of the flow's torque is by differences of direct BEM, with
-        the wake in equilibrium.
-        """
-        slopes = self.law.slopes(speed, flow, self.gains, *states)
-        slopes[0] *= -1.0 / plant.inertia
-        quick = replace(plant, wake=None)
-        by_speed = quick.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
-        slopes[0, 0] += by_speed / plant.inertia
-        return np.moveaxis(slopes, -1, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,9 +332,8 @@ def simulate(
     """
     start = start if isinstance(start, Start) else Start(start)
     begin, dense = start.time, 1 + len(start.states)
-    motion = _Motion(plant, inflow, controller, begin, duration, tolerance, dense)
-    values = np.concatenate(([start.speed, *start.states], motion.filters(start)))
-    path, energies, stopped = motion.march(values, max_step or duration / 100.0)
+    motion = _Motion(plant, inflow, controller, start, duration, tolerance, dense)
+    path, energies, stopped = motion.march(max_step or duration / 100.0)
     end = float(path.x[-1])
     if isinstance(samples, int):
         time = np.linspace(begin, end, samples)
@@ -369,8 +345,7 @@ def simulate(
         time,
         flow,
         speed,
-        motion.driving(values, flow),
-        np.asarray(controller(time, speed, *states), dtype=float) * np.ones(time.size),
+        *motion.torques(time, flow, values),
         *map(float, energies),
         0.5 * plant.inertia * float(path(end)[0] ** 2 - start.speed**2),
         end if stopped else None,
@@ -391,22 +366,24 @@ class _Motion:
     plant: Plant
     inflow: Inflow
     controller: Callable
-    begin: float
+    start: Start
     duration: float
     tolerance: float
     dense: int
 
-    def filters(self, start):
-        """Return the state of the wake's filters at the begin, in equilibrium, (n_filters,)."""
+    @property
+    def _first(self):
+        """The values at the begin, where the wake is in equilibrium."""
+        values = np.array([self.start.speed, *self.start.states])
         if self.plant.wake is None:
-            return np.empty(0)
-        flow = np.atleast_1d(self.inflow.speed_at(start.time))
-        return self.plant.wake.at_rest(np.array([start.speed]), flow)[0]
+            return values
+        flow = np.atleast_1d(self.inflow.speed_at(self.start.time))
+        return np.append(values, self.plant.wake.at_rest(values[:1], flow)[0])
 
-    def march(self, start, longest):
+    def march(self, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, last, begun = [], np.zeros(4), None, edges.size
+        paths, energies, last, begun, start = [], np.zeros(4), None, edges.size, self._first
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             fine = self._graded(self._divided_by_flow(window), last)
@@ -446,13 +423,13 @@ class _Motion:
 
     def _mesh(self, longest):
         """Return the longest steps; none extends over an end of a piece of controller or flow."""
-        begin, end = self.begin, self.begin + self.duration
+        begin, end = self.start.time, self.start.time + self.duration
         near = 1e-12 * end  # times closer than rounding are one
         ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(end, begin))
         inside = ends[(ends > begin + near) & (ends < end - near)]
         inside = inside[np.diff(inside, prepend=begin) > near]
         ends = np.concatenate(([begin], inside, [end]))
-        return divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1).astype(int))
+        return radau.divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1.0))
 
     def _graded(self, edges, last):
         """Let steps of a wake with memory grow from the last one, s, after which it may still run.
@@ -463,38 +440,34 @@ class _Motion:
         if last is None or self.plant.wake is None:
             return edges
         longest = GROWTH * last + 0.5 * (edges[:-1] - edges[0])
-        parts = np.ceil(np.diff(edges) / longest - 1e-6).astype(int)
-        return divided(edges, np.clip(parts, 1, 64))
+        parts = np.ceil(np.diff(edges) / longest - 1e-6)
+        return radau.divided(edges, np.clip(parts, 1, 64))
 
     def _divided_by_flow(self, edges):
         """Halve the steps in which the flow is no polynomial through the nodes."""
         for _ in range(20):
             step = np.diff(edges)[:, None]
-            nodes = self.inflow.speed_at(edges[:-1, None] + step * NODES)
+            nodes = self.inflow.speed_at(edges[:-1, None] + step * radau.NODES)
             places = edges[:-1, None] + step * (np.arange(PROBES) + 0.5) / PROBES
             probes = self.inflow.speed_at(places)
-            off = np.max(np.abs(through(edges, NODES, nodes)(places) - probes), axis=1)
+            off = np.max(np.abs(radau.through(edges, radau.NODES, nodes)(places) - probes), axis=1)
             coarse = off > FLOW_ERROR * np.max(np.abs(probes), axis=1)
             if not np.any(coarse):
                 break
-            edges = divided(edges, 1 + coarse)
+            edges = radau.divided(edges, 1 + coarse)
         return edges
 
-    def driving(self, values, flow):
-        """Return the hydrodynamic torque, N*m, of the flow's shape."""
+    def torques(self, time, flow, values):
+        """Return hydrodynamic and generator torque, N*m, at arrays of one shape."""
+        speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
         filters = None
         if self.plant.wake is not None:
             filters = values[..., self.dense :].reshape(flow.size, -1)
-        torque = self.plant.torque(values[..., 0].ravel(), flow.ravel(), filters)
-        return torque.reshape(flow.shape)
-
-    def _torques(self, time, values, flow):
-        """Return hydrodynamic and generator torque, N*m, at arrays of one shape."""
-        speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
+        driving = self.plant.torque(speed.ravel(), flow.ravel(), filters)
         control = self.controller(time, speed, *states) * np.ones(speed.shape)
-        return self.driving(values, flow), control
+        return driving.reshape(flow.shape), control
 
-    def _dense_rates(self, values, flow, driving, control):
+    def _dense_rates(self, flow, values, driving, control):
         """Return the rates of the speed and the controller's states."""
         speed, *states = np.moveaxis(values[..., : self.dense], -1, 0)
         friction = self.plant.generator.friction(speed)
@@ -502,34 +475,28 @@ class _Motion:
         rates = self.controller.rates(speed, flow, acceleration, *states) if states else ()
         return np.stack((acceleration, *rates), axis=-1)
 
-    def _balanced(self, values, flow):
-        """Return the velocities induced in equilibrium, m/s, (flow.size, 2 n_stations)."""
-        speed, flow = values[..., 0].ravel(), flow.ravel()
-        slowest = SLOWEST_RATIO * flow / self.plant.blade.rotor_radius
-        return self.plant.wake.balanced(np.maximum(speed, slowest), flow)
+    def _filter_rates(self, flow, values):
+        """Return the rates of the wake's filters, and the velocity induced at 0.7 R, m/s."""
+        filters, flow = values[..., self.dense :], flow.ravel()
+        balanced = self.plant.wake.balanced(values[..., 0].ravel(), flow)
+        rates = self.plant.wake.rates(filters.reshape(flow.size, -1), flow, balanced)
+        return rates.reshape(filters.shape), balanced[1]
 
-    def _filter_rates(self, values, flow, balanced):
-        """Return the rates of the wake's filters."""
-        filters = values[..., self.dense :]
-        flat = filters.reshape(flow.size, -1)
-        return self.plant.wake.rates(flat, flow.ravel(), balanced).reshape(filters.shape)
-
-    def _rates(self, time, values, flow):
+    def _rates(self, time, flow, values):
         """Return the rates of all values, of their shape, and what they follow from.
 
-        That is the hydrodynamic and the generator torque, and the result of `_balanced`.
+        That is the hydrodynamic and the generator torque, and the velocity induced at 0.7 R.
         """
-        driving, control = self._torques(time, values, flow)
-        rates, balanced = self._dense_rates(values, flow, driving, control), None
+        driving, control = self.torques(time, flow, values)
+        rates, at_place = self._dense_rates(flow, values, driving, control), None
         if self.plant.wake is not None:
-            balanced = self._balanced(values, flow)
-            of_filters = self._filter_rates(values, flow, balanced)
+            of_filters, at_place = self._filter_rates(flow, values)
             rates = np.concatenate((rates, of_filters), axis=-1)
-        return rates, (driving, control, balanced)
+        return rates, (driving, control, at_place)
 
-    def _slope(self, time, values, flow, driving, rates):
+    def _slope(self, time, flow, values, driving, rates):
         """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        size, n = magnitudes(values[..., : self.dense]), self.dense
+        size, n = radau.magnitudes(values[..., : self.dense]), self.dense
         found = np.empty((*flow.shape, n, n))
         for i in range(n):
             step = 1e-6 * size[..., i]
@@ -539,32 +506,32 @@ class _Motion:
                 speed, *states = np.moveaxis(moved[..., :n], -1, 0)
                 torques = driving, self.controller(time, speed, *states) * np.ones(speed.shape)
             else:
-                torques = self._torques(time, moved, flow)
-            change = self._dense_rates(moved, flow, *torques) - rates[..., :n]
+                torques = self.torques(time, flow, moved)
+            change = self._dense_rates(flow, moved, *torques) - rates[..., :n]
             found[..., i] = change / step[..., None]
         return found
 
-    def _system(self, step, time, values, flow, known, rates):
+    def _system(self, step, time, flow, values, rates, known):
         """Return the linear system of Newton's method; None where it has no slopes.
 
-        known has both torques, and the velocities that a wake in equilibrium would induce.
+        known is what `_rates` returns besides the rates.
         """
-        dense = self._slope(time, values, flow, known[0], rates)
+        dense = self._slope(time, flow, values, known[0], rates)
         if self.plant.wake is None:
-            slopes = Slopes.without_chains(dense)
+            slopes = radau.Slopes.without_chains(dense)
         else:
-            slopes = Slopes(dense, *self._wake_slopes(values, flow, known, rates))
-        return StageSystem(step, slopes) if all(np.all(np.isfinite(x)) for x in slopes) else None
+            slopes = radau.Slopes(dense, *self._wake_slopes(flow, values, rates, known))
+        finite = all(np.all(np.isfinite(each)) for each in slopes)
+        return radau.StageSystem(step, slopes) if finite else None
 
-    def _wake_slopes(self, values, flow, known, rates):
+    def _wake_slopes(self, flow, values, rates, known):
         """Return the slopes of `Slopes` that involve filters, by differences."""
-        (driving, control, balanced), n, shape = known, self.dense, flow.shape
+        (driving, control, at_place), n, shape = known, self.dense, flow.shape
         many, speed = flow.ravel(), values[..., 0].ravel()
         move = 1e-6 * np.maximum(values[..., :1], 1e-3)
         moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
-        faster = self._filter_rates(moved, flow, self._balanced(moved, flow))
-        by_speed = (faster - rates[..., n:]) / move
-        by_speed = np.split(by_speed, 2, axis=-1)
+        faster, _ = self._filter_rates(flow, moved)
+        by_speed = np.split((faster - rates[..., n:]) / move, 2, axis=-1)
         # derivative of a station's torque by the velocity induced there, axial and then tangential
         filters = values[..., n:].reshape(speed.size, -1)
         here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
@@ -574,10 +541,10 @@ class _Motion:
             moved[:, first : first + places] += move
             by_chain.append((self.plant.station_torques(speed, many, moved) - here) / move)
         step = 1e-6 * np.maximum(np.abs(driving), 1.0)
-        by_torque = self._dense_rates(values, flow, driving + step, control) - rates[..., :n]
+        by_torque = self._dense_rates(flow, values, driving + step, control) - rates[..., :n]
         by_chain = np.concatenate(by_chain, axis=1).reshape(*shape, 1, -1)
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
-        slow, fast = self.plant.wake.times(many, balanced)
+        slow, fast = self.plant.wake.times(many, at_place)
         fast = np.tile(fast, count // 2 // fast.shape[1]).reshape(*shape, -1)
         return by_chain, *by_speed, slow.reshape(*shape, 1), fast
 
@@ -587,14 +554,14 @@ class _Motion:
         energy, J, is what has been captured before. None if Newton's method does not converge,
         False if no number of steps up to `MOST_STEPS` is enough.
         """
-        flow = float(self.inflow.speed_at(self.begin))
+        flow = float(self.inflow.speed_at(self.start.time))
         power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
         unit = energy + 0.01 * self.duration * power
-        path = None
+        path, enough = None, max(0.01 * self.tolerance, 1e-12)
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it
-            time = edges[:-1, None] + step * np.minimum(NODES, 1.0 - 1e-12)
+            time = edges[:-1, None] + step * np.minimum(radau.NODES, 1.0 - 1e-12)
             flow = self.inflow.speed_at(time)
             if not np.all(flow > 0.0):
                 return None
@@ -604,18 +571,21 @@ class _Motion:
                 guess = np.moveaxis(guess, 0, -1)
             else:
                 guess = path(time)
-            found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
+            rates_at = partial(self._rates, time[:, 1:], flow[:, 1:])
+            system_at = partial(self._system, step, time[:, 1:], flow[:, 1:])
+            about = start, step, guess[:, 1:], self.dense, enough
+            found = radau.solve_stages(rates_at, system_at, *about)
             if found is None:
                 return None
-            stages, system, driving, control = found
+            stages, system, (driving, control, _) = found
             begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
-            rates, (first, *_) = self._rates(time[:, :1], begin, flow[:, :1])
-            path = through(edges, NODES, np.concatenate((begin, stages), axis=1))
-            size = magnitudes(stages, self.dense)
-            errors = step_errors(step, begin, stages, rates[:, 0], system, size)
-            speed = np.concatenate((begin, stages), axis=1)[..., 0]
-            power = np.hstack((first, driving)) * speed
-            share = np.abs(step[:, 0] * (power @ ERROR)) / unit
+            rates, (first, *_) = self._rates(time[:, :1], flow[:, :1], begin)
+            values = np.concatenate((begin, stages), axis=1)
+            path = radau.through(edges, radau.NODES, values)
+            errors = np.abs(system.errors(begin, stages, rates[:, 0]))
+            errors = np.max(errors / radau.magnitudes(stages, self.dense)[:, -1], axis=1)
+            power = np.hstack((first, driving)) * values[..., 0]
+            share = np.abs(step[:, 0] * (power @ radau.ERROR)) / unit
             share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
                 turning = stages[..., 0]
@@ -623,28 +593,10 @@ class _Motion:
                 electrical = generator.electrical_power(control, turning)
                 lost = generator.friction(turning) * turning
                 powers = driving * turning, control * turning, electrical, lost
-                return path, np.array([np.sum(step * MATRIX[-1] * each) for each in powers])
-            parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (STAGES + 1))), nan=8.0)
-            edges = divided(edges, np.where(share <= 1.0, 1, np.clip(parts, 2, 8)).astype(int))
+                return path, np.array([np.sum(step * radau.MATRIX[-1] * each) for each in powers])
+            parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (radau.STAGES + 1))), nan=8.0)
+            edges = radau.divided(edges, np.where(share <= 1.0, 1.0, np.clip(parts, 2.0, 8.0)))
         return False
-
-    def _stages(self, start, step, time, flow, guess):
-        """Return values at the stages, the linear system, and both torques; None if lost."""
-        known: list = []
-
-        def rates_at(stages):
-            rates, known[:] = self._rates(time, stages, flow)
-            return rates
-
-        def system_at(stages, rates):
-            return self._system(step, time, stages, flow, known, rates)
-
-        def size_of(stages):
-            return magnitudes(stages, self.dense)
-
-        enough = max(0.01 * self.tolerance, 1e-12)
-        found = solve_stages(rates_at, system_at, start, step, guess, size_of, enough)
-        return found and (*found, *known[:2])
 
     def _standstill(self, path):
         """Return the steps up to where the rotor comes to rest; None if it does not."""

@@ -55,15 +55,25 @@ class Loop:
 
     @classmethod
     def of(cls, plant: Plant, controller: FeedbackTorque | RecordedTorque, speed, flow, *states):
-        """Return the loop of a plant whose wake has memory, in equilibrium at some points.
+        """Return the loop of a plant, in equilibrium at some points.
 
-        speed (rad/s), flow (m/s) and the states of the law have the shape (n,).
+        speed (rad/s), flow (m/s) and the states of the law have the shape (n,). A wake without
+        memory follows at once: there are no stations.
         """
         wake, n = plant.wake, speed.size
-        rest = wake.at_rest(speed, flow)
+        frozen = plant.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
+        if isinstance(controller, FeedbackTorque):
+            slopes = controller.law.slopes(speed, flow, controller.gains, *states)
+            law = np.moveaxis(slopes, -1, 0)
+        else:
+            law = np.full((n, 1, 1), controller.stiffness)
+        if wake is None:
+            none = np.empty((n, 0))
+            return cls(frozen, none, np.ones((n, 1)), none, law, plant.inertia)
+        rest, (_, at_place) = wake.at_rest(speed, flow), wake.balanced(speed, flow)
         step = MOVE * speed
-        ends = (wake.balanced(speed + move, flow) for move in (step, -step))
-        by_speed = -np.subtract(*reversed(list(ends))) / (2.0 * step[:, None])
+        (faster, _), (slower, _) = (wake.balanced(speed + move, flow) for move in (step, -step))
+        by_speed = (faster - slower) / (2.0 * step[:, None])
         places, answers = rest.shape[1] // 4, 0.0
         for part in (0, 1):  # the axial velocity, the tangential one
             moved = []
@@ -73,14 +83,7 @@ class Loop:
                 moved.append(plant.station_torques(speed, flow, state))
             by_wake = np.subtract(*moved) / (2.0 * MOVE * flow[:, None])
             answers = answers + by_wake * by_speed[:, part * places : (part + 1) * places]
-        slow, fast = wake.times(flow, rest[:, 2 * places :])
-        if isinstance(controller, FeedbackTorque):
-            slopes = controller.law.slopes(speed, flow, controller.gains, *states)
-            law = np.moveaxis(slopes, -1, 0)
-        else:
-            law = np.full((n, 1, 1), controller.stiffness)
-        frozen = plant.torque_slope(speed, flow) - plant.generator.shaft_friction_slope
-        return cls(frozen, answers, slow, fast, law, plant.inertia)
+        return cls(frozen, answers, *wake.times(flow, at_place), law, plant.inertia)
 
     def matrix(self, inertia: float) -> np.ndarray:
         """Return the matrix of the motion with an inertia, kg*m**2, (n, size, size).
@@ -107,11 +110,15 @@ class Loop:
         return self._growth(self.inertia)
 
     @property
+    def rotor(self) -> np.ndarray:
+        """Matrix of rotor and controller alone, in an unchanged wake, (n, 1 + n_states, …)."""
+        dense = self.law.shape[1]
+        return self.matrix(self.inertia)[:, :dense, :dense]
+
+    @property
     def frozen_growth(self) -> np.ndarray:
         """The same of rotor and controller alone, in an unchanged wake, 1/s."""
-        dense = self.law.shape[1]
-        rotor = self.matrix(self.inertia)[:, :dense, :dense]
-        return np.linalg.eigvals(rotor).real.max(axis=1)
+        return np.linalg.eigvals(self.rotor).real.max(axis=1)
 
     def _growth(self, inertia):
         return np.linalg.eigvals(self.matrix(inertia)).real.max(axis=1)

@@ -1,6 +1,6 @@
 """Control of the rotor's speed to a schedule over the flow's speed, sensed or estimated."""
 
-from functools import lru_cache
+from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -100,12 +100,16 @@ class Tracking(FeedbackLaw):
         half = max(half, 0.5 * NARROWEST * middle)
         return self.model_copy(update={"flow_range": (middle - half, middle + half)})
 
+    @cached_property
+    def _spline(self):
+        """The spline of a schedule over the flow's speed, m/s."""
+        from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+
+        return TorqueSpline(np.linspace(*self.flow_range, self.knots))
+
     def reference(self, flow, gains):
         """Return the schedule's speed, rad/s, at sensed flow speeds, m/s; both may be complex."""
-        spline = _spline(self.flow_range, self.knots)
-        if np.ndim(flow) == 0:
-            return spline.values(gains[: self.knots], np.atleast_1d(flow))[0][0]
-        values, _ = spline.values(gains[: self.knots], np.ravel(flow))
+        values, _ = self._spline.values(gains[: self.knots], np.ravel(flow))
         return values.reshape(np.shape(flow))
 
     def demand(self, speed, gains, integral_torque, sensed_flow):
@@ -134,17 +138,8 @@ class Tracking(FeedbackLaw):
         ki = np.clip(self.integral_gain or kp / RESET, *(self.integral_bounds or every))
         if self.schedule is not None:
             return np.array([*self.schedule, kp, ki])
-        spline = _spline(self.flow_range, self.knots)
         # at a knot that no flow reaches, its speed is proportional to the flow
-        schedule = spline.nodes * np.sum(speed) / np.sum(sensed)
-        basis = spline.basis(sensed)
+        schedule = self._spline.nodes * np.sum(speed) / np.sum(sensed)
+        basis = self._spline.basis(sensed)
         schedule = schedule + np.linalg.lstsq(basis, speed - basis @ schedule, rcond=1e-6)[0]
         return np.array([*schedule, kp, ki])
-
-
-@lru_cache(maxsize=8)
-def _spline(flow_range, knots):
-    """Return the spline of a schedule over the flow's speed, m/s."""
-    from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
-
-    return TorqueSpline(np.linspace(*flow_range, knots))

@@ -1,16 +1,8 @@
 """The quantities of a rotor's trajectory, from its speeds and torques."""
 
-from hkt_mdo.dynamics.generator import LOSSLESS
-
 
 def trajectory_of(
-    time,
-    inflow_speed,
-    rotor_speed,
-    hydrodynamic_torque,
-    control_torque,
-    rotor_radius,
-    generator=LOSSLESS,
+    time, inflow_speed, rotor_speed, hydrodynamic_torque, control_torque, rotor_radius, generator
 ):
     """Return all quantities that a trajectory provides, by name.
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.band import Band, place_shares
+from hkt_mdo.rotor.band import Band, fast_share, place_shares
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
 
@@ -28,20 +28,27 @@ SLOW = 1.1
 """tau1 (1 - 1.3 a) V / R, where tau1 follows from the induction."""
 MOST_INDUCTION = 0.5
 """Axial induction above which the slow filter's time constant grows no more."""
+SLOWEST_RATIO = 0.05
+"""Tip speed ratio at which a rotor counts as standing still; a slower one has its wake there."""
 FINER = 4
 """Intervals of `MeanWake`'s table in one of the optimization's."""
 
 
-def fast_share(places):
-    """Return the fast filter's time constant over the slow one's, at radii over the tip's."""
-    return 0.39 - 0.26 * places**2
+def slow_time(tau1, induction, radius, flow):
+    """Return the slow filter's time constant, s: tau1, or if it is None that by the induction.
+
+    That is 1.1 R / ((1 - 1.3 a) V), a the axial induction at 0.7 R in equilibrium; it, the radius R
+    of the disc (m) and the flow's speed V (m/s) may be complex.
+    """
+    if tau1 is not None:
+        return tau1
+    kept = 1.0 - 1.3 * np.where(np.real(induction) < MOST_INDUCTION, induction, MOST_INDUCTION)
+    return SLOW * radius / (kept * flow)
 
 
 @dataclass(frozen=True, eq=False)
 class Wake:
-    """The filters of a blade's wake; tau1 (s) is the time constant of the slow ones.
-
-    Without tau1 it is 1.1 R / ((1 - 1.3 a) V), a the axial induction at 0.7 R in equilibrium.
+    """The filters of a blade's wake; tau1 is that of `slow_time`.
 
     The state of the filters is an array (..., 4 n_stations): x, then z of the module's equations,
     each of the axial velocity against the flow and then of the tangential one, with the rotation of
@@ -52,56 +59,49 @@ class Wake:
     polar: Polar | tuple[Polar, ...] | LocalReynolds
     tau1: float | None = None
 
-    @property
-    def places(self) -> int:
-        """Number of parts of the blade whose velocities have filters of their own."""
-        return self.blade.r.size
-
     @cached_property
-    def _spread(self):
-        """Share of each station in the induction at 0.7 R, and tau2 over tau1 of each."""
-        places = self.blade.r / self.blade.tip_radius
-        return place_shares(places), fast_share(places)
+    def share(self):
+        """Time constant of the fast filters over that of the slow ones, by station."""
+        return fast_share(self.blade.r / self.blade.tip_radius)
 
     def _ratio(self, speed, flow):
         """Return the tip speed ratio along the blade, and the flow's speed normal to it, m/s."""
         blade = self.blade
+        speed = np.maximum(speed, SLOWEST_RATIO * flow / blade.rotor_radius)
         return speed * blade.tip_radius / flow, flow * np.cos(blade.cone)
 
     def balanced(self, speed, flow):
-        """Return the velocities that a wake in equilibrium induces, m/s, (n_points, 2 n_stations).
+        """Return the velocities that a wake in equilibrium induces, m/s, and the axial at 0.7 R.
 
-        speed (rad/s) and flow (m/s) have the shape (n_points,).
+        They have the shapes (n_points, 2 n_stations) and (n_points,); speed (rad/s) and flow (m/s)
+        have the latter.
         """
         ratio, normal = self._ratio(speed, flow)
         found = bem.sections(self.blade, polar_in_flow(self.polar, flow), ratio)
         induced = normal[:, None, None] * bem.induced_speeds(self.blade, found, ratio)
-        return induced.reshape(ratio.size, -1)
+        at_place = induced[:, 0] @ place_shares(self.blade.r / self.blade.tip_radius)
+        return induced.reshape(ratio.size, -1), at_place
 
     def at_rest(self, speed, flow):
-        """Return the state of filters in equilibrium, (n_points, 4 n_stations)."""
-        induced = self.balanced(speed, flow)
+        """Return the state of filters in equilibrium, (n_points, n_filters)."""
+        induced, _ = self.balanced(speed, flow)
         return np.concatenate(((1.0 - AT_ONCE) * induced, induced), axis=-1)
 
-    def times(self, flow, balanced):
-        """Return tau1 (n_points, 1) and tau2 (n_points, n_stations), s."""
-        share, factors = self._spread
-        slow = self._slow(flow, balanced[:, : share.size] @ share)[:, None]
-        return slow, factors * slow
+    def times(self, flow, at_place):
+        """Return tau1 (n_points, 1) and tau2 (n_points, n_stations), s.
 
-    def _slow(self, flow, at_place):
-        """Return tau1, s; at_place is the velocity induced in equilibrium at 0.7 R, m/s."""
-        if self.tau1 is not None:
-            return np.full(flow.shape, self.tau1)
+        at_place is the axial velocity that is induced in equilibrium at 0.7 R, m/s, (n_points,).
+        """
         induction = at_place / (flow * np.cos(self.blade.cone))
-        kept = 1.0 - 1.3 * np.minimum(induction, MOST_INDUCTION)
-        return SLOW * self.blade.rotor_radius / (kept * flow)
+        slow = slow_time(self.tau1, induction, self.blade.rotor_radius, flow)
+        slow = np.broadcast_to(slow, flow.shape)[:, None]
+        return slow, self.share * slow
 
     def rates(self, filters, flow, balanced):
         """Return the rates of the filters' state, of its shape, m/s²; points in one row."""
-        slow, fast = self.times(flow, balanced)
+        steady, at_place = balanced
+        slow, fast = self.times(flow, at_place)
         reduced, induced = np.split(filters, 2, axis=-1)
-        steady = balanced[:, : reduced.shape[-1]]
         first = ((1.0 - AT_ONCE) * steady - reduced) / slow
         fast = np.tile(fast, steady.shape[-1] // fast.shape[-1])
         second = (reduced + AT_ONCE * steady - induced) / fast
@@ -130,13 +130,8 @@ class MeanWake(Wake):
     band: Band = None  # type: ignore[assignment]
 
     @property
-    def places(self):
-        return 1
-
-    @property
-    def share(self) -> float:
-        """Time constant of the fast filter over that of the slow one, the mean of all stations."""
-        return float(self.band.weights @ self._spread[1])
+    def share(self):
+        return self.band.share
 
     @cached_property
     def _table(self):
@@ -149,23 +144,16 @@ class MeanWake(Wake):
         return replace(self.band, nodes=finer), induced @ self.band.weights
 
     def balanced(self, speed, flow):
-        """Return the mean velocity in equilibrium, and that at 0.7 R, m/s, (n_points, 2)."""
-        found = super().balanced(speed, flow)[:, : self.blade.r.size]
-        mean = found @ self.band.weights / np.cos(self.blade.cone)
-        return np.stack((mean, found @ self.band.places), axis=-1)
-
-    def at_rest(self, speed, flow):
-        induced = self.balanced(speed, flow)[:, :1]
-        return np.concatenate(((1.0 - AT_ONCE) * induced, induced), axis=-1)
-
-    def times(self, flow, balanced):
-        slow = self._slow(flow, balanced[:, 1])[:, None]
-        return slow, self.share * slow
+        """Return the mean velocity in equilibrium, (n_points, 1), and that at 0.7 R, m/s."""
+        found, at_place = super().balanced(speed, flow)
+        mean = found[:, : self.blade.r.size] @ self.band.weights / np.cos(self.blade.cone)
+        return mean[:, None], at_place
 
     def sections(self, speed, flow, filters):
         band, table = self._table
         wake_ratio, _ = band.wake_ratio(table, filters[:, 1] / flow)
-        return self.behind(speed * self.blade.rotor_radius / flow, wake_ratio, flow)
+        ratio = np.maximum(speed * self.blade.rotor_radius / flow, SLOWEST_RATIO)
+        return self.behind(ratio, wake_ratio, flow)
 
     def behind(self, ratio, wake_ratio, flow):
         """Return the `Sections` in the wake of other tip speed ratios, (n_points,)."""

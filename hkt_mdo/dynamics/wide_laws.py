@@ -32,14 +32,34 @@ def _positive(torque):
     return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
 
 
-def _refuse_alone(law, other):
-    """Refuse one of two parameters of a law without the other."""
-    if law.gain is not None and getattr(law, other) is None:
-        problem, remedy = f"is given without control.{other}", "give both, or neither"
-        raise refusal(problem, remedy, key="gain", value=law.gain)
+class _TwoGains(FeedbackLaw):
+    """A law of a gain and a second parameter, which is given with it, or designed."""
+
+    second: ClassVar[str] = ""
+    """Key of the second parameter."""
+    both_units: ClassVar[tuple[str | None, ...]] = ()
+
+    @model_validator(mode="after")
+    def _check_start(self):
+        if self.gain is not None and getattr(self, self.second) is None:
+            problem, remedy = f"is given without control.{self.second}", "give both, or neither"
+            raise refusal(problem, remedy, key="gain", value=self.gain)
+        return self
+
+    @property
+    def gain_units(self):  # type: ignore[override]
+        """Units of the gain, and of the second parameter where it is designed."""
+        return self.both_units[: 1 + (getattr(self, self.second) is None)]
+
+    def _second(self, gains):
+        given = getattr(self, self.second)
+        return gains[1] if given is None else given
+
+    def scaled_gains(self, gains, share):
+        return np.append(share * gains[:1], gains[1:])
 
 
-class PowerLawFeedback(FeedbackLaw):
+class PowerLawFeedback(_TwoGains):
     """A power of the speed, u = K (w / (1 rad/s))^p."""
 
     law: Literal["power_law"] = "power_law"
@@ -49,16 +69,8 @@ class PowerLawFeedback(FeedbackLaw):
     the search for a start."""
     exponent: Annotated[float, Quantity(ge=-5, le=20)] | None = None
     """Exponent p; null: designed."""
-
-    @model_validator(mode="after")
-    def _check_start(self) -> PowerLawFeedback:
-        _refuse_alone(self, "exponent")
-        return self
-
-    @property
-    def gain_units(self):  # type: ignore[override]
-        """K, and p where it is designed."""
-        return ("N*m",) if self.exponent is not None else ("N*m", None)
+    second: ClassVar[str] = "exponent"
+    both_units: ClassVar[tuple[str | None, ...]] = ("N*m", None)
 
     def contains(self, other):
         power = {"linear": 1.0, "quadratic": 2.0}.get(other.law)
@@ -67,11 +79,8 @@ class PowerLawFeedback(FeedbackLaw):
         names = "torque_limit", "cut_out", "smoothing"
         return all(getattr(self, name) == getattr(other, name) for name in names)
 
-    def _exponent(self, gains):
-        return gains[1] if self.exponent is None else self.exponent
-
     def demand(self, speed, gains):
-        return gains[0] * _forward(speed) ** self._exponent(gains)
+        return gains[0] * _forward(speed) ** self._second(gains)
 
     def fit(self, speed, torque):
         logarithm, torque = np.log(speed), _positive(torque)
@@ -90,11 +99,8 @@ class PowerLawFeedback(FeedbackLaw):
         ends[:, 1:] = gains[1:] + np.array([[1.0 - factor], [factor - 1.0]])
         return ends
 
-    def scaled_gains(self, gains, share):
-        return np.append(share * gains[:1], gains[1:])
 
-
-class RatedFeedback(FeedbackLaw):
+class RatedFeedback(_TwoGains):
     """Quadratic feedback up to a rated power, constant power by overspeed above it.
 
     Smoothly the smaller of K w^2 and P / w (docs/controllers.md).
@@ -107,19 +113,11 @@ class RatedFeedback(FeedbackLaw):
     start."""
     power: Annotated[float, Quantity("W", gt=0)] | None = None
     """Rated power P of the shaft; null: designed, which needs a limit of the power in the case."""
-
-    @model_validator(mode="after")
-    def _check_start(self) -> RatedFeedback:
-        _refuse_alone(self, "power")
-        return self
-
-    @property
-    def gain_units(self):  # type: ignore[override]
-        """K, and P where it is designed."""
-        return ("N*m*s**2/rad**2", "W")[: 1 + (self.power is None)]
+    second: ClassVar[str] = "power"
+    both_units: ClassVar[tuple[str | None, ...]] = ("N*m*s**2/rad**2", "W")
 
     def demand(self, speed, gains):
-        power = gains[1] if self.power is None else self.power
+        power = self._second(gains)
         wanted = gains[0] * speed**3  # power of quadratic feedback
         root = np.sqrt((wanted - power) ** 2 + 0.25 * self.smoothing * wanted * power)
         least = (2.0 - 0.125 * self.smoothing) * power / (wanted + power + root)
@@ -136,9 +134,6 @@ class RatedFeedback(FeedbackLaw):
         # the median: other limits than the power's may make some of the torques small
         gain = np.median(torque[below] / speed[below] ** 2)
         return np.array([gain, power][: len(self.gain_units)])
-
-    def scaled_gains(self, gains, share):
-        return np.append(share * gains[:1], gains[1:])
 
 
 class CurveFeedback(FeedbackLaw):
@@ -160,10 +155,8 @@ class CurveFeedback(FeedbackLaw):
 
     @model_validator(mode="after")
     def _check_knots(self) -> CurveFeedback:
-        given = self.knot_speeds, self.knot_torques
-        for key, own, other in zip(
-            ("knot_speeds", "knot_torques"), given, given[::-1], strict=True
-        ):
+        keys, given = ("knot_speeds", "knot_torques"), (self.knot_speeds, self.knot_torques)
+        for key, own, other in zip(keys, given, given[::-1], strict=True):
             if own is None and other is not None:
                 problem, remedy = "is missing", "give knot_speeds and knot_torques, or neither"
                 raise refusal(problem, remedy, key=key, value=None)

@@ -13,3 +13,6 @@ FORMATS = {
     "rosco": "rosco:Rosco",
 }
 """Module and class of each format, by the name that `hkt export --to` takes."""
+
+PACKAGES = {"netcdf": ("netCDF4", "records"), "step": ("OCP", "cad")}
+"""Module that a format needs beyond those of hkt_mdo, and the extra that installs it."""

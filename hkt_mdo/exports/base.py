@@ -8,98 +8,39 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from pkgutil import resolve_name
+from typing import Any
 
-from pydantic import Field, create_model
+import numpy as np
+from pydantic import create_model
 
 from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean, install, program_version
-from hkt_mdo.exports import FORMATS
+from hkt_mdo.exports import FORMATS, PACKAGES
 from hkt_mdo.files.table import write_new
 from hkt_mdo.files.template import templates
 from hkt_mdo.messages import validated
+from hkt_mdo.results.design import Design
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import printable
 from hkt_mdo.sections import Section
 
-if TYPE_CHECKING:
-    from hkt_mdo.results.design import Design
-
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-@dataclass(frozen=True, eq=False)
-class Source:
-    """What is exported.
-
-    Attributes
-    ----------
-    solution : Solution
-        The result.
-    """
-
-    solution: Solution
-
-    @cached_property
-    def design(self) -> Design:
-        """Blade, polars, outlines, law and turbine of the result, made once for all formats.
-
-        Returns
-        -------
-        hkt_mdo.results.design.Design
-            The design as objects.
-        """
-        return self.solution.design()
-
-    @property
-    def provenance(self) -> tuple[str, ...]:
-        """Where the files come from, in lines for the comment or attribute of a format.
-
-        Returns
-        -------
-        tuple of str
-            Program and version, case, result folder, and a warning if the result is no success.
-        """
-        solution = self.solution
-        lines = [
-            f"written by hkt_mdo {program_version()} from the result {solution.folder.name}",
-            f"case {solution.name}, control law {solution.case.control.law}",
-        ]
-        if not solution.success:
-            lines.append(f"THE RUN WAS NO SUCCESS: {solution.message}")
-        return tuple(map(printable, lines))
-
-
 class Format(Section, ABC):
-    """A format: its fields are its options, with units, given as ``--set NAME.KEY=VALUE``.
-
-    Attributes
-    ----------
-    name : str
-        Its name in `hkt export --to`.
-    packages : tuple of str
-        Modules that it imports and that do not come with hkt_mdo.
-    extra : str
-        Extra of hkt_mdo that installs them.
-    """
-
-    name: ClassVar[str]
-    packages: ClassVar[tuple[str, ...]] = ()
-    extra: ClassVar[str] = ""
+    """A format: its fields are its options, with units, given as ``--set NAME.KEY=VALUE``."""
 
     @abstractmethod
-    def files(self, source: Source) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, bytes]:
         """Return the content of each file by its path below the folder of the export.
 
         Parameters
         ----------
-        source : Source
-            The result and its design.
+        design : Design
+            The design of a result, which has that as well.
 
         Returns
         -------
@@ -138,14 +79,13 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
         if name not in FORMATS:
             remedy = f"{did_you_mean(name, FORMATS)}known: {', '.join(FORMATS)}"
             raise InputError("unknown format", remedy, key="--to", value=name)
-        module, _, attribute = FORMATS[name].partition(":")
-        kind: type[Format] = getattr(import_module(f"hkt_mdo.exports.{module}"), attribute)
-        missing = [package for package in kind.packages if find_spec(package) is None]
-        if missing:
-            remedy = f"install it with: {install(kind.extra)}"
-            problem = f"needs {', '.join(missing)}, which is not installed"
+        package, extra = PACKAGES.get(name, ("", ""))
+        if package and find_spec(package) is None:
+            remedy = f"install it with: {install(extra)}"
+            problem = f"needs {package}, which is not installed"
             raise InputError(problem, remedy, key="--to", value=name)
-        fields[name] = kind, Field(default_factory=kind, description=f"Options of {name}.")
+        kind = resolve_name(f"hkt_mdo.exports.{FORMATS[name]}")
+        fields[name] = kind, kind()
     root = create_model("Exports", __base__=Section, **fields)
     data: dict[str, Any] = {}
     given = {assign(data, override, "hkt export"): override for override in overrides}
@@ -192,14 +132,33 @@ def export(
         problem = f"is the result of a run that did not succeed ({solution.message})"
         remedy = "run the case again, or give --force: every file then says so"
         raise InputError(problem, remedy, file=solution.folder)
-    source, contents = Source(solution), {}
+    design = solution.design()
+    contents: dict[Path, bytes] = {}
     for each in wanted:
-        for name, content in each.files(source).items():
-            if out / name in contents:
-                remedy = "export the formats into folders of their own"
-                raise InputError("is written by two formats", remedy, file=out / name)
-            contents[out / name] = content
+        contents |= {out / name: content for name, content in each.files(design).items()}
     return write_new(contents, force)
+
+
+def provenance(solution: Solution) -> tuple[str, ...]:
+    """Return where the files come from, in lines for the comment or attribute of a format.
+
+    Parameters
+    ----------
+    solution : Solution
+        The result.
+
+    Returns
+    -------
+    tuple of str
+        Program and version, case, result folder, and a warning if the result is no success.
+    """
+    lines = [
+        f"written by hkt_mdo {program_version()} from the result {solution.folder.name}",
+        f"case {solution.name}, control law {solution.case.control.law}",
+    ]
+    if not solution.success:
+        lines.append(f"THE RUN WAS NO SUCCESS: {solution.message}")
+    return tuple(map(printable, lines))
 
 
 def filled(template: str, words: dict[str, Any]) -> str:
@@ -210,11 +169,18 @@ def filled(template: str, words: dict[str, Any]) -> str:
     template : str
         Name of a file in the folder of templates.
     words : dict
-        What the template names.
+        What the template names; its filter `rows` writes numbers to some digits, a line each row.
 
     Returns
     -------
     str
         The text.
     """
-    return str(templates(TEMPLATES).get_template(template).render(words))
+    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(words))
+
+
+def _rows(values: np.ndarray, digits: int) -> str:
+    """Return rows of numbers as lines of a file."""
+    return "\n".join(
+        "  ".join(f"{value:.{digits}g}" for value in row) for row in np.atleast_2d(values)
+    )

@@ -4,10 +4,8 @@ Axes of the rotor: x along the shaft, downstream; z along the first blade where 
 completes a right-handed system. The origin is where the blades' axes meet the shaft.
 """
 
-from __future__ import annotations
-
 from abc import ABC
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -15,15 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source, filled
+from hkt_mdo.exports.base import Format, filled, provenance
 from hkt_mdo.files.table import csv_text
+from hkt_mdo.results.design import Design
 from hkt_mdo.results.sections import STACKING, outline_names
+from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.sections import Quantity
-
-if TYPE_CHECKING:
-    from hkt_mdo.results.design import Design
 
 _COORDINATES = "x_m", "y_m", "z_m", "chordwise_m", "across_m"
 TRAILING_EDGE = 0.005
@@ -35,20 +33,21 @@ class Stations(NamedTuple):
 
     plane[n_radii, n_points, 2] are the points of each (m) along the chord, towards the trailing
     edge, and across it, towards the suction side, both from the blade's axis; they run from the
-    trailing edge over the suction side round to it. chord (m), twist (rad) and thickness (over the
-    chord) are [n_radii].
+    trailing edge over the suction side round to it. points[n_radii, n_points, 3] are the same of
+    the first blade in the rotor's axes (m). thickness[n_radii] is that of the outlines, over the
+    chord.
     """
 
-    r: np.ndarray
-    chord: np.ndarray
-    twist: np.ndarray
     thickness: np.ndarray
     plane: np.ndarray
+    points: np.ndarray
 
 
 class Outer(Format, ABC):
     """What all formats of the blade's outer surface have in common."""
 
+    name: ClassVar[str]
+    """Name of the format."""
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
     """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
     of the local chord; 0: as the outline has it."""
@@ -103,39 +102,23 @@ class Outer(Format, ABC):
         grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
         along = np.hstack((x[:, ::-1], x[:, 1:])) - self.stacking
         across = np.hstack(((upper + grown)[:, ::-1], (lower - grown)[:, 1:]))
-        plane = chord[:, None, None] * np.stack((along, across), axis=-1)
-        return Stations(r, chord, twist, largest, plane)
-
-    def placed(self, design: Design, sections: Stations) -> np.ndarray:
-        """Return the points of sections of the first blade in the rotor's axes.
-
-        Parameters
-        ----------
-        design : Design
-            Gives the cone.
-        sections : Stations
-            The sections.
-
-        Returns
-        -------
-        ndarray of shape (n_radii, n_points, 3)
-            x, y and z (m).
-        """
-        along, across = np.moveaxis(sections.plane, -1, 0)
-        sine, cosine = np.sin(sections.twist)[:, None], np.cos(sections.twist)[:, None]
+        along, across = chord[:, None] * along, chord[:, None] * across
+        sine, cosine = np.sin(twist)[:, None], np.cos(twist)[:, None]
         axial, backwards = along * sine + across * cosine, along * cosine - across * sine
-        tilt, r = design.blade.cone, sections.r[:, None]
-        x = axial * np.cos(tilt) - r * np.sin(tilt)
-        z = axial * np.sin(tilt) + r * np.cos(tilt)
-        return np.stack((x, backwards * (1.0 if self.rotation == "clockwise" else -1.0), z), -1)
+        tilt = blade.cone
+        x = axial * np.cos(tilt) - r[:, None] * np.sin(tilt)
+        y = backwards * (1.0 if self.rotation == "clockwise" else -1.0)
+        z = axial * np.sin(tilt) + r[:, None] * np.cos(tilt)
+        plane, points = np.stack((along, across), -1), np.stack((x, y, z), -1)
+        return Stations(largest, plane, points)
 
-    def remarks(self, source: Source) -> list[str]:
+    def remarks(self, design: Design) -> list[str]:
         """Return remarks on the geometry: provenance, unit, axes, sense of rotation and options.
 
         Parameters
         ----------
-        source : Source
-            The result and its design.
+        design : Design
+            The design of a result.
 
         Returns
         -------
@@ -149,14 +132,14 @@ class Outer(Format, ABC):
         """
         thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
         words = {
-            "outlines": outline_names(source.solution),  # refuses where there are none
-            "provenance": "\n".join(source.provenance),
+            "outlines": outline_names(design.solution),  # refuses where there are none
+            "provenance": "\n".join(provenance(design.solution)),
             "options": self,
-            "blade": source.design.blade,
-            "cone": np.rad2deg(source.design.blade.cone),
+            "blade": design.blade,
+            "cone": np.rad2deg(design.blade.cone),
             "thin": thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm",
         }
-        return filled("solids.txt", words).rstrip("\n").split("\n")
+        return filled("solids.txt", words).splitlines()
 
 
 class Sections(Outer):
@@ -164,21 +147,19 @@ class Sections(Outer):
 
     name = "sections"
 
-    def files(self, source: Source) -> dict[str, bytes]:
-        remarks, design = self.remarks(source), source.design
-        sections = self.stations(design, design.blade.r)
-        placed = self.placed(design, sections)
-        found = {}
-        for n, r in enumerate(sections.r):
+    def files(self, design: Design) -> dict[str, bytes]:
+        remarks, blade = self.remarks(design), design.blade
+        sections, found = self.stations(design, blade.r), {}
+        for n, r in enumerate(blade.r):
             own = (
-                f"station {n + 1} of {sections.r.size}: r = {r:.9g} m, chord = "
-                f"{sections.chord[n]:.9g} m, twist = {np.rad2deg(sections.twist[n]):.9g} deg, "
+                f"station {n + 1} of {blade.r.size}: r = {r:.9g} m, chord = "
+                f"{blade.chord[n]:.9g} m, twist = {np.rad2deg(blade.twist[n]):.9g} deg, "
                 f"thickness = {sections.thickness[n]:.6g} of the chord, before the trailing edge "
                 "is thickened",
                 "chordwise_m: along the chord towards the trailing edge; across_m: towards the "
                 "suction side; both from the blade's axis",
             )
-            points = np.hstack((placed[n], sections.plane[n]))
+            points = np.hstack((sections.points[n], sections.plane[n]))
             rows = ([f"{value:.9g}" for value in row] for row in points)
             text = csv_text(_COORDINATES, rows, (*remarks, *own))
             found[f"sections/station_{n + 1:03d}.csv"] = text.encode()
@@ -210,41 +191,23 @@ class Solid(Outer, ABC):
         parts = np.ceil(np.diff(edges) / np.ptp(edges) * (self.spanwise - 1)).astype(int)
         return divided(edges, parts)
 
-    def surface(self, design: Design, r: np.ndarray) -> np.ndarray:
-        """Return the points of the first blade's sections in the rotor's axes.
-
-        Parameters
-        ----------
-        design : Design
-            The design.
-        r : ndarray of shape (n_radii,)
-            Radii along the blade (m).
-
-        Returns
-        -------
-        ndarray of shape (n_radii, n_points, 3)
-            x, y and z (m).
-        """
-        return self.placed(design, self.stations(design, r))
-
-    def reaching(self, design: Design, r: np.ndarray) -> np.ndarray:
+    def rooted(self, design: Design) -> np.ndarray:
         """Return radii with one before them at which a blade is inside the hub, without a gap.
 
         Parameters
         ----------
         design : Design
             The design.
-        r : ndarray of shape (n_radii,)
-            Radii along the blade (m), from the hub.
 
         Returns
         -------
         ndarray of shape (n_radii + 1,)
-            Radii along the blade (m); `r` itself for a rotor without a hub.
+            Radii along the blade (m); those of `radii` for a rotor without a hub.
         """
+        r = self.radii(design)
         if self.hub == "none":
             return r
-        wide = np.max(np.abs(self.surface(design, r[:1])[..., 1])) / r[0]
+        wide = np.max(np.abs(self.stations(design, r[:1]).points[..., 1])) / r[0]
         return np.append(0.95 * r[0] * np.sqrt(1.0 - min(wide, 0.8) ** 2), r)
 
     def cylinder(self, design: Design) -> tuple[float, float, float]:
@@ -261,7 +224,7 @@ class Solid(Outer, ABC):
             Along the shaft, and about it (m).
         """
         hub, cone = design.blade.hub_radius, design.blade.cone
-        root = self.surface(design, self.reaching(design, np.array([hub])))[..., 0]
+        root = self.stations(design, self.rooted(design)[:2]).points[..., 0]
         begin, end = np.min(root) - 0.1 * hub, np.max(root) + 0.1 * hub
         return float(begin), float(end), hub * float(np.cos(cone))
 
@@ -285,9 +248,9 @@ class Stl(Solid):
             Corners of the triangles in the rotor's axes (m).
         """
         count = design.blade.blade_count
-        rooted = triangles(self.surface(design, self.reaching(design, self.radii(design))))
-        turns = np.outer(2.0 * np.pi * np.arange(count) / count, (1.0, 0.0, 0.0))
-        bodies = [rooted @ Rotation.from_rotvec(turn).as_matrix().T for turn in turns]
+        rooted = triangles(self.stations(design, self.rooted(design)).points)
+        angles = 2.0 * np.pi * np.arange(count)[:, None] / count
+        bodies = [rooted @ turn.T for turn in Rotation.from_euler("x", angles).as_matrix()]
         if self.hub != "none":
             begin, end, radius = self.cylinder(design)
             angle = np.linspace(0.0, 2.0 * np.pi, self.points + 1)[:-1]
@@ -296,9 +259,10 @@ class Stl(Solid):
             bodies.append(triangles(np.array(rings)))
         return bodies
 
-    def files(self, source: Source) -> dict[str, bytes]:
-        remarks, design = self.remarks(source), source.design
-        blade, bodies = triangles(self.surface(design, self.radii(design))), self.rotor(design)
+    def files(self, design: Design) -> dict[str, bytes]:
+        remarks, solution = self.remarks(design), design.solution
+        blade = triangles(self.stations(design, self.radii(design)).points)
+        bodies = self.rotor(design)
         whole = "" if self.hub == "none" else ": blades and, last, hub"
         remarks += [
             f"blade.stl: the first blade, closed at hub and tip, volume {volume(blade):.6g} m**3; "
@@ -306,8 +270,8 @@ class Stl(Solid):
             f"rotor.stl: {len(bodies)} closed bodies, volumes (m**3) "
             f"{', '.join(f'{volume(body):.6g}' for body in bodies)}{whole}",
         ]
-        mark = "" if source.solution.success else ", THE RUN WAS NO SUCCESS"
-        header = f"STL in metres{mark}, {source.provenance[0]}"
+        mark = "" if solution.success else ", THE RUN WAS NO SUCCESS"
+        header = f"STL in metres{mark}, {provenance(solution)[0]}"
         return {
             "blade.stl": binary_stl(blade, header),
             "rotor.stl": binary_stl(np.concatenate(bodies), header),
@@ -315,8 +279,27 @@ class Stl(Solid):
         }
 
 
-def station_outlines(design: Design) -> tuple[Outline, ...]:
-    """Return the outline of every station.
+class Airfoil(NamedTuple):
+    """An airfoil of a blade.
+
+    Attributes
+    ----------
+    polars : tuple of Polar
+        Its polar, or those of the Reynolds numbers.
+    outline : Outline
+        Its outline. Where the thickness is designed, both sides are splines over the thickness
+        through those of the sections, as the structure has them.
+    stations : list of int
+        The stations that have it.
+    """
+
+    polars: tuple[Polar, ...]
+    outline: Outline
+    stations: list[int]
+
+
+def airfoils(design: Design) -> list[Airfoil]:
+    """Return the airfoils of a blade, each once: stations that share polars and shape have one.
 
     Parameters
     ----------
@@ -325,17 +308,23 @@ def station_outlines(design: Design) -> tuple[Outline, ...]:
 
     Returns
     -------
-    tuple of Outline
-        One a station. Where the thickness is designed, both sides are splines over the thickness
-        through those of the sections, as the structure has them.
+    list of Airfoil
+        From hub to tip.
     """
     outlines, r = design.outlines, design.blade.r
-    if not design.physics.rotor.follows_thickness:
-        return outlines * r.size if len(outlines) == 1 else outlines
-    return tuple(
-        Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-        for x, upper, lower in design.turbine.along_span([each.resampled() for each in outlines], r)
-    )
+    if design.physics.rotor.follows_thickness:
+        sides = design.turbine.along_span([each.resampled() for each in outlines], r)
+        outlines = tuple(
+            Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
+            for x, upper, lower in sides
+        )
+    built = design.physics.rotor.as_built(design.blade)
+    found: dict[tuple, Airfoil] = {}
+    for station, polars in enumerate(station_polars(built.polar, r.size)):
+        outline = outlines[station % len(outlines)]
+        kind = (*polars, outline.thickness, outline.area)
+        found.setdefault(kind, Airfoil(polars, outline, [])).stations.append(station)
+    return list(found.values())
 
 
 def outline_volume(design: Design) -> float:

@@ -1,24 +1,47 @@
 """Blade and rotor as solids of B-spline surfaces, in STEP (ISO 10303-21)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from io import BytesIO
 from textwrap import wrap
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.BRep import BRep_Builder
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
+from OCP.BRepBuilderAPI import (
+    BRepBuilderAPI_MakeEdge,
+    BRepBuilderAPI_MakeFace,
+    BRepBuilderAPI_MakeSolid,
+    BRepBuilderAPI_MakeWire,
+    BRepBuilderAPI_Sewing,
+    BRepBuilderAPI_Transform,
+)
+from OCP.BRepCheck import BRepCheck_Analyzer
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepLib import BRepLib
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
+from OCP.collections import (
+    Array1_double,
+    Array1_int,
+    Array2_gp_Pnt,
+    HArray1_TCollection_HAsciiString,
+)
+from OCP.Geom import Geom_BSplineSurface
+from OCP.gp import gp, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
+from OCP.GProp import GProp_GProps
+from OCP.Interface import Interface_Static
+from OCP.Message import Message, Message_Gravity
+from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+from OCP.TCollection import TCollection_HAsciiString
+from OCP.TopoDS import TopoDS, TopoDS_Compound
 from pydantic import Field
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Solid, outline_volume
-
-if TYPE_CHECKING:
-    from hkt_mdo.results.design import Design
+from hkt_mdo.results.design import Design
 
 DEGREE = 3
 """Degree of the surfaces round the sections and along the span."""
@@ -33,26 +56,21 @@ class Step(Solid):
     """Blade and rotor as solids of B-spline surfaces, smooth along the span, in metres."""
 
     name = "step"
-    packages = ("OCP",)
-    extra = "cad"
 
     spanwise: Annotated[int, Field(ge=3, le=1000)] = 3
     """Smallest number of sections that the surface goes through; hub, stations and tip always."""
 
-    def files(self, source: Source) -> dict[str, bytes]:
-        from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
-
-        remarks, design = self.remarks(source), source.design
-        r, count = self.radii(design), design.blade.blade_count
-        blade = rooted = self.solid(design, r)
+    def files(self, design: Design) -> dict[str, bytes]:
+        remarks, count = self.remarks(design), design.blade.blade_count
+        blade = rooted = self.solid(design, self.radii(design))
         if self.hub != "none":
-            rooted = self.solid(design, self.reaching(design, r))
+            rooted = self.solid(design, self.rooted(design))
         rotor = [turned(rooted, 2.0 * np.pi * n / count) for n in range(count)]
         if self.hub != "none":
             whole = cylinder(*self.cylinder(design))
             for each in rotor:
                 whole = BRepAlgoAPI_Fuse(whole, each).Shape()
-            rotor = [self.checked(whole)]
+            rotor = [checked(whole)]
         remarks.append(
             f"volume of a blade from hub to tip: {solid_volume(blade):.6g} m**3; integral of the "
             f"outlines along the span: {outline_volume(design):.6g} m**3"
@@ -82,17 +100,7 @@ class Step(Solid):
         InputError
             If OpenCASCADE finds that it is no valid solid.
         """
-        from OCP.BRepBuilderAPI import (
-            BRepBuilderAPI_MakeEdge,
-            BRepBuilderAPI_MakeFace,
-            BRepBuilderAPI_MakeSolid,
-            BRepBuilderAPI_MakeWire,
-            BRepBuilderAPI_Sewing,
-        )
-        from OCP.BRepLib import BRepLib
-        from OCP.TopoDS import TopoDS
-
-        poles, knots = lofted(_MILLI * self.surface(design, r), r)
+        poles, knots = lofted(_MILLI * self.stations(design, r).points, r)
         surfaces = [spline_surface(poles, knots, (DEGREE, DEGREE))]
         edge = poles[[-1, 0]]
         if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:
@@ -107,38 +115,37 @@ class Step(Solid):
                 wire.Add(BRepBuilderAPI_MakeEdge(surface.VIso(float(end))).Edge())
             sewing.Add(BRepBuilderAPI_MakeFace(wire.Wire(), True).Face())
         sewing.Perform()
-        shell = self.checked(sewing.SewedShape(), closed=sewing.NbFreeEdges() == 0)
+        shell = checked(sewing.SewedShape(), closed=sewing.NbFreeEdges() == 0)
         solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
         BRepLib.OrientClosedSolid_s(solid)
-        return self.checked(solid)
+        return checked(solid)
 
-    def checked(self, solid: Any, *, closed: bool = True) -> Any:
-        """Return a solid, or its surface, as it is.
 
-        Parameters
-        ----------
-        solid : OCP.TopoDS.TopoDS_Shape
-            The solid.
-        closed : bool
-            Whether its surface is closed.
+def checked(solid: Any, *, closed: bool = True) -> Any:
+    """Return a solid, or its surface, as it is.
 
-        Returns
-        -------
-        OCP.TopoDS.TopoDS_Shape
-            The same.
+    Parameters
+    ----------
+    solid : OCP.TopoDS.TopoDS_Shape
+        The solid.
+    closed : bool
+        Whether its surface is closed.
 
-        Raises
-        ------
-        InputError
-            If it is not closed, or OpenCASCADE finds that it is not valid.
-        """
-        from OCP.BRepCheck import BRepCheck_Analyzer
+    Returns
+    -------
+    OCP.TopoDS.TopoDS_Shape
+        The same.
 
-        if not closed or not BRepCheck_Analyzer(solid).IsValid():
-            problem = "OpenCASCADE makes no valid solid of this blade"
-            remedy = "try other step.points or step.trailing_edge, no step.hub, or stl"
-            raise InputError(problem, remedy, key="--to", value=self.name)
-        return solid
+    Raises
+    ------
+    InputError
+        If it is not closed, or OpenCASCADE finds that it is not valid.
+    """
+    if not closed or not BRepCheck_Analyzer(solid).IsValid():
+        problem = "OpenCASCADE makes no valid solid of this blade"
+        remedy = "try other step.points or step.trailing_edge, no step.hub, or stl"
+        raise InputError(problem, remedy, key="--to", value="step")
+    return solid
 
 
 def lofted(points: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
@@ -193,22 +200,23 @@ def spline_surface(
     OCP.Geom.Geom_BSplineSurface
         The surface.
     """
-    from OCP.collections import Array1_double, Array1_int, Array2_gp_Pnt
-    from OCP.Geom import Geom_BSplineSurface
-    from OCP.gp import gp_Pnt
-
     net = Array2_gp_Pnt(1, poles.shape[0], 1, poles.shape[1])
     for place in np.ndindex(poles.shape[:2]):
         net.SetValue(place[0] + 1, place[1] + 1, gp_Pnt(*map(float, poles[place])))
     values, counts = [], []
     for each in knots:
         once, repeated = np.unique(each, return_counts=True)
-        values.append(Array1_double(1, once.size))
-        counts.append(Array1_int(1, once.size))
-        for n in range(once.size):
-            values[-1].SetValue(n + 1, float(once[n]))
-            counts[-1].SetValue(n + 1, int(repeated[n]))
+        values.append(_array(Array1_double, once.tolist()))
+        counts.append(_array(Array1_int, repeated.tolist()))
     return Geom_BSplineSurface(net, *values, *counts, *degrees)
+
+
+def _array(kind: Any, values: Sequence[Any]) -> Any:
+    """Return an array of OpenCASCADE, whose indices begin with 1."""
+    made = kind(1, len(values))
+    for n, value in enumerate(values, start=1):
+        made.SetValue(n, value)
+    return made
 
 
 def turned(solid: Any, angle: float) -> Any:
@@ -226,9 +234,6 @@ def turned(solid: Any, angle: float) -> Any:
     OCP.TopoDS.TopoDS_Shape
         A copy.
     """
-    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
-    from OCP.gp import gp, gp_Trsf
-
     about = gp_Trsf()
     about.SetRotation(gp.OX_s(), angle)
     return BRepBuilderAPI_Transform(solid, about, True).Shape()
@@ -249,9 +254,6 @@ def cylinder(begin: float, end: float, radius: float) -> Any:
     OCP.TopoDS.TopoDS_Shape
         In millimetres.
     """
-    from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
-    from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt
-
     axis = gp_Ax2(gp_Pnt(_MILLI * begin, 0.0, 0.0), gp_Dir(1.0, 0.0, 0.0))
     return BRepPrimAPI_MakeCylinder(axis, _MILLI * radius, _MILLI * (end - begin)).Shape()
 
@@ -269,9 +271,6 @@ def solid_volume(solid: Any) -> float:
     float
         In m**3.
     """
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
-
     properties = GProp_GProps()
     BRepGProp.VolumeProperties_s(solid, properties, 1e-5)  # the default errs by 2 %
     return float(properties.Mass()) / _MILLI**3
@@ -294,13 +293,6 @@ def step_file(solids: Sequence[Any], name: str, remarks: Sequence[str]) -> bytes
     bytes
         The file.
     """
-    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
-    from OCP.BRep import BRep_Builder
-    from OCP.collections import HArray1_TCollection_HAsciiString
-    from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
-    from OCP.TCollection import TCollection_HAsciiString
-    from OCP.TopoDS import TopoDS_Compound
-
     shape, builder = solids[0], BRep_Builder()
     if len(solids) > 1:
         shape = TopoDS_Compound()
@@ -308,18 +300,16 @@ def step_file(solids: Sequence[Any], name: str, remarks: Sequence[str]) -> bytes
         for solid in solids:
             builder.Add(shape, solid)
     writer = STEPControl_Writer()  # declares the settings
-    with writing(name), TemporaryDirectory() as folder:
+    content = BytesIO()
+    with writing(name):
         writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
         header = APIHeaderSection_MakeHeader(writer.Model())
         lines = [part for line in remarks for part in wrap(line, 60)]
-        texts = HArray1_TCollection_HAsciiString(1, len(lines))
-        for n, line in enumerate(lines, start=1):
-            texts.SetValue(n, TCollection_HAsciiString(line.encode("ascii", "replace").decode()))
-        header.SetDescription(texts)
+        texts = [TCollection_HAsciiString(x.encode("ascii", "replace").decode()) for x in lines]
+        header.SetDescription(_array(HArray1_TCollection_HAsciiString, texts))
         header.SetName(TCollection_HAsciiString(f"{name}.step"))
-        path = Path(folder) / "solids.step"
-        writer.Write(str(path))
-        return path.read_bytes()
+        writer.WriteStream(content)
+    return content.getvalue()
 
 
 @contextmanager
@@ -336,9 +326,6 @@ def writing(name: str) -> Iterator[None]:
     None
         Afterwards the settings, which are global, are as before.
     """
-    from OCP.Interface import Interface_Static
-    from OCP.Message import Message, Message_Gravity
-
     own = {"write.step.unit": "M", "write.step.product.name": name}
     before = {key: Interface_Static.CVal_s(key) for key in own}
     printers = list(Message.DefaultMessenger_s().Printers())

@@ -1,8 +1,8 @@
 """The tables of a result as CSV, JSON and NetCDF: blade, coefficients, operation, loads, series."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -11,14 +11,14 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source
+from hkt_mdo.exports.base import Format, provenance
 from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import csv_text
 from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
-from hkt_mdo.results.solution import TABLES, Solution
+from hkt_mdo.results.solution import TABLES
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.sections import Pair, Quantity
 
@@ -76,14 +76,12 @@ class _Tables(Format):
 class Csv(_Tables):
     """One CSV file a table; lines that begin with # are comments."""
 
-    name = "csv"
-
-    def files(self, source: Source) -> dict[str, bytes]:
-        found = {}
-        for table in tables(source, self.flow_range):
+    def files(self, design: Design) -> dict[str, bytes]:
+        found, source = {}, provenance(design.solution)
+        for table in tables(design, self.flow_range):
             about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
             rows = zip(*map(_plain, table.columns.values()), strict=True)
-            text = csv_text(table.columns, rows, (*source.provenance, table.title, *about))
+            text = csv_text(table.columns, rows, (*source, table.title, *about))
             found[f"{table.name}.csv"] = text.encode()
         return found
 
@@ -91,39 +89,28 @@ class Csv(_Tables):
 class Json(_Tables):
     """One JSON file of all tables; NaN is null."""
 
-    name = "json"
-
-    def files(self, source: Source) -> dict[str, bytes]:
-        found: dict[str, Any] = {
-            "provenance": source.provenance,
-            "case": source.solution.case.model_dump(mode="json"),
-        }
-        found["tables"] = {
-            table.name: {
-                "title": table.title,
-                "columns": {
-                    name: {"unit": c.unit, "long_name": c.text, "values": _plain(c)}
-                    for name, c in table.columns.items()
-                },
+    def files(self, design: Design) -> dict[str, bytes]:
+        solution, found = design.solution, {}
+        for table in tables(design, self.flow_range):
+            columns = {
+                name: {"unit": c.unit, "long_name": c.text, "values": _plain(c)}
+                for name, c in table.columns.items()
             }
-            for table in tables(source, self.flow_range)
-        }
-        return {"result.json": f"{to_json(found)}\n".encode()}
+            found[table.name] = {"title": table.title, "columns": columns}
+        data = {"provenance": provenance(solution), "case": solution.case.model_dump(mode="json")}
+        return {"result.json": f"{to_json(data | {'tables': found})}\n".encode()}
 
 
 class Netcdf(_Tables):
     """One NetCDF file, a group a table, whose dimension is the table's first column."""
 
-    name = "netcdf"
-    packages: ClassVar[tuple[str, ...]] = ("netCDF4",)
-    extra = "records"
-
-    def files(self, source: Source) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, bytes]:
         from netCDF4 import Dataset
 
+        solution = design.solution
         file = Dataset("result.nc", "w", memory=1024)  # nothing of this name is written to disk
-        file.setncatts({"source": "\n".join(source.provenance), "title": source.solution.name})
-        for table in tables(source, self.flow_range):
+        file.setncatts({"source": "\n".join(provenance(solution)), "title": solution.name})
+        for table in tables(design, self.flow_range):
             group = file.createGroup(table.name)
             group.title = table.title
             first, *_ = table.columns
@@ -142,13 +129,13 @@ def _plain(column: Column) -> list[Any]:
 
 
 @lru_cache(maxsize=1)
-def tables(source: Source, flow_range: tuple[float, float] | None = None) -> list[Table]:
+def tables(design: Design, flow_range: tuple[float, float] | None = None) -> list[Table]:
     """Return all tables of a result.
 
     Parameters
     ----------
-    source : Source
-        The result.
+    design : Design
+        The design of the result.
     flow_range : tuple of float, optional
         Ends of the flow speeds of steady operation (m/s).
 
@@ -158,14 +145,13 @@ def tables(source: Source, flow_range: tuple[float, float] | None = None) -> lis
         With several scenarios, tables of one scenario end with its name. The tables are cached
         until another result is exported, since several formats use them.
     """
-    solution, design = source.solution, source.design
-    steady = steady_operation(design, flow_range)
-    found = [_design(source), _blade(design), _coefficients(solution, design)]
+    steady, scenarios = steady_operation(design, flow_range), design.solution.tables
+    found = [_design(design), _blade(design), _coefficients(design)]
     if steady is not None:
         found.append(_operation(design, steady))
-    found += _station_loads(solution, design, steady)
-    several = len(solution.tables) > 1
-    for scenario, own in solution.tables.items():
+    found += _station_loads(design, steady)
+    several = len(scenarios) > 1
+    for scenario, own in scenarios.items():
         for name, title in _SERIES.items():
             columns = getattr(own, name)
             if columns:
@@ -184,29 +170,26 @@ _SERIES = {
 }
 
 
-def _design(source: Source) -> Table:
+def _design(design: Design) -> Table:
     """Return the numbers of a design: dimensions, masses, law and gains."""
-    design = source.design
     blade, law, world = design.blade, design.law, design.physics
-    rows: list[tuple[str, float, str | None, str]] = [
+    rows: list[tuple[str, float, str, str]] = [
         ("tip_radius", blade.tip_radius, "m", "radius of the tip, along the blade"),
         ("hub_radius", blade.hub_radius, "m", "radius of the blade's root, along the blade"),
         ("cone", blade.cone, "rad", "angle of the blades to the rotor plane"),
-        ("blade_count", blade.blade_count, None, "number of blades"),
+        ("blade_count", blade.blade_count, "1", "number of blades"),
     ]
-    design_scalars = scalars(world, world.rotor, blade)
+    known = scalars(world, world.rotor, blade)
     for name in ("rotor_radius", "density", "inertia", "mass", "blade_area"):
-        rows.append((name, design_scalars[name], QUANTITIES[name].unit, QUANTITIES[name].text))
+        rows.append((name, known[name], QUANTITIES[name].unit or "1", QUANTITIES[name].text))
     viscosity = world.case.fluid.kinematic_viscosity
     rows.append(("kinematic_viscosity", viscosity, "m**2/s", "kinematic viscosity of the water"))
     for place, (gain, unit) in enumerate(zip(design.gains, law.gain_units, strict=True)):
-        rows.append((f"gain_{place}", gain, unit, f"gain of the control law {law.law}"))
+        rows.append((f"gain_{place}", gain, unit or "1", f"gain of the control law {law.law}"))
     for name, unit in (("torque_limit", "N*m"), ("cut_out", "m/s")):
         if getattr(law, name) is not None:
             rows.append((name, getattr(law, name), unit, f"control.{name} of the case"))
-    names, values, units, texts = zip(*rows, strict=True)
-    named = [unit or "1" for unit in units]
-    columns = _columns("design", (names, np.array(values, dtype=float), named, texts))
+    columns = _columns("design", zip(*rows, strict=True))
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
@@ -214,6 +197,12 @@ def _columns(table: str, values: Iterable[Any]) -> dict[str, Column]:
     """Return the columns of a table, from their values in the order of `COLUMNS`."""
     texts = COLUMNS["exports"][table].items()
     return {name: Column(x, *about) for (name, about), x in zip(texts, values, strict=True)}
+
+
+def _quantities(values: dict[str, Any]) -> dict[str, Column]:
+    """Return the columns of quantities, from their values by name."""
+    known = {name: QUANTITIES[name] for name in values}
+    return {x.column: Column(values[name], x.unit, x.text) for name, x in known.items()}
 
 
 def _blade(design: Design) -> Table:
@@ -246,8 +235,9 @@ def section_names(design: Design) -> list[str]:
     return names * design.blade.r.size if len(names) == 1 else names
 
 
-def _coefficients(solution: Solution, design: Design) -> Table:
+def _coefficients(design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
+    solution = design.solution
     known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
     known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
     count = np.ceil((BEYOND * max(known) - SLOWEST) / RATIO_STEP) + 1
@@ -291,10 +281,9 @@ def steady_operation(
     if not isinstance(law, FeedbackLaw):
         return None
     if flow_range is None:
-        speeds = [each.inflow.speed_at(each.samples) for each in world.scenarios]
-        low, high = min(map(np.min, speeds)), max(map(np.max, speeds))
-        ends = (1.0 - WIDER) * low, min((1.0 + WIDER) * high, law.cut_out or np.inf)
-        flow_range = round(float(ends[0]), 3), round(float(ends[1]), 3)
+        speed = np.concatenate([each.inflow.speed_at(each.samples) for each in world.scenarios])
+        low, high = (1.0 - WIDER) * np.min(speed), (1.0 + WIDER) * np.max(speed)
+        flow_range = round(float(low), 3), round(float(min(high, law.cut_out or np.inf)), 3)
     flow = np.linspace(*flow_range, FLOWS)
     speed, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
     if law.torque_limit is not None:
@@ -314,13 +303,9 @@ def steady_operation(
 def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     """Return steady operation as a table, with how much of each limit it uses."""
     world, flow = design.physics, steady["inflow_speed"]
-    columns = {
-        QUANTITIES[name].column: Column(values, QUANTITIES[name].unit, QUANTITIES[name].text)
-        for name, values in steady.items()
-    }
     scale = power_scale(world.density, design.blade.rotor_radius, flow)
     rpm, power = steady["rotor_speed"] * REVOLUTIONS, steady["hydrodynamic_power"] / scale
-    columns |= _columns("operation", (rpm, power, np.zeros(flow.size)))
+    columns = _quantities(steady) | _columns("operation", (rpm, power, np.zeros(flow.size)))
     known = steady | scalars(world, world.rotor, design.blade)
     for limit in world.all_limits:
         if limit.caps_series and limit.upper > 0.0 and known.keys() >= set(limit.inputs):
@@ -332,17 +317,13 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     return Table("operation", title, columns)
 
 
-def _station_loads(solution: Solution, design: Design, steady: dict | None) -> list[Table]:
+def _station_loads(design: Design, steady: dict | None) -> list[Table]:
     """Return the load cases, and the loads of the stations in each."""
-    names, scenarios, points = zip(*_load_cases(solution, steady), strict=True)
-    table = {name: np.array([each[name] for each in points]) for name in points[0]}
-    blade, flow, ratio = design.blade, table["inflow_speed"], table["tip_speed_ratio"]
+    names, scenarios, points = _load_cases(design, steady)
+    blade, flow = design.blade, points["inflow_speed"]
     number = np.arange(1, len(names) + 1)
-    columns = _columns("load_cases", (number, names, scenarios, table.pop("time")))
-    for name, values in table.items():
-        about = QUANTITIES[name]
-        columns[about.column] = Column(values, about.unit, about.text)
-    found = design.physics.rotor.at_flow(flow).sections(blade, ratio)
+    columns = _columns("load_cases", (number, names, scenarios, points.pop("time")))
+    found = design.physics.rotor.at_flow(flow).sections(blade, points["tip_speed_ratio"])
     across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
     pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
     by_station = (
@@ -356,45 +337,44 @@ def _station_loads(solution: Solution, design: Design, steady: dict | None) -> l
         speed,
         speed * blade.chord / design.physics.case.fluid.kinematic_viscosity,
     )
+    title = "operating points of the table station_loads"
     text = "loads per length at the stations by direct BEM; linear in between, zero at hub and tip"
     return [
-        Table("load_cases", "operating points of the table station_loads", columns),
+        Table("load_cases", title, columns | _quantities(points)),
         Table("station_loads", text, _columns("station_loads", map(np.ravel, by_station))),
     ]
 
 
-_AT = "time", "inflow_speed", "rotor_speed", "tip_speed_ratio", "control_torque"
-
-
 def _load_cases(
-    solution: Solution, steady: dict | None
-) -> Iterator[tuple[str, str, dict[str, float]]]:
-    """Yield name, scenario and operating point: the instants of largest loads, and some flows."""
-    series = [own.simulation or own.trajectory for own in solution.tables.values()]
-    names = np.repeat(list(solution.tables), [each["time_s"].size for each in series])
-    headers = [QUANTITIES[name].column for name in (*_AT, *LOADS)]
-    known = {
-        header: np.concatenate([each[header] for each in series])
-        for header in headers
-        if all(header in each for each in series)
+    design: Design, steady: dict | None
+) -> tuple[list[str], list[str], dict[str, np.ndarray]]:
+    """Return names, scenarios and operating points: instants of largest loads, and some flows."""
+    tables = design.solution.tables
+    series = [own.simulation or own.trajectory for own in tables.values()]
+    scenario = np.repeat(list(tables), [each["time_s"].size for each in series])
+    recorded = {
+        name: np.concatenate([each[QUANTITIES[name].column] for each in series])
+        for name in (*_AT, *LOADS)
+        if all(QUANTITIES[name].column in each for each in series)
     }
-
-    def point(row):
-        return {name: float(known[QUANTITIES[name].column][row]) for name in _AT}
-
     largest: dict[int, list[str]] = {}
     for name in LOADS:
-        if QUANTITIES[name].column in known:
-            row = int(np.argmax(known[QUANTITIES[name].column]))
+        if name in recorded:
+            row = int(np.argmax(recorded[name]))
             largest.setdefault(row, []).append(name.replace("_", " "))
-    for row, loads in largest.items():
-        yield f"largest {', '.join(loads)}", str(names[row]), point(row)
-    flow = known["inflow_speed_m_s"] if steady is None else steady["inflow_speed"]
+    instants = list(largest)
+    operation, of, word = recorded, scenario, "recorded"
+    if steady is not None:
+        size = steady["inflow_speed"].size
+        operation, of, word = steady | {"time": np.full(size, np.nan)}, np.full(size, ""), "steady"
+    flow = operation["inflow_speed"]
     wanted = np.linspace(np.min(flow), np.max(flow), LOAD_FLOWS)
     rows = np.unique([int(np.argmin(np.abs(flow - speed))) for speed in wanted])
-    for row in rows[np.argsort(flow[rows])]:
-        if steady is None:
-            yield f"recorded at {flow[row]:.4g} m/s", str(names[row]), point(row)
-        else:
-            found = {name: float(steady[name][row]) for name in _AT[1:]}
-            yield f"steady at {flow[row]:.4g} m/s", "", {"time": np.nan} | found
+    rows = rows[np.argsort(flow[rows])]
+    names = [f"largest {', '.join(loads)}" for loads in largest.values()]
+    names += [f"{word} at {flow[row]:.4g} m/s" for row in rows]
+    points = {x: np.concatenate((recorded[x][instants], operation[x][rows])) for x in _AT}
+    return names, [*scenario[instants], *of[rows]], points
+
+
+_AT = "time", "inflow_speed", "rotor_speed", "tip_speed_ratio", "control_torque"

@@ -4,21 +4,20 @@ Source: windIO, IEA Wind Task 37, turbine schema, https://windio.readthedocs.io.
 """
 
 import json
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, Source, filled
+from hkt_mdo.exports.base import Format, filled, provenance
 from hkt_mdo.exports.openfast import polar_rows
-from hkt_mdo.exports.solids import station_outlines
+from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
-from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -33,54 +32,61 @@ DIGITS = 12  # of thickness over chord: rounding must not tell equal sections ap
 class Windio(Format):
     """A turbine of windIO 2: blade, airfoils with polars, hub, generator and control."""
 
-    name: ClassVar[str] = "windio"
-
     stacking: Annotated[float, Quantity(ge=0, le=1)] = STACKING
     """Place of the blade's straight axis on the chord, from the leading edge, over the chord."""
 
-    def files(self, source: Source) -> dict[str, bytes]:
-        design = source.design
-        airfoils, positions = _airfoils(design)
+    def files(self, design: Design) -> dict[str, bytes]:
+        blade, law, tables = design.blade, design.law, design.solution.tables.values()
+        shapes, positions = _airfoils(design)
+        powers = [own.trajectory["electrical_power_W"] for own in tables]
         root: dict[str, Any] = {
-            "name": source.solution.name,
+            "name": design.solution.name,
             "windIO_version": VERSION,
-            "comments": _comments(source),
-            "assembly": _assembly(source),
+            "comments": _comments(design),
+            "assembly": {
+                "drivetrain": "direct_drive",
+                "rotor_orientation": "Upwind",
+                "number_of_blades": int(blade.blade_count),
+                "rotor_diameter": 2.0 * blade.rotor_radius,
+                "rated_power": float(max(map(np.max, powers))),
+            },
             "components": {
                 "blade": _blade(design, self.stacking, positions),
                 "hub": {
-                    "diameter": 2.0 * design.blade.hub_radius,
-                    "cone_angle": abs(float(np.rad2deg(design.blade.cone))),
+                    "diameter": 2.0 * blade.hub_radius,
+                    "cone_angle": abs(float(np.rad2deg(blade.cone))),
                     "cd": 0.0,
                 },
                 "drivetrain": {"outer_shape": {"uptilt": 0.0}, "gearbox": {"gear_ratio": 1.0}},
             },
-            "airfoils": airfoils,
-            "control": _control(source),
+            "airfoils": shapes,
+            "control": _control(design),
         }
+        if law.cut_out is not None:
+            root["assembly"]["cut_out_wind_speed"] = law.cut_out
         material = design.physics.case.rotor.blade_material
         if material.modulus is not None:
             root["components"]["blade"]["structure"] = _structure(design)
             about = {"orth": 0, "rho": material.density, "E": material.modulus, "nu": POISSON}
             root["materials"] = [{"name": MATERIAL} | about]
-        efficiency = _efficiency(design)
-        if efficiency is not None:
-            root["components"]["drivetrain"]["generator"] = {"rpm_efficiency": efficiency}
+        steady = None if design.physics.case.generator.lossless else steady_operation(design)
+        if steady is not None:
+            curve = {"rpm_efficiency": _efficiency(steady)}
+            root["components"]["drivetrain"]["generator"] = curve
         dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
         plain = json.loads(to_json(root))
         text = yaml.dump(plain, Dumper=dumper, sort_keys=False, default_flow_style=None, width=1000)
         return {"turbine.yaml": text.encode()}
 
 
-def _comments(source: Source) -> str:
+def _comments(design: Design) -> str:
     """Return comments on values for which the schema has no key."""
-    design = source.design
     try:
-        outlines = f"Coordinates are those of {outline_names(source.solution)}."
+        outlines = f"Coordinates are those of {outline_names(design.solution)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
     words = {
-        "provenance": "\n".join(source.provenance),
+        "provenance": "\n".join(provenance(design.solution)),
         "case": design.physics.case,
         "design": design,
         "outlines": outlines,
@@ -89,30 +95,13 @@ def _comments(source: Source) -> str:
     return filled("windio.txt", words).rstrip("\n")
 
 
-def _assembly(source: Source) -> dict[str, Any]:
-    blade, law = source.design.blade, source.design.law
-    powers = [own.trajectory["electrical_power_W"] for own in source.solution.tables.values()]
-    found = {
-        "drivetrain": "direct_drive",
-        "rotor_orientation": "Upwind",
-        "number_of_blades": int(blade.blade_count),
-        "rotor_diameter": 2.0 * blade.rotor_radius,
-        "rated_power": float(max(map(np.max, powers))),
-    }
-    return found if law.cut_out is None else found | {"cut_out_wind_speed": law.cut_out}
-
-
 def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
     """Return axis and outer shape; chord, twist and thickness are constant towards hub and tip."""
-    blade = design.blade
-    grid = _grid(design)
-    chord = extended_to_ends(blade.chord)
+    blade, grid = design.blade, _grid(design)
+    chord, still = extended_to_ends(blade.chord), _curve([0.0, 1.0], [0.0, 0.0])
     length = blade.tip_radius - blade.hub_radius
     return {
-        "reference_axis": {
-            name: _curve([0.0, 1.0], [0.0, end])
-            for name, end in zip("xyz", (0.0, 0.0, length), strict=True)
-        },
+        "reference_axis": {"x": still, "y": still, "z": _curve([0.0, 1.0], [0.0, length])},
         "outer_shape": {
             "chord": _curve(grid, chord),
             "twist": _curve(grid, np.rad2deg(extended_to_ends(blade.twist))),
@@ -152,35 +141,25 @@ def _grid(design: Design) -> np.ndarray:
 
 
 def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
-    """Return the airfoils, each once, and their places along the blade.
-
-    Stations that share polars and outline are one airfoil; the others have one each, as built.
-    """
-    blade, rotor = design.blade, design.physics.rotor
-    called = section_names(design) or [""] * blade.r.size
-    outlines, built = station_outlines(design), rotor.as_built(blade)
-    numbers, names = _reynolds(design), []
-    found: dict[tuple, dict] = {}
-    for station, polars in enumerate(station_polars(built.polar, blade.r.size)):
-        outline = outlines[station]
-        key = (*map(id, polars), id(outline))
-        if key not in found:
-            number = len(found) + 1
-            found[key] = {
-                "name": f"section_{number}",
-                "description": called[station],
-                "rthick": round(float(design.thickness[station]), DIGITS),
-                "aerodynamic_center": 0.25,
-                "coordinates": _coordinates(outline),
-                "polars": [{"configuration": "default", "re_sets": _re_sets(polars, numbers)}],
-            }
-        names.append(found[key]["name"])
-    names = [names[0], *names, names[-1]]
+    """Return the airfoils, each once, and their places along the blade."""
+    called, numbers = section_names(design), _reynolds(design)
+    found, names = [], np.empty(design.blade.r.size, dtype=object)
+    for number, (polars, outline, stations) in enumerate(airfoils(design), 1):
+        names[stations] = f"section_{number}"
+        airfoil = {
+            "name": f"section_{number}",
+            "description": called[stations[0]] if called else "",
+            "rthick": round(float(design.thickness[stations[0]]), DIGITS),
+            "aerodynamic_center": 0.25,
+            "coordinates": _coordinates(outline),
+            "polars": [{"configuration": "default", "re_sets": _re_sets(polars, numbers)}],
+        }
+        found.append(airfoil)
     positions = [
         {"name": name, "spanwise_position": place, "configuration": ["default"], "weight": [1.0]}
-        for place, name in zip(_grid(design), names, strict=True)
+        for place, name in zip(_grid(design), extended_to_ends(names), strict=True)
     ]
-    return list(found.values()), positions
+    return found, positions
 
 
 def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
@@ -211,7 +190,7 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
     """Return the polars at the knots of their splines."""
     sets = []
     for polar, number in zip(polars, numbers, strict=True):
-        alpha, lift, drag = polar_rows(polar).T
+        alpha, lift, drag, *_ = polar_rows(polar).T
         columns = {"cl": lift, "cd": drag, "cm": np.zeros(alpha.size)}
         sets.append({"re": number} | {name: _curve(alpha, each) for name, each in columns.items()})
     return sets
@@ -220,22 +199,19 @@ def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:
 # Generator and control ----------------------------------------------------------------------------
 
 
-def _efficiency(design: Design) -> dict[str, Any] | None:
-    """Return the efficiency over rotor speeds (rpm) along the steady operation; None: unknown."""
-    steady = None if design.physics.case.generator.lossless else steady_operation(design)
-    if steady is None:
-        return None
+def _efficiency(steady: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Return the efficiency over rotor speeds (rpm) along the steady operation."""
     speed, first = np.unique(steady["rotor_speed"], return_index=True)
     efficiency = (steady["electrical_power"] / steady["generator_power"])[first]
     return _curve(speed * REVOLUTIONS, np.maximum(efficiency, 0.0))
 
 
-def _control(source: Source) -> dict[str, Any]:
+def _control(design: Design) -> dict[str, Any]:
     """Return the keys of the schema that describe the law and the limits of the case."""
-    design, physics = source.design, source.design.physics
     law: Any = design.law
+    physics, tables = design.physics, design.solution.tables.values()
     limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
-    speeds = [own.trajectory["rotor_speed_rad_s"] for own in source.solution.tables.values()]
+    speeds = [own.trajectory["rotor_speed_rad_s"] for own in tables]
     fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
     pitch = "fine_pitch", "min_pitch_limit", "max_pitch_limit", "max_pitch_rate"
     found: dict[str, Any] = dict.fromkeys(pitch, 0.0) | {

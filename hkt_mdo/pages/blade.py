@@ -10,11 +10,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Source
 from hkt_mdo.exports.solids import Stl
 from hkt_mdo.pages.panels import Chart, escaped
 from hkt_mdo.results import style
 from hkt_mdo.results.charts import Labelled
+from hkt_mdo.results.design import Design
 from hkt_mdo.results.panel import GREY
 from hkt_mdo.results.sections import outline_names
 
@@ -56,11 +56,11 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     known: list[np.ndarray] = []
     for each in labelled:
         try:
-            source = Source(each.solution)
+            design = each.solution.design()
             outline_names(each.solution)  # refuses where the polars have no outline of their own
-            start, kind = _start(source.design, each.solution), SOLIDS[len(labelled) > FEW]
+            start, kind = _start(design), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
-            found.append(_body(source.design, kind, name, each.color()))
+            found.append(_body(design, kind, name, each.color()))
             if start is None:
                 continue
             shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist))
@@ -73,9 +73,9 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     return [*found, *starts], reasons
 
 
-def _start(design: Any, solution: Any) -> Any:
+def _start(design: Design) -> Design | None:
     """Return the design with the blade at the start; None if that is not known, or the same."""
-    summary, before = solution.summary, design.physics.blade
+    summary, before = design.solution.summary, design.physics.blade
     if summary.start_chord_m is None or summary.start_twist_deg is None:
         return None
     shape = np.array(summary.start_chord_m), np.deg2rad(summary.start_twist_deg)
@@ -84,7 +84,7 @@ def _start(design: Any, solution: Any) -> Any:
     return replace(design, blade=before.with_shape(*shape, before.thickness))
 
 
-def _body(design: Any, kind: Stl, name: str, color: str) -> Body:
+def _body(design: Design, kind: Stl, name: str, color: str) -> Body:
     # the rotor's axes turned about y
     corners = np.concatenate(kind.rotor(design))[..., [2, 1, 0]] * (1, 1, -1)
     return Body(name, corners, color)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import TYPICAL, DistanceFromStall, Limit, settled
+from hkt_mdo.dynamics.limits import LEAST, TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, Scenario
@@ -93,7 +93,7 @@ def _near_stall(physics, setup, limit, place, scenario):
     known = on_start(physics, start)[place]
     known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
-    margin = limit.value_of(known) / (TYPICAL * unit) + limit.least
+    margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
     still = settled(known)
     if np.mean(still) > 0.5:  # a heavy rotor never settles
         margin = np.where(still, margin, np.inf)

@@ -11,7 +11,7 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
 from hkt_mdo.problem.scenario import Scenario
@@ -62,7 +62,7 @@ class Physics:
 
     def law_in(self, scenario: Scenario) -> Law:
         """Return the control law with the torque constant that the generator has in a scenario."""
-        if scenario.condition is None or not isinstance(self.law, FeedbackLaw):
+        if scenario.condition is None:
             return self.law
         return self.law.applied(scenario.condition.torque_constant)
 
@@ -96,6 +96,14 @@ class Physics:
     def load_names(self) -> tuple[str, ...]:
         """Names of the loads that limits and objective need."""
         return tuple(filter(self.asks_for, LOADS))
+
+    @cached_property
+    def groups(self) -> dict[str, list[int]]:
+        """Places of the scenarios of each scenario of the case, by name: several are intervals."""
+        groups: dict[str, list[int]] = {}
+        for place, scenario in enumerate(self.scenarios):
+            groups.setdefault(scenario.group, []).append(place)
+        return groups
 
     @cached_property
     def shares(self) -> dict[str, float]:

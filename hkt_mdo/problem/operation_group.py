@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.objectives import INTEGRALS
-from hkt_mdo.dynamics.rotor_ode import RememberingComp, hydrodynamics_group
 from hkt_mdo.problem.components import (
     AggregateComp,
     FormulaComp,
@@ -100,29 +97,27 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, scenario):
-        """Return what makes the hydrodynamics of a number of nodes, and the ODE's fixed inputs.
+        """Return the hydrodynamics of `RotorODE` and the ODE's inputs, with units.
 
-        The inputs have units. In a steady scenario a wake with memory is in equilibrium.
+        In a steady scenario a wake with memory is in equilibrium.
         """
         physics, setup = self._physics, self._start
         names = ["density", "inertia", "rotor_radius"]
-        if physics.remembers and not scenario.steady:
+        remembers = physics.remembers and not scenario.steady
+        if remembers:
             names += self._wake.band.outputs(())
-            tau1 = physics.case.inflow_dynamics.tau1
-            about = {"band": self._wake.band, "tau1": tau1, "share": self._wake.share}
-            made = partial(RememberingComp, **about)
+            options = {"band": self._wake.band, "tau1": physics.case.inflow_dynamics.tau1}
         elif physics.has_curve:
             names.append("torque_coefficient_table")
-            made = partial(hydrodynamics_group, spline=TorqueSpline(setup.nodes))
+            options = {"spline": TorqueSpline(setup.nodes)}
         else:
             solver = SOLVERS[physics.case.hydrodynamics.bem]
             polar = physics.rotor_in(scenario).polar
-            about = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
-            made = partial(hydrodynamics_group, **about)
+            options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
         gains = {f"gain_{i}": units for i, units in enumerate(physics.law.gain_units)}
-        return made, units | gains
+        return options, units | gains
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
     DesignBounds,
@@ -149,9 +148,7 @@ def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> li
 def physics(case: Case) -> Physics:
     """Read the files that a case names; InputError if one is broken or does not fit the others."""
     case = complete(case)
-    control = case.control
-    if isinstance(control, FeedbackLaw):
-        control = control.applied(case.condition.torque_constant)
+    control = case.control.applied(case.condition.torque_constant)
     whole = _whole_scenarios(case)
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
     weights = np.concatenate([each.weight * each.sample_weights for each in whole])

@@ -98,6 +98,8 @@ class StartingPoint:
         The outcomes of all candidates of the search; empty if there was no search.
     messages : tuple of str
         Messages about the start.
+    reference : float
+        What the optimum is measured by: the objective at the start of the run, J; 0: no measure.
     """
 
     blade: Blade
@@ -111,6 +113,7 @@ class StartingPoint:
     branches: tuple[StartingPoint, ...] = ()
     starts: tuple[StartRecord, ...] = ()
     messages: tuple[str, ...] = ()
+    reference: float = 0.0
 
     @property
     def tried(self) -> int:

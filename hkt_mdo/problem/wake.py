@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.dynamics.wake import AT_ONCE, MOST_INDUCTION, SLOW, fast_share
+from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.problem.evaluation import on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import Setup
@@ -48,12 +48,6 @@ class Follower:
         """The tables of the start's blade; None without memory."""
         return band_of(self.physics, self.setup)
 
-    @property
-    def share(self) -> float:
-        """Time constant of the fast filter over that of the slow one, the mean of all stations."""
-        blade = self.setup.start.blade
-        return float(self.band.weights @ fast_share(blade.r / blade.tip_radius))
-
     def along(self, scenario, speed) -> dict[str, np.ndarray]:
         """Return the state of the wake at the samples of a scenario, (n_times,).
 
@@ -76,13 +70,11 @@ class Follower:
         tables = self.band.solve(self.physics.rotor_in(scenario).as_built(blade), blade, ())
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
         steady = flow * self.band.spline.values(table, ratio)[0]
-        slow = self.physics.case.inflow_dynamics.tau1
-        if slow is None:
-            kept = np.minimum(self.band.spline.values(place, ratio)[0], MOST_INDUCTION)
-            slow = SLOW * blade.rotor_radius / ((1.0 - 1.3 * kept) * flow)
-        slow = np.broadcast_to(slow, time.shape)
+        tau1 = self.physics.case.inflow_dynamics.tau1
+        induction, _ = self.band.spline.values(place, ratio)
+        slow = np.broadcast_to(slow_time(tau1, induction, blade.rotor_radius, flow), time.shape)
         reduced = _followed(time, (1.0 - AT_ONCE) * steady, slow)
-        induced = _followed(time, reduced + AT_ONCE * steady, self.share * slow)
+        induced = _followed(time, reduced + AT_ONCE * steady, self.band.share * slow)
         wake_ratio, _ = self.band.wake_ratio(table, induced / flow)
         return {
             "reduced_velocity": reduced,

@@ -10,15 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case import Case
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import Turbine
-from hkt_mdo.results.summary import Summary
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline
 
@@ -29,6 +27,8 @@ class Design:
 
     Attributes
     ----------
+    solution : Solution
+        The result of the run.
     blade : Blade
         The blade, its twist with the set angle.
     polars : Polar, tuple of Polar or LocalReynolds
@@ -49,6 +49,7 @@ class Design:
         The physics of the case, with the blade at the start.
     """
 
+    solution: Any
     blade: Blade
     polars: Any
     outlines: tuple[Outline, ...]
@@ -59,15 +60,13 @@ class Design:
     physics: Physics
 
     @classmethod
-    def of(cls, case: Case, summary: Summary) -> Design:
+    def of(cls, solution: Any) -> Design:
         """Build the design of a result from its case and the files that this names.
 
         Parameters
         ----------
-        case : Case
-            The case that was run.
-        summary : Summary
-            The summary of the run, with a blade.
+        solution : Solution
+            The result, whose summary has a blade.
 
         Returns
         -------
@@ -78,7 +77,7 @@ class Design:
         InputError
             If a file of the case is gone or broken, or the case has other stations.
         """
-        world = physics(case)
+        summary, world = solution.summary, physics(solution.case)
         if len(summary.chord_m) != world.blade.r.size:
             problem = f"makes {world.blade.r.size} stations, and the result has a chord at "
             remedy = "give rotor.stations or rotor.station_count of the run, or run the case again"
@@ -90,10 +89,11 @@ class Design:
         polars, turbine = world.rotor.as_built(blade).polar, world.turbine
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
         return cls(
+            solution,
             blade,
             polars,
             turbine.outlines,
-            world.law.applied(1.0) if isinstance(world.law, FeedbackLaw) else world.law,
+            world.law.applied(1.0),
             gains,
             world.mass_and_inertia(blade)[1],
             turbine._replace(blade=blade, polar=polars),

@@ -248,7 +248,7 @@ class Solution:
             raise InputError("holds no finished design", remedy, file=self.folder)
         from hkt_mdo.results.design import Design
 
-        return Design.of(self.case, self.summary)
+        return Design.of(self)
 
     @property
     def name(self) -> str:

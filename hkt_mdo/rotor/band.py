@@ -65,6 +65,22 @@ def place_shares(places):
     return np.array([np.interp(PLACE, places, each) for each in np.eye(places.size)])
 
 
+def fast_share(places):
+    """Return the fast filter's time constant over the slow one's.
+
+    Parameters
+    ----------
+    places : ndarray of shape (n_stations,)
+        Radii of the stations over that of the tip.
+
+    Returns
+    -------
+    ndarray of shape (n_stations,)
+        By Øye's formula.
+    """
+    return 0.39 - 0.26 * places**2
+
+
 @dataclass(frozen=True, eq=False)
 class Band:
     """The tip speed ratios of the tables, and the weights of the mean induction.
@@ -77,6 +93,8 @@ class Band:
         Share of each station in the mean axial induction.
     places : array, shape (n_stations,)
         Share of each station in the axial induction at `PLACE`.
+    share : float
+        Time constant of the fast filter over that of the slow one, the mean of all stations.
     direction : float
         1 where the mean axial induction rises with the tip speed ratio, -1 where it falls.
     """
@@ -84,6 +102,7 @@ class Band:
     nodes: np.ndarray
     weights: np.ndarray
     places: np.ndarray
+    share: float
     direction: float = 1.0
 
     @classmethod
@@ -114,11 +133,13 @@ class Band:
             induced[:, 0] += move
             ends.append(bem.sections_with(blade, rotor.polar, ratio, induced).tangential_load[0])
         weights = bem.torque_weights(blade) * np.abs(ends[0] - ends[1])
-        places, weights = place_shares(blade.r / blade.tip_radius), weights / np.sum(weights)
+        places, weights = blade.r / blade.tip_radius, weights / np.sum(weights)
+        share = float(weights @ fast_share(places))
         beside = rotor.sections(blade, tip_speed_ratio * np.array([0.95, 1.05]))
         slower, faster = _induction(blade, weights, beside).values
         direction = 1.0 if faster >= slower else -1.0
-        return cls(np.asarray(nodes, dtype=float), weights, places, direction)
+        nodes = np.asarray(nodes, dtype=float)
+        return cls(nodes, weights, place_shares(places), share, direction)
 
     def outputs(self, names):
         """Return shape and description of each table of `solve`, as OpenMDAO takes them.

@@ -70,24 +70,18 @@ def _pass_on(found, cases, jobs, done, run) -> None:
         if not pairs:
             return
         tried |= {*pairs.items()}
-        with tempfile.TemporaryDirectory(dir=next(iter(pairs)).parent) as scratch:
-            again = {}
-            for number, (folder, source) in enumerate(pairs.items()):
-                case = passed_on(cases[folder], str(source))
-                again[folder] = partial(run, case, Path(scratch, str(number)))
 
-            def ended(folder, future):
-                try:
-                    better = take_if_better(found[folder], future.result())
-                except Exception as error:  # the result that there was stays
-                    done(folder, why_failed(error))
-                    return
-                if better:
-                    own = cases[folder].extensions
-                    found[folder] = Solution.load(found[folder].folder, extensions=own)
-                done(folder, "better from another's design" if better else "not better")
+        def ended(folder, future):
+            try:
+                better = future.result()
+            except Exception as error:  # the result that there was stays
+                done(folder, why_failed(error))
+                return
+            found[folder] = better or found[folder]
+            done(folder, "better from another's design" if better else "not better")
 
-            in_processes(again.items(), jobs, ended)
+        again = {x: partial(improved, found[x], cases[x], pairs[x], run) for x in pairs}
+        in_processes(again.items(), jobs, ended)
 
 
 def passed_on(case: Case, source: str) -> Case:
@@ -99,21 +93,27 @@ def passed_on(case: Case, source: str) -> Case:
     return case.model_copy(update={"start": start})
 
 
-def take_if_better(before: Solution, after: Solution, least: float = 0.0) -> bool:
-    """Copy a case's new result over the one before if it is better, and tell whether it is.
+def improved(
+    before: Solution, case: Case, source: Path, run: Callable[..., Solution], least: float = 0.0
+) -> Solution | None:
+    """Run a case again from the design of another result, and return the new one if it is better.
 
-    `least`: the share of the objective by which it has to be. Stopped at any point, this leaves
-    either result or an unfinished one, since the summary is the last file to come.
+    It then takes the place of the one before. `least`: the share of the objective by which it has
+    to be better. Stopped at any point, this leaves either result or an unfinished one, since the
+    summary is the last file to come.
     """
-    objective = before.case.objective
-    values = [each.summary.objective.simulated for each in (after, before)]
-    better = after.success and (not before.success or objective.behind(*values) < -least)
-    if better:
+    with tempfile.TemporaryDirectory(prefix="hkt_mdo_", dir=before.folder.parent) as scratch:
+        after = run(passed_on(case, str(source)), Path(scratch, "run"))
+        values = [each.summary.objective.simulated for each in (after, before)]
+        if not after.success or (
+            before.success and before.case.objective.behind(*values) >= -least
+        ):
+            return None
         Path(before.folder, "summary.json").unlink()
         rest = shutil.ignore_patterns("summary.json")
         shutil.copytree(after.folder, before.folder, dirs_exist_ok=True, ignore=rest)
         shutil.copy(after.folder / "summary.json", before.folder)
-    return better
+    return Solution.load(before.folder, extensions=case.extensions)
 
 
 def begun(folder: Path, case: Case) -> bool:

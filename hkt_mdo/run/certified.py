@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.certificate import RAMP, BestPower, Passing, between, certificate, peak
+from hkt_mdo.dynamics.certificate import RAMP, BestPower, Certificate, between, peak
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor import bem
@@ -48,12 +48,12 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     def at(inertia):
         total, family = 0.0, replace(best, inertia=inertia)
         for scenario in physics.scenarios:
-            passing = Passing.of(scenario.inflow, scenario.edges)
-            given = family, passing, physics.density, shape.blade.rotor_radius
+            about = scenario.inflow, scenario.edges, physics.density, shape.blade.rotor_radius
+            certificate = Certificate(family, *about, friction)
             # the torque of a law under a limit lies between zero and the limit
-            found = [certificate(*given, None, limit, friction)] if limit is not None else []
+            found = [certificate.of_limit(limit)] if limit is not None else []
             if known is not None:
-                found.append(certificate(*given, known, friction=friction))
+                found.append(certificate.of_law(known))
             total += scenario.weight * min(found)
         return total
 

@@ -396,7 +396,8 @@ def _not_turning(found: Findings) -> Row:
 def _optimization(found: Findings, package: str) -> Rows:
     """Yield the size of the problem; warn of segments that are too long."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
-    size, length = problem_size(found), phase.duration / phase.segments
+    length, (unknowns, constraints) = phase.duration / phase.segments, problem_size(found)
+    nodes = sum(each.node_times.size for each in found.physics.scenarios)
     segments = sum(scenario.segments for scenario in found.physics.scenarios)
     periods, given = "", phase.segments * len(found.flows)
     if segments > given:
@@ -415,13 +416,13 @@ def _optimization(found: Findings, package: str) -> Rows:
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
     of = f"{min(segments, given)} of {measured(length, 's', 3)}{periods}"
-    nodes = f"{phase.transcription} of order {phase.order}, {size.nodes} nodes"
+    mesh = f"{phase.transcription} of order {phase.order}, {nodes} nodes"
     if all(each.steady for each in found.flows):
-        yield Row("speeds of the flow", str(size.nodes), "", "in equilibrium, without time")
+        yield Row("speeds of the flow", str(nodes), "", "in equilibrium, without time")
     else:
-        yield Row("segments", of, "", nodes)
-    yield Row("unknowns", _sizes(size.unknowns))
-    yield Row("constraints", _sizes(size.constraints))
+        yield Row("segments", of, "", mesh)
+    yield Row("unknowns", _sizes(unknowns))
+    yield Row("constraints", _sizes(constraints))
     yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")
     yield Row("objective", _first_line(found.case.objective) or found.case.objective.kind)
     yield Row("optimizer", f"{driver.optimizer} of {package}, to {driver.tolerance:g}")

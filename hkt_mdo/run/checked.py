@@ -1,90 +1,54 @@
-"""A result with its integrations and checks, and the objective of a start as its measure."""
+"""The end of a run, measured by its start; if it failed, the best that it has, and why."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
+from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.evaluation import excesses, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.quantities import RATES
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.checks import BELOW_START, checks_of
-from hkt_mdo.run.optimization import assembled
+from hkt_mdo.rotor.shape import POINTS
+from hkt_mdo.run.checks import BELOW_START, Checked
+from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
 from hkt_mdo.start.find import bounding_optimum
 
-
-@dataclass(frozen=True, eq=False)
-class Checked:
-    """A result with its integrations and checks.
-
-    Attributes
-    ----------
-    start : StartingPoint
-        Where its run began.
-    physics : Physics
-        On the mesh of the result.
-    result : Optimized
-    verifications : tuple of Verification
-        The integration in each scenario.
-    optimum : SteadyOptimum
-        That which bounds the energy of the optimized blade.
-    reference : float
-        Objective of the start, J; 0 where it is no measure of the optimum.
-    checks : list of CheckEntry
-    """
-
-    start: StartingPoint
-    physics: Physics
-    result: Optimized
-    verifications: tuple[Verification, ...]
-    optimum: SteadyOptimum
-    reference: float
-    checks: list[CheckEntry]
-
-    @classmethod
-    def of(
-        cls,
-        state: RunState,
-        start: StartingPoint,
-        reference: float,
-        physics: Physics,
-        result: Optimized,
-        verifications: tuple[Verification, ...] | None = None,
-    ) -> Checked:
-        """Return a result with its checks; its integrations may be given."""
-        verifications = verifications or verify(physics, result)
-        if result.objective < (1.0 - BELOW_START) * reference:
-            reference = min(reference, _moving_reference(state, start, result))
-        optimum = bounding_optimum(physics, state.optimum, result.point.blade)
-        checks = checks_of(physics, optimum, reference, result, verifications, start.starts)
-        return cls(start, physics, result, verifications, optimum, reference, checks)
-
-    @property
-    def passed(self) -> bool:
-        """Whether all checks pass."""
-        return all(check.passed for check in self.checks)
-
-    @cached_property
-    def rank(self) -> tuple[float, float, float]:
-        """Rank of a result: numbers of large and of all failures, and the integration's objective.
-
-        A start in balance at every instant exceeds a torque limit by the torque that accelerates
-        the rotor. It ranks above an end only if that is false or worse by more than `BELOW_START`.
-        """
-        large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
-        refused = sum(not check.passed for check in self.checks)
-        worth = self.physics.objective.sign * simulated_objective(self.physics, self.verifications)
-        return -large, -refused, worth
+NOT_RUNNING = (
+    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
+    "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
+    "control.law, or wider design bounds)"
+)
+NONE_FOUND = (
+    "no design that keeps the limits was found from {starts}: the smallest violation was "
+    "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
+    "{key}, or wider design bounds)"
+)
 
 
-def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
-    """Return the objective of a start, J; 0 where it is no measure of the optimum.
+def checked(
+    state: RunState,
+    start: StartingPoint,
+    result: Optimized,
+    verifications: tuple[Verification, ...] = (),
+) -> Checked:
+    """Return a result, of a run that began at a start, with its integrations; they may be given."""
+    verifications = verifications or verify(result)
+    if result.objective < (1.0 - BELOW_START) * start.reference:
+        moving = _moving_reference(state, start, result)
+        start = replace(start, reference=min(start.reference, moving))
+    optimum = bounding_optimum(result.physics, state.optimum, result.point.blade)
+    return Checked(start, result, verifications, optimum)
+
+
+def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
+    """Return a start with its objective as the measure of the optimum, where it is one.
 
     A start that breaks a limit may be better than the best design that keeps it.
 
@@ -96,12 +60,12 @@ def quasi_steady_reference(physics: Physics, start: StartingPoint) -> float:
         Found by quasi-steady co-design.
     """
     if physics.start_objective is not physics.objective:  # the start maximizes another quantity
-        return 0.0
+        return start
     if len(physics.rotors) > 1:  # its operation is that of the case's own turbine
-        return 0.0
+        return start
     if not start.operation.running or start.excess > START_EXCESS or np.isnan(start.objective):
-        return 0.0
-    return start.objective - physics.price_of(start.blade)
+        return start
+    return replace(start, reference=start.objective - physics.price_of(start.blade))
 
 
 def _moving_reference(state, start, result) -> float:
@@ -110,7 +74,7 @@ def _moving_reference(state, start, result) -> float:
     A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
     """
     physics = state.first
-    verifications = verify(physics, as_it_stands(state, physics, start, result))
+    verifications = verify(as_it_stands(state, physics, start, result))
     for verification in verifications:
         limits = physics.limits_in(verification.scenario)
         # a law with states has other states over time than in equilibrium
@@ -121,7 +85,7 @@ def _moving_reference(state, start, result) -> float:
         ]
         if verification.simulation.stopped_at is not None or max(over) > START_EXCESS:
             return 0.0
-    return simulated_objective(physics, verifications)
+    return simulated_objective(verifications)
 
 
 def as_it_stands(
@@ -140,4 +104,99 @@ def as_it_stands(
     """
     message = "its result was refused" if ended.outcome.success else ended.outcome.message
     outcome = replace(ended.outcome, success=False, message=message)
-    return assembled(physics, Setup(point, curve_nodes(physics, point)), outcome, state.scratch)
+    setup = Setup(point, curve_nodes(physics, point))
+    problem = assemble(physics, setup, work_dir=state.scratch)
+    problem.run_model()
+    problem.cleanup()
+    return collect(physics, setup, problem, outcome)
+
+
+def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
+    """Return the best of a failed run's end, its best iterate and its start, each checked.
+
+    Parameters
+    ----------
+    state
+        What the run knows.
+    end
+        What its last optimization ended with.
+
+    Returns
+    -------
+    tuple of Checked and str
+        The best one, on its own mesh, and its description; empty for the end.
+    """
+    best, held = end, ""
+    iterate = (*state.best, "the best iterate") if state.best else None
+    for other in (iterate, (state.first, end.start, "the start")):
+        if other is None or not other[1].operation.running:
+            continue
+        physics, point, words = other
+        stands = as_it_stands(state, physics, point, end.result)
+        known = checked(state, end.start, stands)
+        if known.rank > best.rank:
+            best, held = known, words
+    return best, held
+
+
+def first_remedy(physics: Physics) -> str:
+    """Return the one thing to try first where an optimizer did not converge; often not known."""
+    case, points = physics.case, physics.shape.points
+    stations = physics.blade.r.size
+    if physics.law.is_feedback and case.phase.transcription == "radau":  # has free last speeds
+        return "try phase.transcription=gauss-lobatto"
+    if physics.shape.designs_chord and stations > POINTS + 1:
+        free = [name for name, count in points.items() if count > POINTS + 1]
+        if free:
+            return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
+    return "try start.method: quasi_steady" if case.start.method == "blade" else ""
+
+
+def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
+    """Return why a run that failed may have no solution; empty where that is not known.
+
+    That the rotor does not turn, or that no design keeps the limits: if neither start nor end keep
+    them. `physics` is on the mesh of the start; `checks` are those of the end.
+    """
+    starts = f"{start.tried} start{'s' * (start.tried != 1)}"
+    if not start.operation.running:
+        bounds = physics.case.design.gain_bounds
+        within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
+        return NOT_RUNNING.format(within=within, starts=starts)
+    rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
+    over = excesses(physics, start)
+    if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
+        over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
+    at_end = {
+        name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
+        for name in over
+    }
+    begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
+    if begun[0] <= START_EXCESS or ended[0] <= 0.0:
+        return ""
+    at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
+    share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
+    key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
+    law = "control.law: curve, which can keep more limits, " * (len(physics.law.gain_units) == 1)
+    about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
+    return NONE_FOUND.format(starts=starts, **about)
+
+
+def _in_flow(physics, start, name) -> str:
+    """Return in which flow a starting point exceeds a limit most."""
+    excesses = [
+        (limit.excess(known), known["inflow_speed"])
+        for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True)
+        for limit in (*physics.limits_in(scenario), *physics.design_limits)
+        if limit.name == name
+    ]
+    over, flow = max(excesses, key=lambda pair: np.max(pair[0]))
+    if over.size != flow.size:  # a limit on the design alone
+        return "in any flow"
+    return f"in a flow of {flow[np.argmax(over)]:.4g} m/s"
+
+
+def _is_of(check: CheckEntry, limit: str) -> bool:
+    """Tell whether a check is that of a limit."""
+    parts = ("at_nodes", "between_nodes", "bounds")
+    return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]

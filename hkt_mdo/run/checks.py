@@ -4,7 +4,9 @@ A result is a success only if the optimizer converged and an integration that sh
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
@@ -12,9 +14,9 @@ import numpy as np
 from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import LOADS, names
@@ -29,7 +31,6 @@ from hkt_mdo.run.certified import certified_energy
 from hkt_mdo.run.memory import stability_of
 from hkt_mdo.run.verification import (
     Optimized,
-    SteadyVerification,
     Verification,
     design_and_result,
     simulated_objective,
@@ -58,39 +59,78 @@ def is_false(verifications: tuple[Verification, ...]) -> bool:
     return any(energy > ENERGY_ERROR or speed > SPEED_ERROR for energy, speed in errors)
 
 
-def checks_of(
-    physics: Physics,
-    optimum: SteadyOptimum,
-    reference: float,
-    result: Optimized,
-    verifications: tuple[Verification, ...],
-    starts: Sequence[StartRecord] = (),
-) -> list[CheckEntry]:
-    """Return all checks of a result, that of the optimizer first.
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """A result with its integrations and checks.
 
-    `optimum` has the power coefficient that bounds the energy; `reference` (J) is the objective of
-    the quasi-steady start, 0 where that is no measure of the optimum; `starts` are all that the
-    search for it tried.
+    Attributes
+    ----------
+    start : StartingPoint
+        Where its run began, after all that the search tried.
+    result : Optimized
+    verifications : tuple of Verification
+        The integration in each scenario.
+    optimum : SteadyOptimum
+        That whose power coefficient bounds the energy of the optimized blade.
     """
-    status = result.outcome
-    checks = [_check("optimizer", not status.success, 0.0, status.message)]
-    for verification, suffix in _suffixed(verifications):
-        checks += [_check(name + suffix, *about) for name, *about in _of_scenario(verification)]
-    known = _of_design(physics, optimum, reference, result, verifications)
-    return checks + [
-        _check(*each) for each in (*known, *_behind_open_loop(physics, verifications, starts))
-    ]
+
+    start: StartingPoint
+    result: Optimized
+    verifications: tuple[Verification, ...]
+    optimum: SteadyOptimum
+
+    @property
+    def physics(self) -> Physics:
+        """The physics on the mesh of the result."""
+        return self.result.physics
+
+    @cached_property
+    def checks(self) -> list[CheckEntry]:
+        """All checks, that of the optimizer first."""
+        status = self.result.outcome
+        checks = [_check("optimizer", not status.success, 0.0, status.message)]
+        for verification, suffix in _suffixed(self.verifications):
+            checks += [_check(name + suffix, *about) for name, *about in _of_scenario(verification)]
+        return checks + [_check(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
+
+    @property
+    def passed(self) -> bool:
+        """Whether all checks pass."""
+        return all(check.passed for check in self.checks)
+
+    def check(self, name: str) -> float | None:
+        """Return the value of a check; None if there is no such check."""
+        return next((check.value for check in self.checks if check.name == name), None)
+
+    @cached_property
+    def scenarios(self) -> dict[str, tuple[Verification, ...]]:
+        """The verifications of each scenario of the case: several where it has intervals."""
+        groups = self.physics.groups.items()
+        return {name: tuple(self.verifications[i] for i in places) for name, places in groups}
+
+    @cached_property
+    def rank(self) -> tuple[float, float, float]:
+        """Rank of a result: numbers of large and of all failures, and the integration's objective.
+
+        A start in balance at every instant exceeds a torque limit by the torque that accelerates
+        the rotor. It ranks above an end only if that is false or worse by more than `BELOW_START`.
+        """
+        large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
+        refused = sum(not check.passed for check in self.checks)
+        worth = self.physics.objective.sign * simulated_objective(self.verifications)
+        return -large, -refused, worth
 
 
-def _behind_open_loop(physics, verifications, starts):
+def _behind_open_loop(ended):
     """Yield how far a law that can follow a schedule is behind the open loops of its search."""
+    physics, starts = ended.physics, ended.start.starts
     follows = physics.law.states or len(physics.law.gain_units) > MOST_GAINS
     if not follows or physics.start_objective is not physics.objective:
         return
     kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
     ceiling = max(kept, default=0.0)
     if ceiling > 0.0:
-        behind = physics.objective.behind(simulated_objective(physics, verifications), ceiling)
+        behind = physics.objective.behind(simulated_objective(ended.verifications), ceiling)
         word = "share by which the objective is below that of an open loop that keeps the limits"
         yield "behind_open_loop", behind, BEHIND_OPEN_LOOP, word
 
@@ -131,7 +171,7 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     yield "max_speed_error", error[worst], SPEED_ERROR, word
     if verification.two_filters is not None:
         yield from _of_two_filters(verification, verification.two_filters)
-    if isinstance(verification, SteadyVerification) and verification.recorded is None:
+    if verification.scenario.steady and isinstance(verification.controller, FeedbackTorque):
         worst = int(np.argmax(verification.growth))
         word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
         yield "equilibrium_growth", verification.growth[worst], 0.0, f"{word}{when(time[worst])}"
@@ -167,9 +207,10 @@ def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
     yield "flow_missed", missed[worst], FLOW_MISSED, word
 
 
-def _of_design(physics, optimum, reference, result, verifications):
+def _of_design(ended):
     """Yield name, value, limit and place of the checks of the whole result."""
-    ratios, errors = curve_errors(physics, result)
+    physics, result, verifications = ended.physics, ended.result, ended.verifications
+    ratios, errors = curve_errors(result)
     worst = int(np.argmax(errors))
     word = f"torque by the curve over direct BEM, less one, at tip speed ratio {ratios[worst]:.3f}"
     yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, word
@@ -189,31 +230,31 @@ def _of_design(physics, optimum, reference, result, verifications):
         yield _closed_loop(verifications)
     if physics.remembers:
         yield from _of_tables(band_of(physics, result.setup), result)
-        found = stability_of(physics, result)
+        found = stability_of(result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
-    yield from _bounds(physics, optimum, verifications)
+    yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
     if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
         stored = total(verifications, lambda verification: _stored(physics, verification))
         energy = max(abs(total(verifications, attrgetter("simulation.energy"))), 1e-9)
         word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
         yield "stored_energy", stored / energy, STORED, word
-    objective = simulated_objective(physics, verifications)
+    objective = simulated_objective(verifications)
     if not captured:
-        known = simulated_objective(physics, tuple(each.of_model for each in verifications))
+        known = simulated_objective(tuple(each.of_model for each in verifications))
         error = abs(result.objective - known) / max(abs(known), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
-    if reference > 0.0:
-        behind = physics.objective.behind(objective, reference)
+    if ended.start.reference > 0.0:
+        behind = physics.objective.behind(objective, ended.start.reference)
         word = "share by which the objective is below that at the start of the run"
         yield "energy_below_start", behind, BELOW_START, word
     for limit in physics.design_limits:
-        yield _of_design_limit(physics, limit, result, verifications)
+        yield _of_design_limit(ended, limit)
     for verification, suffix in _suffixed(verifications):
         for limit in physics.limits_in(verification.scenario):
-            yield from _of_limit(physics, limit, verification, suffix)
-    yield from _resolved(physics, result, verifications)
+            yield from _of_limit(limit, verification, suffix)
+    yield from _resolved(ended)
 
 
 def _of_tables(band, result):
@@ -241,11 +282,12 @@ def _of_tables(band, result):
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
 
 
-def _bounds(physics, optimum, verifications):
+def _bounds(ended):
     """Yield by how much the energy exceeds the bounds of theory, with a wake in equilibrium."""
+    physics, optimum = ended.physics, ended.optimum
     if physics.remembers:  # before the wake follows, a rotor may capture more
         return
-    energy = total(verifications, attrgetter("simulation.energy"))
+    energy = total(ended.verifications, attrgetter("simulation.energy"))
     bound = energy_bound(physics, optimum)
     for name, most, word in (
         ("energy_over_bound", bound, "quasi-steady bound"),
@@ -256,20 +298,15 @@ def _bounds(physics, optimum, verifications):
             yield name, energy / most - 1.0, BOUND_MARGIN, detail
 
 
-def _resolved(physics, result, verifications):
+def _resolved(ended):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
-    if not any(limit.is_of(LOADS) for limit in physics.all_limits):
-        return
     found = []
-    pairs = [(each.scenario, each.simulated) for each in verifications]
-    finer = loads.resolved(physics, result.point.blade, pairs)
-    for verification, each in zip(verifications, finer, strict=False):
-        scenario = verification.scenario
-        for limit in physics.limits_in(scenario):
-            if limit.is_of(LOADS):
-                over = limit.excess(each)
-                worst = int(np.argmax(over))
-                found.append((float(over[worst]), limit.name, scenario.when(each["time"][worst])))
+    for verification in ended.verifications:
+        for limit in ended.physics.limits_in(verification.scenario):
+            if limit.is_of(LOADS) and verification.resolved:
+                over, time = limit.excess(verification.resolved), verification.resolved["time"]
+                when = verification.scenario.when(time[np.argmax(over)])
+                found.append((float(np.max(over)), limit.name, when))
     if found:
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
@@ -320,18 +357,19 @@ def _closed_loop(verifications):
     return "closed_loop", value, 0.0, word
 
 
-def _of_design_limit(physics, limit, result, verifications):
+def _of_design_limit(ended, limit):
     """Return how far the design, or the whole result, exceeds a limit."""
-    over = limit.excess(design_and_result(verifications) | designed(physics, result.point))
+    point, whole = ended.result.point, design_and_result(ended.verifications)
+    over = limit.excess(whole | designed(ended.physics, point))
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
-    if limit.place == "span" and over.size == result.point.blade.r.size:
-        where = f"r = {result.point.blade.r[worst]:.3f} m"
+    if limit.place == "span" and over.size == point.blade.r.size:
+        where = f"r = {point.blade.r[worst]:.3f} m"
     # the energies are those of the integration
     most = ENERGY_ERROR if limit.is_of(names(over="result")) else NODE_VIOLATION
     return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"{OVER} at {where}"
 
 
-def _of_limit(physics, limit, verification, suffix):
+def _of_limit(limit, verification, suffix):
     """Yield how far a limit over time is exceeded in a scenario, at and between the nodes."""
     over = limit.excess(verification.at_nodes)
     worst = int(np.argmax(over))
@@ -340,7 +378,7 @@ def _of_limit(physics, limit, verification, suffix):
     # an optimization has loads from tables, which are no more exact
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
     yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
-    if limit.constrains(physics.law):
+    if limit.constrains(verification.physics.law):
         over, when = verification.between_nodes(limit)
         worst = int(np.argmax(over))
         when = f"{OVER} at {place(when[worst])}"
@@ -387,7 +425,7 @@ def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
     return bound
 
 
-def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.ndarray]:
+def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
     """Return the curves' relative torque errors over the trajectories' tip speed ratios.
 
     The largest of all turbines, where these differ between scenarios.
@@ -397,7 +435,7 @@ def curve_errors(physics: Physics, result: Optimized) -> tuple[np.ndarray, np.nd
     probe = np.linspace(np.min(ratios), np.max(ratios), 201)
     if not result.curve.size:
         return probe, np.zeros(probe.size)
-    blade = result.point.blade
+    physics, blade = result.physics, result.point.blade
     basis, errors = TorqueSpline(result.setup.nodes).basis(probe), []
     for own in dict.fromkeys(map(physics.rotor_in, physics.scenarios)):
         rotor, curve = own.as_built(blade), result.curve

@@ -119,8 +119,7 @@ def versions() -> dict[str, str]:
 
 def _call(theirs: dict[str, str], task: bytes) -> Any:
     """Make a call in a worker; its client has the versions `theirs`."""
-    if differences := _differences(versions(), theirs):
-        raise _refused("a worker", differences)
+    _compare("a worker", versions(), theirs)
     from distributed.protocol.pickle import loads
 
     try:
@@ -138,9 +137,11 @@ def _calm() -> None:
     gc.freeze()
 
 
-def _differences(theirs: dict[str, str], ours: dict[str, str]) -> str:
+def _compare(name: str, theirs: dict[str, str], ours: dict[str, str]) -> None:
+    """Refuse a worker of other versions."""
     found = [f"{x} {theirs.get(x)} (here {ours[x]})" for x in ours if theirs.get(x) != ours[x]]
-    return ", ".join(found)
+    if found:
+        raise _refused(name, ", ".join(found))
 
 
 def _refused(name: str, differences: str) -> WrongWorkerError:
@@ -157,8 +158,7 @@ def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) ->
         if isinstance(found, BaseException):
             raise _refused(f"the worker {name}", f"no such hkt_mdo ({why_failed(found)})")
         theirs, sees = found
-        if differences := _differences(theirs, versions()):
-            raise _refused(f"the worker {name}", differences)
+        _compare(f"the worker {name}", theirs, versions())
         if not sees:
             remedy = "results are written by the workers: choose a folder that all of them share"
             raise WrongWorkerError(f"the worker {name} does not see it", remedy, file=folder)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +16,8 @@ from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.quantities import OVER_TIME
 from hkt_mdo.results.words import measured, number
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.checks import energy_bound
-from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.start.find import find_start
 
 # range over the best tip speed ratio in which a rotor may operate during the design
@@ -28,7 +25,7 @@ MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 
 
-class Stations(NamedTuple):
+class Stations:
     """Angles of attack of a blade's stations between two tip speed ratios, `working`, by BEM.
 
     Attributes
@@ -47,32 +44,18 @@ class Stations(NamedTuple):
         Largest share of the torque, without signs.
     """
 
-    blade: Blade
-    working: tuple[float, float]
-    polars: Sequence[tuple[Polar, ...]]
-    met: np.ndarray
-    table: np.ndarray
-    unsolved: np.ndarray
-    share: np.ndarray
-
-    @classmethod
-    def of(cls, blade: Blade, polar, working: tuple[float, float]) -> "Stations":
-        """Return the angles of stations; `polar` is as in `Physics`."""
+    def __init__(self, blade: Blade, polar, working: tuple[float, float]):
         polars = bem.station_polars(polar, blade.r.size)
         found = bem.sections(blade, polar, np.linspace(*working, 31) / np.cos(blade.cone))
         angles = found.angle_of_attack
         lowest = [max(each.alpha_min for each in tables) for tables in polars]
         highest = [min(each.alpha_max for each in tables) for tables in polars]
         torque = np.abs(bem.torque_weights(blade) * found.tangential_load)
-        return cls(
-            blade,
-            working,
-            polars,
-            np.stack((angles.min(axis=0), angles.max(axis=0))),
-            np.array((lowest, highest)),
-            np.any(found.branch < 0, axis=0),
-            np.max(torque / torque.sum(axis=1, keepdims=True), axis=0),
-        )
+        self.blade, self.working, self.polars = blade, working, polars
+        self.met = np.stack((angles.min(axis=0), angles.max(axis=0)))
+        self.table = np.array((lowest, highest))
+        self.unsolved = np.any(found.branch < 0, axis=0)
+        self.share = np.max(torque / torque.sum(axis=1, keepdims=True), axis=0)
 
     def places(self, chosen=slice(None)) -> str:
         """Return in words where some stations lie."""
@@ -173,7 +156,7 @@ class Findings:
     def __init__(self, physics: Physics):
         case, blade = physics.case, physics.blade
         self.physics, self.case = physics, case
-        self.groups = by_scenario(physics.scenarios)
+        self.groups = physics.groups
         self.flows = [
             Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
             for name, places in self.groups.items()
@@ -241,7 +224,7 @@ class Findings:
     def _meet(self):
         """Set the angles of attack and Reynolds numbers of the stations at the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
-        self.stations = Stations.of(blade, polar, self.working)
+        self.stations = Stations(blade, polar, self.working)
         cosine = np.cos(blade.cone)
         ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
         flow = np.array([[self.slowest], [self.fastest]]) * cosine
@@ -280,25 +263,13 @@ class Findings:
         (N*m*s/rad), zero for a torque that does not follow the speed. Negative where the
         equilibrium is unstable.
         """
-        step = 1e-4 * rotor_speed
-        faster = self.torque(rotor_speed + step, flow_speed)
-        slower = self.torque(rotor_speed - step, flow_speed)
-        return self.plant.inertia / (control_slope - (faster - slower) / (2.0 * step))
+        at = np.array([[rotor_speed], [flow_speed]])
+        slope = self.plant.torque_slope(*at)[0] - self.plant.generator.shaft_friction_slope
+        return float(self.plant.inertia / (control_slope - slope))
 
 
-class ProblemSize(NamedTuple):
-    """Size of an optimization: unknowns and constraints by their names in the OpenMDAO problem.
-
-    `nodes` is where the rotor's equation is evaluated.
-    """
-
-    unknowns: dict[str, int]
-    constraints: dict[str, int]
-    nodes: int
-
-
-def problem_size(found: Findings) -> ProblemSize:
-    """Return the size of the optimization of a case.
+def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:
+    """Return the numbers of unknowns and of constraints of a case by their names in the problem.
 
     The model and its derivatives are evaluated once, so that those of the user's own are checked.
     """
@@ -311,8 +282,7 @@ def problem_size(found: Findings) -> ProblemSize:
     responses = [*driver.get_objective_values(), *constraints]
     problem.model.linear_solver.totals(driver, responses).compute()
     problem.cleanup()
-    return ProblemSize(
-        {name: values.size for name, values in unknowns.items()},
-        {name: values.size for name, values in constraints.items()},
-        sum(each.nodes_per_segment * each.segments for each in physics.scenarios),
+    unknowns, constraints = (
+        {name: values.size for name, values in each.items()} for each in (unknowns, constraints)
     )
+    return unknowns, constraints

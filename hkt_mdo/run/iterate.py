@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ from hkt_mdo.files.table import read_bytes
 from hkt_mdo.problem.evaluation import split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint, StartRecord
-from hkt_mdo.results.solution import Solution
 
 VERSION = 1
 """Of the file; one of before the versions is refused."""
@@ -24,26 +23,7 @@ OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
 REMEDY = "delete it to begin anew, or run the case again with --force"
 
 
-@dataclass(frozen=True)
-class Earlier:
-    """The state of an earlier run from which a resumed run continues.
-
-    Attributes
-    ----------
-    start : StartingPoint or None
-        The last iterate; None if none was recorded.
-    reference : float
-        Objective of the case's own start, J.
-    history : tuple
-        Its evaluations: number, objective (J), infeasibility.
-    """
-
-    start: StartingPoint | None = None
-    reference: float = 0.0
-    history: tuple = ()
-
-
-def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[str, Any]:
+def as_data(physics: Physics, point: StartingPoint) -> dict[str, Any]:
     """Return a point as the data of `iterate.json`: the scenarios' mesh and trajectories by name.
 
     Parameters
@@ -52,8 +32,6 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         The physics on the mesh of the point.
     point
         Blade, gains, and the trajectories at the samples of every scenario.
-    reference
-        Objective of the case's own start, J.
     """
     return {
         "version": VERSION,
@@ -64,7 +42,7 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
         "hub_inertia_kg_m2": point.blade.hub_inertia,
         "gains": point.gains,
         "energy_J": point.operation.energy,
-        "reference_energy_J": reference,
+        "reference_energy_J": point.reference,
         "branch": point.branch,
         "starts": [vars(record) for record in point.starts],
         "scenarios": {
@@ -76,8 +54,8 @@ def as_data(physics: Physics, point: StartingPoint, reference: float) -> dict[st
     }
 
 
-def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
-    """Return the physics on an earlier run's mesh, and the state of that run.
+def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | None]:
+    """Return the physics on an earlier run's mesh, and its last iterate; None if there is none.
 
     Parameters
     ----------
@@ -93,7 +71,7 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
     """
     path = out / "iterate.json"
     if not path.exists():
-        return physics, Earlier()
+        return physics, None
     content = read_bytes(path, MAX_BYTES, "iterate of a run")
     try:
         data = json.loads(content)
@@ -104,13 +82,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, Earlier]:
         starts = tuple(map(_record, data.get("starts", ())))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError("is no iterate of this case", REMEDY, file=path) from None
-    table = {}
-    if (out / "summary.json").exists():
-        table = Solution.load(out, extensions=physics.case.extensions).convergence
-    history = tuple(zip(*table.values(), strict=True))
-    branch = str(data.get("branch", ""))
-    start = StartingPoint(blade, gains, operation, branch=branch, starts=starts)
-    return physics, Earlier(start, reference, history)
+    about = {"branch": str(data.get("branch", "")), "starts": starts, "reference": reference}
+    return physics, StartingPoint(blade, gains, operation, **about)
 
 
 def _record(data) -> StartRecord:

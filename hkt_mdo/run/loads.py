@@ -29,13 +29,17 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
         reported["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
         for name, (values, unit) in reported.items():
             worst = int(np.argmax(values))
-            value, place = float(values[worst]), {"time_s": float(known["time"][worst])}
-            if known.get("steady"):
-                place = {"flow_m_s": float(known["inflow_speed"][worst])}
-            before = found.get(name)
+            value, before = float(values[worst]), found.get(name)
             if before is None or value > before.value:
-                found[name] = LoadEntry(value=value, unit=unit or "", **place)
+                found[name] = LoadEntry(value=value, unit=unit or "", **place(known, worst))
     return found
+
+
+def place(known: Known, at: int) -> dict[str, float]:
+    """Return when the largest value of something occurs, or in which flow, for `LoadEntry`."""
+    if known.get("steady"):
+        return {"flow_m_s": float(known["inflow_speed"][at])}
+    return {"time_s": float(known["time"][at])}
 
 
 def over_span(
@@ -75,43 +79,37 @@ def placed(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> di
     found = largest(several)
     for name, (r, values) in over_span(rotor, blade, several).items():
         if name in found:
-            place = {"r_m": float(r[np.argmax(values)])}
-            found[name] = found[name].model_copy(update=place)
+            where = {"r_m": float(r[np.argmax(values)])}
+            found[name] = found[name].model_copy(update=where)
     return found
 
 
-def resolved(
-    physics: Physics, blade: Blade, trajectories: Iterable[tuple[Scenario, Known]]
-) -> list[Known]:
-    """Return trajectories at the times of their largest loads, with those of a resolved blade.
+def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -> Known | None:
+    """Return a trajectory at the times of its largest loads, with those of a resolved blade.
 
-    Each comes with its scenario. The resolved blade has `STATIONS` stations; between those of the
+    The resolved blade has `STATIONS` stations; between those of the
     blade itself chord, twist and a designed thickness are linear. Suction counts up to the blade's
     own last station: closer to the tip, its loss alone decides the angle of attack. Only loads that
-    limits need; none if there are no such loads or the blade has as many stations.
+    limits need; None if there are no such loads or the blade has as many stations.
     """
     names = physics.load_names
     if not names or blade.r.size >= STATIONS:
-        return []
+        return None
     finer = with_many_stations(physics)
     many = finer.blade.with_rotor_radius(blade.rotor_radius)
-    own = blade.chord, blade.twist, blade.thickness
-    shape = (each if each is None else np.interp(many.r, blade.r, each) for each in own)
-    many, found = many.with_shape(*shape), []
-    for scenario, known in trajectories:
-        rotor = finer.rotor_in(scenario)
-        worst = np.unique([np.argmax(known[name]) for name in names])
-        size = known["time"].size
-        at = {name: x for name, x in known.items() if name != "sections"}
-        there = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
-        own = dict(there)
-        there |= loads_along(rotor, many, there, tuple(set(names) - {"cavitation"}))
-        if "cavitation" in names:
-            there |= _cavitation(rotor, many, there, many.r <= blade.r[-1])
-        if "sections" in known:  # in the same proportion as with a wake in equilibrium
-            steady = loads_along(physics.rotor_in(scenario), blade, own, names)
-            there |= {name: own[name] * there[name] / steady[name] for name in names}
-        found.append(there)
+    given = blade.chord, blade.twist, blade.thickness
+    shape = (each if each is None else np.interp(many.r, blade.r, each) for each in given)
+    many, rotor = many.with_shape(*shape), finer.rotor_in(scenario)
+    worst = np.unique([np.argmax(known[name]) for name in names])
+    size = known["time"].size
+    at = {name: x for name, x in known.items() if name != "sections"}
+    own = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
+    found = own | loads_along(rotor, many, own, tuple(set(names) - {"cavitation"}))
+    if "cavitation" in names:
+        found |= _cavitation(rotor, many, own, many.r <= blade.r[-1])
+    if "sections" in known:  # in the same proportion as with a wake in equilibrium
+        steady = loads_along(physics.rotor_in(scenario), blade, own, names)
+        found |= {name: own[name] * found[name] / steady[name] for name in names}
     return found
 
 

@@ -65,9 +65,9 @@ def stability(
     return _verdict(along)
 
 
-def stability_of(physics: Physics, result: Optimized) -> MemoryEntry | None:
+def stability_of(result: Optimized) -> MemoryEntry | None:
     """Return the same along the trajectories of an optimization whose case asks for memory."""
-    along = []
+    physics, along = result.physics, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         names = "time", "rotor_speed", "inflow_speed", *physics.law.states
         if scenario.steady and not physics.law.is_feedback:

@@ -1,8 +1,11 @@
-"""One optimization: the problem of some physics at a setup, solved and read."""
+"""One optimization: the problem of some physics at a setup, solved, recorded and read."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import openmdao.api as om
 
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.problem.build import assemble, make_driver, point_of, series
@@ -15,6 +18,8 @@ from hkt_mdo.solve.drivers import Outcome
 
 MOST_ROWS = 500
 """Segments times limits and the equation of motion, above which little is recorded."""
+
+_OF_LONG_FLOWS = ["*.timeseries.*", "chord", "twist", "*energy", "inertia", "mass"]
 
 
 def solve(
@@ -41,7 +46,8 @@ def solve(
     driver = make_driver(physics, state, most, near, refined)
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
-    state.log.add_recorders(problem, whole=rows <= MOST_ROWS)
+    if state.records:
+        add_recorders(problem, state.out, whole=rows <= MOST_ROWS)
     try:
         problem.final_setup()  # opens the recorders' files
         try:
@@ -51,31 +57,14 @@ def solve(
             with any_values():
                 problem.run_driver()
         finally:
-            state.log.record_final(problem)
+            if state.records:
+                problem.record("final")
     finally:
         problem.cleanup()
     result = collect(physics, setup, problem, problem.driver.outcome())
     if result.outcome.success:
         state.keep(result.point, result.objective)
     return result
-
-
-def assembled(physics: Physics, setup: Setup, outcome: Outcome, scratch: str) -> Optimized:
-    """Return a setup, unchanged, as if it were the end of an optimization.
-
-    Parameters
-    ----------
-    physics, setup
-        The problem.
-    outcome
-        The outcome that is reported.
-    scratch
-        Folder for OpenMDAO's own files.
-    """
-    problem = assemble(physics, setup, work_dir=scratch)
-    problem.run_model()
-    problem.cleanup()
-    return collect(physics, setup, problem, outcome)
 
 
 def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimized:
@@ -99,7 +88,64 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
             wake = "tip_speed_ratio" if scenario.steady else "wake_ratio"
             nodes["wake_ratio"] = series(problem, scenario, wake)
     return Optimized(
-        *(problem, outcome, setup, point_of(physics, problem), trajectories),
+        *(physics, problem, outcome, setup, point_of(physics, problem), trajectories),
         *(float(problem.get_val(name)[0]) for name in ("energy", "objective", "inertia", "mass")),
         problem.get_val("torque_coefficient_table") if physics.has_curve else np.empty(0),
     )
+
+
+def add_recorders(problem: om.Problem, out: Path, whole: bool = True) -> None:
+    """Record the final case and every iteration; the databases of earlier passes are kept.
+
+    Parameters
+    ----------
+    problem : openmdao.api.Problem
+        The problem, set up.
+    out
+        The result folder.
+    whole
+        Whether every iteration has its constraints and what changes over time, which of a long
+        flow are up to a gigabyte, and the final case has what Dymos computes in between.
+    """
+    number, history = 1, out / "history.db"
+    while history.exists():
+        number += 1
+        history = out / f"history_{number}.db"
+    problem.driver.add_recorder(_Recorder(str(history.resolve()), record_viewer_data=False))
+    solution = out / "solution.db"
+    solution.unlink(missing_ok=True)
+    problem.add_recorder(_Recorder(str(solution.resolve()), record_viewer_data=whole))
+    problem.recording_options["record_inputs"] = False
+    problem.recording_options["includes"] = ["*"] if whole else _OF_LONG_FLOWS
+    if not whole:
+        design = list(problem.model.get_design_vars(recurse=False))
+        skipped = dict.fromkeys(("record_desvars", "record_constraints"), False)
+        problem.driver.recording_options.update(skipped | {"includes": design})
+
+
+class _Recorder(om.SqliteRecorder):
+    """A recorder of variables that lets the system decide when its rows reach the disk.
+
+    Waiting for the disk at every row takes longer than an iteration. A killed process loses
+    nothing; a power cut may cost the last rows, and a run is resumed from `iterate.json`.
+    Options of systems are not recorded: `case.yaml` says the same, and grids cannot be pickled.
+    """
+
+    def shutdown(self):
+        """Close the database; OpenMDAO also collects garbage, which takes longer than the rest."""
+        for connection in {self.connection, self.metadata_connection} - {None}:
+            connection.close()
+
+    def record_metadata_system(self, system, run_number=None):
+        """Record nothing."""
+
+    @property
+    def connection(self):
+        """The connection to the database."""
+        return self._connection
+
+    @connection.setter
+    def connection(self, connection):
+        self._connection = connection
+        if connection is not None:
+            connection.execute("PRAGMA synchronous=OFF")  # before OpenMDAO writes its tables

@@ -20,11 +20,11 @@ from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
-from hkt_mdo.run.checked import Checked, quasi_steady_reference
-from hkt_mdo.run.checks import MESH_ERROR, curve_errors, is_false, most_between
+from hkt_mdo.run.checked import checked, measured
+from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false, most_between
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.refine import Division, constrained, divided, division, lowered
+from hkt_mdo.run.refine import Division, divided, division, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, may_tabulate, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -51,8 +51,6 @@ class Task:
     ----------
     start : StartingPoint
         The start of the series of passes to which it belongs.
-    reference : float
-        Objective of that start, J; 0 where it is no measure of the optimum.
     physics : Physics
         On the mesh that is optimized on.
     setup : Setup
@@ -65,12 +63,11 @@ class Task:
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
-    optimum : tuple of Physics and Optimized, or None
+    optimum : Optimized or None
         The last optimum that its integration and its torque curve do not contradict.
     """
 
     start: StartingPoint
-    reference: float
     physics: Physics
     setup: Setup
     name: str = ""
@@ -78,10 +75,10 @@ class Task:
     passes: int = 0
     first_passed: bool | None = None
     coarser: tuple[float, ...] = ()
-    optimum: tuple[Physics, Optimized] | None = None
+    optimum: Optimized | None = None
 
     @classmethod
-    def first(cls, physics: Physics, start: StartingPoint, reference: float, **others) -> Task:
+    def first(cls, physics: Physics, start: StartingPoint, **others) -> Task:
         """Return the first optimization from a start; a designed hub makes its loop stable.
 
         The torque of several sections is rough: their curve has twice the nodes, since its
@@ -89,7 +86,7 @@ class Task:
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.several_sections)
         setup = Setup(start, nodes, least_hub=first_hub(physics, start))
-        return cls(start, reference, physics, setup, **others)
+        return cls(start, physics, setup, **others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,15 +136,15 @@ class Pass:
         """
         if self.physics.law.is_feedback or not self.converged or self.task.optimum is None:
             return not self.converged
-        physics, before = self.task.optimum
+        before = self.task.optimum
         fallen = self.physics.objective.behind(self.result.objective, before.objective)
-        return physics is not self.physics and fallen > FALLEN
+        return before.physics is not self.physics and fallen > FALLEN
 
     @cached_property
     def memory(self) -> MemoryEntry | None:
         """Stability of an optimum's loop in a case with dynamic inflow."""
         remembers = self.physics.remembers and self.converged
-        return stability_of(self.physics, self.result) if remembers else None
+        return stability_of(self.result) if remembers else None
 
     @property
     def runs_away(self) -> bool:
@@ -157,12 +154,12 @@ class Pass:
     @cached_property
     def verifications(self) -> tuple[Verification, ...]:
         """The integration of the end in each scenario."""
-        return verify(self.physics, self.result, self.approximate)
+        return verify(self.result, self.approximate)
 
     @cached_property
     def curve_error(self) -> float:
         """Largest relative error of the torque curve; 0 without one."""
-        return float(np.max(curve_errors(self.physics, self.result)[1], initial=0.0))
+        return float(np.max(curve_errors(self.result)[1], initial=0.0))
 
     @property
     def coarse_curve(self) -> bool:
@@ -180,21 +177,20 @@ class Pass:
         return not any(
             np.max(each.between_nodes(limit)[0]) > most_between(limit)
             for each in self.verifications
-            for limit in constrained(self.physics, each.scenario)
+            for limit in each.constrained
         )
 
     @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
-        return division(self.physics, self.result, self.verifications, self.task.coarser)
+        return division(self.result, self.verifications, self.task.coarser)
 
     def next(self, why: str, *, physics: Physics | None = None, **changes) -> Task:
         """Return the next optimization, with changes of the setup, or on another mesh."""
         task, setup = self.task, replace(self.task.setup, **changes)
         optimum = task.optimum
         if self.accurate:
-            result = replace(self.result, mesh_error=self.division.error)
-            optimum = self.physics, result
+            optimum = replace(self.result, mesh_error=self.division.error)
         coarser = task.coarser
         if physics is not None:
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
@@ -229,16 +225,16 @@ class Pass:
         If this pass failed, it is the last optimum; a finer mesh that converged gives the error of
         its mesh.
         """
-        task, physics, result, verifications = self.task, self.physics, self.result, None
+        task, result, verifications = self.task, self.result, ()
         if self.failed and task.optimum:
-            physics, result = task.optimum
+            result = task.optimum
             if self.converged:
                 error = abs(self.result.objective / result.objective - 1.0)
                 result = replace(result, mesh_error=max(error, result.mesh_error))
         elif self.converged:
             result = replace(result, mesh_error=self.division.error)
-            verifications = None if self.approximate else self.verifications
-        return Checked.of(self.state, task.start, task.reference, physics, result, verifications)
+            verifications = () if self.approximate else self.verifications
+        return checked(self.state, task.start, result, verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -292,7 +288,7 @@ def refine(this: Pass) -> Task | None:
     # where a finer mesh still changes the operation, limits would be lowered in vain
     settled = this.division.error <= MESH_ERROR and not is_false(this.verifications)
     if settled or not divides:
-        shares, worst = lowered(physics, setup, this.verifications)
+        shares, worst = lowered(setup, this.verifications)
         if worst:
             over = 100.0 * worst
             reasons.append(f"a limit is exceeded between the nodes by {over:.2g} %")
@@ -330,8 +326,8 @@ def other_branch(this: Pass) -> Task | None:
         why = f"without time branch {start.branch} is better by {gain}"
     else:
         return None
-    reference = quasi_steady_reference(physics, start)
-    return Task.first(physics, start, reference, why=why, first_passed=this.end.passed)
+    start = measured(physics, start)
+    return Task.first(physics, start, why=why, first_passed=this.end.passed)
 
 
 FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
@@ -351,7 +347,7 @@ def next_task(this: Pass) -> Task | None:
     return None
 
 
-def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked:
+def optimize(state: RunState, start: StartingPoint) -> Checked:
     """Optimize from a start, and as long as something follows.
 
     Parameters
@@ -360,21 +356,19 @@ def optimize(state: RunState, start: StartingPoint, reference: float) -> Checked
         The state of the run, which records every pass.
     start
         Where the first optimization begins.
-    reference
-        Objective of the start, J; 0 where it is no measure of the optimum.
 
     Returns
     -------
     Checked
         The end, on its mesh: of the branches of the start the best that passes, else the first.
     """
-    task: Task | None = Task.first(state.first, start, reference)
+    task: Task | None = Task.first(state.first, start)
     ends = []
     while task is not None:
         if task.passes == 0:
             near = max(excesses(state.first, task.start).values(), default=0.0) < FAR
         if task.passes == 0 or task.physics is not state.physics:
-            state.go_on_from(task.physics, task.setup.start, task.start, task.reference)
+            state.go_on_from(task.physics, task.setup.start, task.start)
         began = time.perf_counter()
         most = None if task.name == "begin again" else FIRST_ITERATIONS
         refined = task.name == "refine"

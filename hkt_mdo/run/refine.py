@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
 from hkt_mdo.rotor.scales import power_scale
@@ -99,7 +97,7 @@ def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics
 
 
 def lowered(
-    physics: Physics, setup: Setup, verifications: tuple[Verification, ...]
+    setup: Setup, verifications: tuple[Verification, ...]
 ) -> tuple[dict[tuple[str, str], np.ndarray], float]:
     """Return the shares of lowered limits, and the largest excess; 0 where none is lowered.
 
@@ -107,9 +105,9 @@ def lowered(
     Elsewhere a lower limit would only cost energy.
     """
     shares, worst = dict(setup.shares), 0.0
-    lowest = 1.0 - (MOST_EXCEEDED if physics.remembers else MOST_LOWERED)
     for verification in verifications:
-        for limit in constrained(physics, verification.scenario):
+        lowest = 1.0 - (MOST_EXCEEDED if verification.physics.remembers else MOST_LOWERED)
+        for limit in verification.constrained:
             if not np.isfinite(limit.upper):
                 continue
             most = checks.most_between(limit)
@@ -130,10 +128,7 @@ def lowered(
 
 
 def division(
-    physics: Physics,
-    result: Optimized,
-    verifications: tuple[Verification, ...],
-    before: Sequence[float],
+    result: Optimized, verifications: tuple[Verification, ...], before: Sequence[float]
 ) -> Division:
     """Return by how much a finer mesh may change the objective, and the segments to divide.
 
@@ -151,18 +146,19 @@ def division(
 
     Parameters
     ----------
-    physics, result, verifications
+    result, verifications
         An optimization's end, integrated.
     before
         Objectives on the coarser meshes, J, the last one's at the end.
     """
+    physics = result.physics
     coarse, error = _contradicted(physics, verifications, before), 0.0
     if len(before) < MOST_DIVISIONS:
         for marks, verification in zip(coarse, verifications, strict=True):
-            marks |= _exceeded_between(physics, verification, result.energy)
-            marks |= _near_stall(physics, verification)
+            marks |= _exceeded_between(verification, result.energy)
+            marks |= _near_stall(verification)
     if not physics.law.is_feedback:
-        error = _open_loop(physics, result, verifications, coarse, before)
+        error = _open_loop(result, verifications, coarse, before)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
     mesh = physics.scenarios[0].mesh
@@ -174,7 +170,7 @@ def division(
     ):
         parts = [np.ones(marks.size, dtype=int) for marks in coarse]
         return Division(float(error), parts, HIGHER_ORDER)
-    return Division(float(error), [np.where(marks, _parts(physics), 1) for marks in coarse])
+    return Division(float(error), [np.where(marks, _parts(verifications), 1) for marks in coarse])
 
 
 def _contradicted(physics, verifications, before) -> list[np.ndarray]:
@@ -196,7 +192,7 @@ def _contradicted(physics, verifications, before) -> list[np.ndarray]:
     return coarse
 
 
-def _exceeded_between(physics, verification, energy) -> np.ndarray:
+def _exceeded_between(verification, energy) -> np.ndarray:
     """Return the segments in which limits are exceeded between nodes that keep them.
 
     A limit counts if a lower one at the nodes would cost energy, or would have to be much lower.
@@ -205,7 +201,7 @@ def _exceeded_between(physics, verification, energy) -> np.ndarray:
     if verification.scenario.steady:  # has no mesh
         return found
     known, shares = verification.of_model, np.sum(_energies(verification, energy), axis=1)
-    for limit in constrained(physics, verification.scenario):
+    for limit in verification.constrained:
         over, _ = known.between_nodes(limit)
         nodes = limit.excess(known.at_nodes).reshape(found.size, -1)
         # what is exceeded at the nodes as well, no division corrects
@@ -215,9 +211,9 @@ def _exceeded_between(physics, verification, energy) -> np.ndarray:
     return found
 
 
-def _near_stall(physics, verification) -> np.ndarray:
+def _near_stall(verification) -> np.ndarray:
     """Return the segments in which a rotor under feedback is closer to stall than at the nodes."""
-    scenario = verification.scenario
+    physics, scenario = verification.physics, verification.scenario
     found = np.zeros(scenario.segments, dtype=bool)
     if physics.law.is_feedback and physics.has_curve and not scenario.steady:
         near = verification.short_of_recovery > checks.RECOVERY_ERROR
@@ -226,46 +222,39 @@ def _near_stall(physics, verification) -> np.ndarray:
     return found
 
 
-def _open_loop(physics, result, verifications, coarse, before) -> float:
+def _open_loop(result, verifications, coarse, before) -> float:
     """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
-    best = physics.rotor.best_operation(result.point.blade).power_coefficient
-    left = [_left(physics, verification, result.energy, best) for verification in verifications]
+    best = result.physics.rotor.best_operation(result.point.blade).power_coefficient
+    left = [_left(verification, result.energy, best) for verification in verifications]
     known = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
-    rates = _limits_rates(physics)
-    error = change if rates and before else min(change / (_parts(physics) - 1), known)
+    rates = _limits_rates(verifications)
+    error = change if rates and before else min(change / (_parts(verifications) - 1), known)
     if error <= checks.MESH_ERROR and (before or not rates):
         return error
     for marks, verification, own in zip(coarse, verifications, left, strict=True):
         if verification.scenario.steady:
             continue
-        marks |= _switches(physics, verification) | (
-            own > 0.0 if rates and not before else _most(own)
-        )
+        marks |= _switches(verification) | (own > 0.0 if rates and not before else _most(own))
     return error
 
 
-def _parts(physics) -> int:
+def _parts(verifications) -> int:
     """Return the number of parts into which a segment is divided."""
-    return PARTS_OF_RATES if _limits_rates(physics) else PARTS
+    return PARTS_OF_RATES if _limits_rates(verifications) else PARTS
 
 
-def _limits_rates(physics) -> bool:
+def _limits_rates(verifications) -> bool:
     """Tell whether a limit on a rate holds in some scenario."""
-    return any(x.is_of(RATES) for each in physics.scenarios for x in constrained(physics, each))
+    return any(limit.is_of(RATES) for each in verifications for limit in each.constrained)
 
 
-def constrained(physics: Physics, scenario: Scenario) -> list[Limit]:
-    """Return the limits over time that the optimization constrains in a scenario."""
-    return [limit for limit in physics.limits_in(scenario) if limit.constrains(physics.law)]
-
-
-def _switches(physics, verification) -> np.ndarray:
+def _switches(verification) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
     scenario, nodes = verification.scenario, verification.at_nodes
     found = np.zeros(scenario.segments, dtype=bool)
-    for limit in constrained(physics, scenario):
+    for limit in verification.constrained:
         binds = limit.excess(nodes) > -NEAR_LIMIT
         first, *others = binds.reshape(scenario.segments, -1).T
         last = others[-1]
@@ -275,7 +264,7 @@ def _switches(physics, verification) -> np.ndarray:
     return found
 
 
-def _left(physics, verification, energy, best) -> np.ndarray:
+def _left(verification, energy, best) -> np.ndarray:
     """Return the energy that the mesh may lose in every segment, as a share of the whole.
 
     In a segment in which a limit binds at a node, the polynomials keep it at the others as well, at
@@ -283,7 +272,7 @@ def _left(physics, verification, energy, best) -> np.ndarray:
     it is the difference of the power coefficient from its largest, `best`, if the objective is that
     energy.
     """
-    scenario, nodes = verification.scenario, verification.at_nodes
+    physics, scenario, nodes = verification.physics, verification.scenario, verification.at_nodes
     if scenario.steady:
         return np.zeros(scenario.segments)
     simulated = verification.integrated
@@ -296,7 +285,7 @@ def _left(physics, verification, energy, best) -> np.ndarray:
         short = scale * best - simulated["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)
-    over = [limit.excess(nodes) for limit in constrained(physics, scenario)]
+    over = [limit.excess(nodes) for limit in verification.constrained]
     if not over:
         return short
     room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)

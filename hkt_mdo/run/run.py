@@ -15,7 +15,6 @@ import sqlite3
 import tempfile
 import time
 from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import openmdao.api as om
@@ -31,28 +30,19 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.checked import Checked, quasi_steady_reference
+from hkt_mdo.run.checked import best_of, first_remedy, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.fallback import best_of, first_remedy
-from hkt_mdo.run.groups import by_scenario
-from hkt_mdo.run.iterate import Earlier, read_iterate
-from hkt_mdo.run.log import Log
+from hkt_mdo.run.iterate import read_iterate
 from hkt_mdo.run.memory import with_memory
-from hkt_mdo.run.none_found import none_found, starts
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import Progress, RunState
-from hkt_mdo.run.summary import Finished, summarize, write_tables
+from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
 from hkt_mdo.start.find import find_start
 
-NOT_RUNNING = (
-    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
-    "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
-    "control.law, or wider design bounds)"
-)
 ROOM = "make room on the disk and give hkt run --resume"
 UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 
@@ -107,10 +97,10 @@ def run_case(
     out = Path(out).absolute()  # another thread may change the current folder of the process
     with locked(out):
         physics = _prepared(case)
-        names = tuple(by_scenario(physics.scenarios))
+        names = tuple(physics.groups)
         claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
-        return _run(physics, out, Earlier(), (progress, on_pass, on_start), figures, records)
+        return _run(physics, out, (progress, on_pass, on_start), figures, records)
 
 
 @interrupts_of_compiled_code()
@@ -152,12 +142,15 @@ def resume_case(
     out = Path(out).absolute()
     with locked(out):
         physics = _prepared(load_case(out / "case.yaml", extensions=extensions))
+        evaluations: Iterable = ()
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)
             if solution.success:
                 return solution
-        physics, earlier = read_iterate(out, physics)
-        return _run(physics, out, earlier, (progress, on_pass, on_start), figures, records)
+            evaluations = zip(*solution.convergence.values(), strict=True)
+        physics, start = read_iterate(out, physics)
+        earlier = start, evaluations if start else ()
+        return _run(physics, out, (progress, on_pass, on_start), figures, records, *earlier)
 
 
 def _prepared(case: Case) -> Physics:
@@ -171,17 +164,18 @@ def _prepared(case: Case) -> Physics:
 _SILENT = {"show_browser": False, "display_in_notebook": False}
 
 
-def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records: bool) -> Solution:
-    """Run a case in its locked folder, after an earlier run; `calls` are its callbacks."""
+def _run(physics: Physics, out: Path, calls, figures, records, start=None, history=()) -> Solution:
+    """Run a case in its locked folder; `calls` are its callbacks.
+
+    From `start`, the last iterate of an earlier run, whose evaluations are in `history`.
+    """
     began, made_of = time.perf_counter(), digest(physics.case)
     summary = Summary(version=VERSION, case=physics.case.name, success=False, message=UNFINISHED)
-    log = Log(out, records, summary, earlier.history)
-    log.write_summary(summary)
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, log, scratch, *calls, evaluations=len(earlier.history))
+        state = RunState(physics, out, records, summary, scratch, history, *calls)
         try:
-            with _termination_interrupts(state):
-                finished = _optimize_and_verify(state, earlier, out, records)
+            with handling(signal.SIGTERM, state.terminate):
+                finished = _optimize_and_verify(state, start)
             update = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
             summary = finished.model_copy(update=update)
         except InputError as error:
@@ -193,8 +187,8 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
                 reason = "no space left on the device"
             raise InputError(f"cannot be written ({reason})", ROOM, file=out) from error
         finally:
-            log.write_history()
-            log.write_summary(summary.model_copy(update={"passes": state.passes}))
+            state.write_history()
+            state.write_summary(summary.model_copy(update={"passes": state.passes}))
     solution = Solution.load(out, extensions=physics.case.extensions)
     if figures:
         from hkt_mdo.results import style
@@ -207,49 +201,29 @@ def _run(physics: Physics, out: Path, earlier: Earlier, calls, figures, records:
     return solution
 
 
-def _optimize_and_verify(state: RunState, earlier: Earlier, out: Path, records: bool) -> Summary:
+def _optimize_and_verify(state: RunState, start) -> Summary:
     """Return the summary of a run; its tables are written."""
-    start, reference = earlier.start, earlier.reference
     if start is None:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
-        reference = quasi_steady_reference(state.first, start)
-        start = with_memory(state.first, start)
-    end = best = optimize(state, start, reference)
-    remedy = first_remedy(end.physics)
-    refused, held, gains = explain_all(end.checks, remedy), "", {}
-    if refused:
+        start = with_memory(state.first, measured(state.first, start))
+    end = best = optimize(state, start)
+    message, held, prices = explain_all(end.checks, first_remedy(end.physics)), "", {}
+    if message:
         best, held = best_of(state, end)
-    physics, result, verifications = best.physics, best.result, best.verifications
-    converged = result.outcome.success
-    if converged:
-        gains = shadow_prices(
-            physics, result, [each.at_nodes for each in verifications], state.scratch
-        )
-    breaks = broken_limits(state.first, best.start)
-    parts = Finished(
-        physics, best.optimum, best.start, breaks, result, verifications, best.checks, remedy, gains
-    )
-    finished = summarize(parts)
-    message = finished.message
-    if held:
-        message = f"{refused}; the folder holds {held}, which is better than the last point"
-    if not finished.success:
-        message = "; ".join(filter(None, (_why_none(state.first, best), message)))
-    write_tables(out, parts)
-    if records:
-        om.n2(result.problem, outfile=str(out / "n2.html"), **_SILENT)
-    if held or converged:
-        state.go_on_from(physics, result.point, best.start, best.reference)
-    return finished.model_copy(update={"message": message})
-
-
-def _why_none(physics: Physics, ended: Checked) -> str:
-    """Return why a run that failed may have no solution; empty where that is not known."""
-    if ended.start.operation.running:
-        return none_found(physics, ended.start, ended.checks)
-    bounds = physics.case.design.gain_bounds
-    within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-    return NOT_RUNNING.format(within=within, starts=starts(ended.start))
+        if held:
+            message += f"; the folder holds {held}, which is better than the last point"
+        why = none_found(state.first, best.start, best.checks)
+        message = f"{why}; {message}" if why else message
+    result = best.result
+    if result.outcome.success:
+        prices = shadow_prices(best, state.scratch)
+    summary = summarize(best, message, broken_limits(state.first, best.start), prices)
+    write_tables(state.out, best)
+    if state.records:
+        om.n2(result.problem, outfile=str(state.out / "n2.html"), **_SILENT)
+    if held or result.outcome.success:
+        state.go_on_from(best.physics, result.point, best.start)
+    return summary
 
 
 def write_n2(case: Case, path: Path) -> None:
@@ -268,15 +242,3 @@ def write_n2(case: Case, path: Path) -> None:
         raise InputError(
             f"{path}: cannot be written: {error.strerror}; choose another --out"
         ) from error
-
-
-def _termination_interrupts(state: RunState) -> AbstractContextManager:
-    """Let SIGTERM end a run as Ctrl-C does."""
-
-    def handler(signum, frame):
-        # checked at the next evaluation, in case compiled code swallows this
-        state.terminated = True
-        interrupt = signal.getsignal(signal.SIGINT)
-        (interrupt if callable(interrupt) else signal.default_int_handler)(signum, frame)
-
-    return handling(signal.SIGTERM, handler)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +9,7 @@ import numpy as np
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.constraints import constraint_of, limited_nodes
-from hkt_mdo.problem.model import Physics
-from hkt_mdo.run.verification import Optimized
+from hkt_mdo.run.checks import Checked
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 
 MORE = 1e-2  # share of the limit for which the worth is reported
@@ -19,56 +17,57 @@ STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
 FAR = 0.05  # relative distance from its bound beyond which the worth of a limit is zero
 
 
-def shadow_prices(
-    physics: Physics, result: Optimized, nodes: Collection[dict], scratch: str = ""
-) -> dict[str, float]:
+def shadow_prices(optimum: Checked, scratch: str = "") -> dict[str, float]:
     """Return by how much the objective (J) of an optimum grows with one per cent more of a limit.
 
     For each limit over time that has an upper bound, by name: from the multipliers of the optimum
-    and the problem with a little more of the limit, at the same design. `nodes` has what limits
-    take at the nodes of each scenario; `scratch`: where OpenMDAO puts its own files.
+    and the problem with a little more of the limit, at the same design. `scratch`: where OpenMDAO
+    puts its own files.
     """
+    physics, result = optimum.physics, optimum.result
     if not physics.objective.is_energy:
         return {}
     pairs = [
-        (limit, known)
-        for scenario, known in zip(physics.scenarios, nodes, strict=True)
-        for limit in physics.limits_in(scenario)
+        (limit, each.at_nodes)
+        for each in optimum.verifications
+        for limit in physics.limits_in(each.scenario)
         if limit.caps_series
     ]
     near = {limit.name for limit, known in pairs if np.any(limit.excess(known) >= -FAR)}
     limits = {limit.name: limit for limit, _ in pairs}
     if not near:
         return dict.fromkeys(limits, 0.0)
-    optimum = State.of(result.problem.driver)
-    found = multipliers(result.problem.driver, optimum)
+    state = State.of(result.problem.driver)
+    found = multipliers(result.problem.driver, state)
 
     def worth(limit):
         if limit.constrains(physics.law):
-            changed = _with_more(physics, result.setup, limit, optimum)
+            changed = _with_more(result, limit, state)
         else:  # the torque's limit is held by a law or by the bounds of a control
-            changed = _with_more_torque(physics, result, scratch)
-        return MORE / STEP * gain(optimum, found, changed)
+            changed = _with_more_torque(result, scratch)
+        return MORE / STEP * gain(state, found, changed)
 
     return {name: worth(limit) if name in near else 0.0 for name, limit in limits.items()}
 
 
-def _with_more(physics, setup, limit, optimum) -> State:
+def _with_more(result, limit, optimum) -> State:
     """Return an optimum's state with bounds that are a little wider for a limit."""
+    physics = result.physics
     lower, upper = optimum.lower.copy(), optimum.upper.copy()
     for number, scenario in enumerate(physics.scenarios):
         if limit.name not in {each.name for each in physics.limits_in(scenario)}:
             continue
         rows = optimum.rows[constraint_of(physics, limit, number)]
-        share = setup.share_at(limit, scenario, limited_nodes(limit, scenario))
+        share = result.setup.share_at(limit, scenario, limited_nodes(limit, scenario))
         more = STEP * np.abs(upper[rows]) / share
         upper[rows] += more
         lower[rows] -= more
     return replace(optimum, lower=lower, upper=upper)
 
 
-def _with_more_torque(physics, result, scratch) -> State:
+def _with_more_torque(result, scratch) -> State:
     """Return the state of the problem with a little more of the torque, at the same design."""
+    physics = result.physics
     if physics.law.is_feedback:
         return _with_other_saturation(result.problem)
     law = physics.law.with_torque_limit((1.0 + STEP) * physics.law.torque_limit)
@@ -86,13 +85,13 @@ def _with_more_torque(physics, result, scratch) -> State:
 def _with_other_saturation(problem) -> State:
     """Return the state with a law that saturates at a little more torque; the model is restored."""
     controllers = list(problem.model.system_iter(typ=FeedbackComp))
-    laws = [each.options["law"] for each in controllers]
+    laws = [each.law for each in controllers]
     try:
         for each, law in zip(controllers, laws, strict=True):
-            each.options["law"] = law.with_torque_limit((1.0 + STEP) * law.torque_limit)
+            each.law = law.with_torque_limit((1.0 + STEP) * law.torque_limit)
         problem.run_model()
         return State.of(problem.driver)
     finally:
         for each, law in zip(controllers, laws, strict=True):
-            each.options["law"] = law
+            each.law = law
         problem.run_model()

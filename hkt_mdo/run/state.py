@@ -1,19 +1,22 @@
-"""The state of a run: the optimizer reports every evaluation to it, and it reports to the log."""
+"""The state of a run, to which the optimizer reports every evaluation, and its files meanwhile."""
 
 from __future__ import annotations
 
+import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint, StartRecord
-from hkt_mdo.results.summary import PassEntry
+from hkt_mdo.results.folder import write_csv, write_json
+from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.log import Log
+from hkt_mdo.run.iterate import as_data
 from hkt_mdo.start.find import steady_optimum
 
 FEASIBLE = 1e-6
@@ -32,22 +35,28 @@ Progress = Callable[[int, float, float], None]
 class RunState:
     """The state of a run; called at every evaluation of the optimizer.
 
+    It writes history, iterate and summary while the run works; nothing is read from these.
+
     Parameters
     ----------
     physics
         The case's, on the mesh that the run begins with.
-    log
-        Writer of the files.
+    out
+        The result folder.
+    records
+        Whether OpenMDAO's databases are written.
+    summary
+        The summary that stands in the folder until the run ends.
     scratch
         Folder for OpenMDAO's own files.
+    history
+        Evaluations of an earlier run: number, objective (J), infeasibility.
     progress
         Called at every evaluation.
     on_pass
         Called after every optimization.
     on_start
         Called after every one of the search for a start.
-    evaluations
-        Number of those that an earlier run made.
 
     Attributes
     ----------
@@ -61,8 +70,6 @@ class RunState:
         The last recorded iterate.
     best : tuple of Physics and StartingPoint, or None
         The best feasible iterate and the physics with its mesh.
-    reference : float
-        Objective of the start, J; 0 where it is no measure of the optimum.
     start : StartingPoint
         Where the series of optimizations at work began.
     passes : list of PassEntry
@@ -74,23 +81,26 @@ class RunState:
     def __init__(
         self,
         physics: Physics,
-        log: Log,
+        out: Path,
+        records: bool,
+        summary: Summary,
         scratch: str,
+        history: Iterable = (),
         progress: Progress | None = None,
         on_pass: Callable[[PassEntry], None] | None = None,
         on_start: Callable[[StartRecord], None] | None = None,
-        evaluations: int = 0,
     ):
         self.first = self.physics = physics
-        self.log, self.scratch, self.on_start = log, scratch, on_start
+        self.out, self.records, self.scratch, self.on_start = out, records, scratch, on_start
         self.point: Callable[[], StartingPoint] | None = None
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
-        self.reference = 0.0
         self.passes: list[PassEntry] = []
         self.terminated = False
-        self._progress, self._on_pass, self._evaluations = progress, on_pass, evaluations
+        self._progress, self._on_pass = progress, on_pass
+        self._summary, self._history = summary, [*history]
         self._highest, self._saved = -np.inf, 0.0
+        self.write_summary(summary)
 
     @cached_property
     def optimum(self) -> SteadyOptimum:
@@ -101,18 +111,24 @@ class RunState:
         """Note an evaluation, and the iterate if a run may continue from it."""
         if self.terminated:
             raise KeyboardInterrupt
-        self._evaluations += 1
-        self.log.note_evaluation(objective, infeasibility)
+        self._history.append((len(self._history), objective, infeasibility))
         if infeasibility <= RESUMABLE and self.point is not None:
-            if self._evaluations % EVALUATIONS_BETWEEN_POINTS == 0:
+            if len(self._history) % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
                 if infeasibility <= FEASIBLE:
                     self.keep(self.last, objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
                 self._save(self.point())
-                self.log.write_history()
+                self.write_history()
         if self._progress is not None:
-            self._progress(self._evaluations, objective, infeasibility)
+            self._progress(len(self._history), objective, infeasibility)
+
+    def terminate(self, number, frame) -> None:
+        """Handle SIGTERM, which ends a run as Ctrl-C does."""
+        # checked at the next evaluation, in case compiled code swallows this
+        self.terminated = True
+        interrupt = signal.getsignal(signal.SIGINT)
+        (interrupt if callable(interrupt) else signal.default_int_handler)(number, frame)
 
     def keep(self, point: StartingPoint, objective: float) -> None:
         """Keep a feasible point of the physics at work if it is the best so far."""
@@ -120,29 +136,38 @@ class RunState:
         if worth > self._highest:
             self.best, self._highest = (self.physics, point), worth
 
-    def go_on_from(
-        self, physics: Physics, point: StartingPoint, start: StartingPoint, reference: float
-    ) -> None:
+    def go_on_from(self, physics: Physics, point: StartingPoint, start: StartingPoint) -> None:
         """Take a point as the last iterate, and write it.
 
         Parameters
         ----------
         physics, point
             The point from which a resumed run continues, and its physics.
-        start, reference
-            The start that has led to it, and its objective, J.
+        start
+            The start that has led to it.
         """
-        self.physics, self.last, self.start, self.reference = physics, point, start, reference
+        self.physics, self.last, self.start = physics, point, start
         self._save(point)
 
     def _save(self, point) -> None:
-        point = replace(point, branch=self.start.branch, starts=self.start.starts)
-        self.log.write_iterate(self.physics, point, self.reference)
+        start = self.start
+        about = {"branch": start.branch, "starts": start.starts, "reference": start.reference}
+        point = replace(point, **about)
+        write_json(self.out / "iterate.json", as_data(self.physics, point))
         self._saved = time.monotonic()
+
+    def write_history(self) -> None:
+        """Write the energy and infeasibility of every evaluation."""
+        header = ("evaluation", "energy_J", "infeasibility")
+        write_csv(self.out / "convergence.csv", header, self._history)
+
+    def write_summary(self, summary: Summary) -> None:
+        """Write a summary."""
+        write_json(self.out / "summary.json", dict(summary))
 
     def note_pass(self, entry: PassEntry) -> None:
         """Note an optimization and the remedy that decides the next one."""
         self.passes.append(entry)
-        self.log.write_passes(self.passes)
+        self.write_summary(self._summary.model_copy(update={"passes": self.passes}))
         if self._on_pass is not None:
             self._on_pass(entry)

@@ -2,8 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache
 from importlib import metadata
 from operator import attrgetter
 from pathlib import Path
@@ -18,24 +17,19 @@ from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.point import KEPT_EXCESS
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
-from hkt_mdo.results.summary import VERSION, CheckEntry, Summary
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.run import loads
 from hkt_mdo.run import year as a_year
-from hkt_mdo.run.checks import RESOLVED, designed, energy_bound, explain_all, in_case
+from hkt_mdo.run.checks import RESOLVED, Checked, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.groups import by_scenario
 from hkt_mdo.run.memory import stability, stability_of
 from hkt_mdo.run.verification import (
-    Optimized,
     SteadyVerification,
-    Verification,
     design_and_result,
     simulated_objective,
     start_against_friction,
@@ -63,62 +57,26 @@ PULSES = (
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-@dataclass(frozen=True, eq=False)
-class Finished:
-    """A finished run, from which summary and tables are made.
+def summarize(
+    finished: Checked,
+    message: str = "",
+    start_breaks: Sequence[str] = (),
+    shadow_prices: Mapping[str, float] | None = None,
+) -> Summary:
+    """Return the summary of a finished run.
 
-    Attributes
+    Parameters
     ----------
-    physics : Physics
-        What the case describes, on the mesh of the result.
-    optimum : SteadyOptimum
-        Has the power coefficient that bounds the energy.
-    start : StartingPoint
-        Where the optimization began.
-    start_breaks : sequence of str
+    finished
+        The end of the run, or what its folder holds in place of it.
+    message
+        Why it failed.
+    start_breaks
         Names of the limits that the start exceeds, on the mesh that it was found on.
-    result : Optimized
-        The end of the optimization.
-    verifications : tuple of Verification
-        The integration of each scenario of the problem.
-    checks : list of CheckEntry
-        The checks of the result.
-    remedy : str
-        What to try if the optimizer failed.
-    shadow_prices : mapping of float
+    shadow_prices
         Those of `hkt_mdo.run.shadow_prices`.
     """
-
-    physics: Physics
-    optimum: SteadyOptimum
-    start: StartingPoint
-    start_breaks: Sequence[str]
-    result: Optimized
-    verifications: tuple[Verification, ...]
-    checks: list[CheckEntry]
-    remedy: str = ""
-    shadow_prices: Mapping[str, float] = field(default_factory=dict)
-
-    @cached_property
-    def scenarios(self) -> dict[str, tuple[Verification, ...]]:
-        """The verifications of each scenario of the case: several where it has intervals."""
-        groups = by_scenario([verification.scenario for verification in self.verifications])
-        return {x: tuple(self.verifications[i] for i in places) for x, places in groups.items()}
-
-    @property
-    def turning(self) -> bool:
-        """Whether the rotor turns to the end of every integration."""
-        return _turning(self.verifications)
-
-    def check(self, name: str) -> float | None:
-        """Return the value of a check; None if there is no such check."""
-        return next((check.value for check in self.checks if check.name == name), None)
-
-
-def summarize(finished: Finished) -> Summary:
-    """Return the summary of a finished run."""
     outcome = finished.result.outcome
-    passed = all(check.passed for check in finished.checks)
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     several = len(scenarios) > 1
     if several and finished.physics.objective.is_rate:
@@ -127,21 +85,21 @@ def summarize(finished: Finished) -> Summary:
     values = {
         "version": VERSION,
         "case": finished.physics.case.name,
-        "success": passed,
-        "message": explain_all(finished.checks, finished.remedy) or "converged and verified",
+        "success": finished.passed,
+        "message": message or "converged and verified",
         "package": outcome.package,
         "optimizer": outcome.optimizer,
         "iterations": outcome.iterations,
         **_energies(finished),
         **_controller(finished),
         **_blade(finished),
-        **_extremes(finished, scenarios),
+        **_extremes(finished, scenarios, shadow_prices or {}),
         **_memory(finished),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
         "branches": [*_branches(finished.start)],
         "starts": [vars(record) for record in finished.start.starts],
-        "start_breaks": list(finished.start_breaks),
+        "start_breaks": list(start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
         "surrogate_nodes": int(finished.result.curve.size),
@@ -176,15 +134,18 @@ def _energies(finished):
     open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
     return {
         "energy_J": finished.result.energy,
-        **{key: sums[name] if finished.turning else None for name, key in SIMULATED.items()},
+        **{
+            key: sums[name] if _turning(finished.verifications) else None
+            for name, key in SIMULATED.items()
+        },
         "energy_bound_J": bound,
         # relative difference of the certificate and the simulated energy
-        "certified_gap": None if over is None or not finished.turning else -over,
+        "certified_gap": None if over is None or not _turning(finished.verifications) else -over,
         "objective": {
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
-            "simulated": simulated_objective(physics, verifications),
+            "simulated": simulated_objective(verifications),
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
@@ -249,7 +210,7 @@ def _at_bounds(finished):
                 yield {"name": limit.name, "end": end, "bound": scale * bound} | about
 
 
-def _extremes(finished, scenarios):
+def _extremes(finished, scenarios, shadow_prices):
     """Return limits, loads and standstill of the result: the largest of all scenarios."""
     physics, several, found = finished.physics, len(scenarios) > 1, {}
     for name, scenario in scenarios.items():
@@ -262,15 +223,14 @@ def _extremes(finished, scenarios):
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
             limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
     for name, pairs in over_time.items():
-        limits[name] = _limit(pairs) | {"worth": finished.shadow_prices.get(name)}
+        limits[name] = _limit(pairs) | {"worth": shadow_prices.get(name)}
         if several:
             over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
     blade, model = finished.result.point.blade, physics.rotor
     bent = [
-        loads.tip_deflection(physics.rotor_in(each.scenario), blade, [each.told])
-        for each in finished.verifications
+        loads.tip_deflection(each.rotor, blade, [each.simulated]) for each in finished.verifications
     ]
     return {
         "operation": None if others else first["operation"],
@@ -284,7 +244,7 @@ def _extremes(finished, scenarios):
 def _memory(finished):
     """Return the stability of the loop if the wake has memory, where the rotor turns."""
     if finished.physics.remembers:
-        found = stability_of(finished.physics, finished.result)
+        found = stability_of(finished.result)
     else:
         found = stability(finished.verifications)
     return {} if found is None else {"memory": found.model_dump()}
@@ -320,7 +280,7 @@ def _scenario(finished, verifications):
         "tip_speed_ratio": _span(_nodes(verifications, "tip_speed_ratio")),
         "operation": _operation(finished, verifications, power),
         "limits": limits,
-        "loads": _loads(finished, verifications),
+        "loads": _loads(verifications),
         "steady": scenario.steady,
         "year": year,
     }
@@ -367,8 +327,7 @@ def _operation(finished, verifications, power):
 
 def _unstable(verifications):
     """Yield a note if an open loop needs a controller of its speed."""
-    known = [each.recorded.stiffness for each in verifications if each.recorded]
-    if stiffness := max(known, default=0.0):
+    if stiffness := max(getattr(each.controller, "stiffness", 0.0) for each in verifications):
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
@@ -381,33 +340,35 @@ def _notes(finished):
     physics, blade = finished.physics, finished.result.point.blade
     ratios = _nodes(finished.verifications, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    met = Stations.of(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
+    met = Stations(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
     start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
     return [
         *physics.messages,
         *finished.start.messages,
         *(text for _, text in met),
-        *_unresolved(physics, blade, finished.verifications),
+        *_unresolved(physics, finished.verifications),
         *_unstable(finished.verifications),
         *([start] if start else []),
         *(PULSES,) * physics.may_pulse,
     ]
 
 
-def _unresolved(physics, blade, verifications):
+def _unresolved(physics, verifications):
     """Yield a note if the loads are larger on a blade of many stations."""
-    known = [verification.told for verification in verifications]
-    scenarios = [verification.scenario for verification in verifications]
-    finer = loads.resolved(physics, blade, zip(scenarios, known, strict=True))
-    changes = {
-        name: max(np.max(each[name]) for each in finer) / max(np.max(each[name]) for each in known)
-        for name in (physics.load_names if finer else ())
-    }
-    if max((abs(change - 1.0) for change in changes.values()), default=0.0) > RESOLVED:
-        text = ", ".join(f"{name} {100.0 * (x - 1.0):+.1f} %" for name, x in changes.items())
+    if not all(each.resolved for each in verifications):
+        return
+    changes = {}
+    for name in physics.load_names:
+        most, own = (
+            max(np.max(getattr(each, known)[name]) for each in verifications)
+            for known in ("resolved", "simulated")
+        )
+        changes[name] = most / own - 1.0
+    if max(map(abs, changes.values())) > RESOLVED:
+        text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
         yield (
-            f"loads are held on {blade.r.size} stations; the same blade with {loads.STATIONS} "
-            f"stations has {text}: give rotor.station_count: 40"
+            f"loads are held on {physics.blade.r.size} stations; the same blade with "
+            f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
         )
 
 
@@ -446,30 +407,22 @@ def _limit(pairs):
     found, binds, spans = [], 0.0, 0.0
     counts = any(verification.scenario.weight for _, verification in pairs)
     for limit, verification in pairs:
-        simulated, time = limit.told(verification.simulated), verification.simulated["time"]
+        known, simulated = verification.simulated, limit.told(verification.simulated)
         value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
-        place = _place(verification.scenario, time[np.argmax(simulated)])
-        found.append(_entry(limit, value) | place)
+        found.append(_entry(limit, value) | loads.place(known, np.argmax(simulated)))
         binding = np.where(simulated >= _least(limit), 1.0, 0.0)
         weight = verification.scenario.weight if counts else 1.0
         binds += weight * verification.integral(binding)
-        spans += weight * verification.integral(np.ones(time.size))
+        spans += weight * verification.integral(np.ones(known["time"].size))
     return max(found, key=_over) | {"share_of_time": round(binds / spans, 9)}
 
 
-def _loads(finished, verifications):
+def _loads(verifications):
     """Return the largest loads along some integrations, when and where along the blade."""
-    simulated = [verification.told for verification in verifications]
-    rotor = finished.physics.rotor_in(verifications[0].scenario)
-    found = loads.placed(rotor, finished.result.point.blade, simulated)
+    simulated = [verification.simulated for verification in verifications]
+    first = verifications[0]
+    found = loads.placed(first.rotor, first.plant.blade, simulated)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
-
-
-def _place(scenario, time):
-    """Return when the largest value of something occurs, or in which flow."""
-    if scenario.steady:
-        return {"flow_m_s": float(scenario.inflow.speed_at(np.array(time)))}
-    return {"time_s": time}
 
 
 def _set_angle(physics, blade):
@@ -492,21 +445,21 @@ def _versions():
     return versions
 
 
-def write_tables(out: Path, finished: Finished) -> None:
+def write_tables(out: Path, finished: Checked) -> None:
     """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV.
 
     Parameters
     ----------
     out : Path
         The result folder.
-    finished : Finished
-        The run. Of several scenarios, each has tables with its name.
+    finished : Checked
+        The end of the run. Of several scenarios, each has tables with its name.
     """
     physics, blade = finished.physics, finished.result.point.blade
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
-        simulated = [verification.told for verification in verifications]
-        nodes = [x.trajectory | x.loads_at_nodes | x.rates_at_nodes for x in verifications]
+        simulated = [verification.simulated for verification in verifications]
+        nodes = [verification.at_nodes for verification in verifications]
         for name, values in (("trajectory", nodes), ("simulation", simulated)):
             table = {
                 QUANTITIES[quantity].column: np.concatenate([each[quantity] for each in values])
@@ -517,13 +470,13 @@ def write_tables(out: Path, finished: Finished) -> None:
             if name == "simulation":  # open loop repeats the trajectory, at every node
                 rows = rows[_shown(rows)]
             write_csv(out / f"{name}{suffix}.csv", table, rows)
-        span = loads.over_span(physics.rotor_in(verifications[0].scenario), blade, simulated)
+        span = loads.over_span(verifications[0].rotor, blade, simulated)
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(verifications[0], SteadyVerification):
             bins = a_year.table(verifications)
             write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
-    met = [x.told["tip_speed_ratio"] for several in finished.scenarios.values() for x in several]
+    met = [each.simulated["tip_speed_ratio"] for each in finished.verifications]
     best = physics.rotor.best_operation(blade).tip_speed_ratio
     low = min(0.3 * best, 0.95 * min(map(np.min, met)))
     high = max(1.7 * best, 1.05 * max(map(np.max, met)))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
-from hkt_mdo.run.batch import finished_result, passed_on, take_if_better
+from hkt_mdo.run.batch import finished_result, improved
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
@@ -173,24 +173,18 @@ def run_one(case: Case, folder: Path, neighbour: Path | None, run: Callable[...,
 
     With the folder of a `neighbour`, it is run from that one's design as well.
     """
+    run = partial(run, figures=False, records=False)
     while True:
         if found := finished_result(folder, case):
             return _row(found, case)
         try:
-            solution = run(case, folder, force=True, figures=False, records=False)
+            solution = run(case, folder, force=True)
             break
         except InUseError:  # a client that was killed left it to a worker
             time.sleep(1.0)
-    if neighbour is None:
-        return _row(solution, case)
-    from_other = passed_on(case, str(neighbour))
-    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch:
-        try:
-            other = run(from_other, Path(scratch, "run"), figures=False, records=False)
-        except InputError:  # such as of a design that this case cannot begin with
-            return _row(solution, case)
-        if take_if_better(solution, other, BETTER):
-            solution = Solution.load(folder, extensions=case.extensions)
+    if neighbour is not None:
+        with suppress(InputError):  # such as of a design that this case cannot begin with
+            solution = improved(solution, case, neighbour, run, BETTER) or solution
     return _row(solution, case)
 
 

@@ -29,6 +29,7 @@ from hkt_mdo.dynamics.simulation import (
     Start,
     simulate,
 )
+from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant, united
@@ -41,6 +42,7 @@ from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.run.loads import resolved
 from hkt_mdo.solve.drivers import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
@@ -52,6 +54,8 @@ SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of t
 class Optimized:
     """An optimization's end; `trajectories` has the quantities at the nodes of each scenario."""
 
+    physics: Physics
+    """What the case describes, on the mesh of this optimization."""
     problem: om.Problem
     outcome: Outcome
     setup: Setup
@@ -87,29 +91,19 @@ class SimulatedDesign:
         return loads_along(self.rotor, self.plant.blade, known, self.rotor.load_names)
 
     @cached_property
-    def simulated_loads(self) -> dict[str, np.ndarray]:
-        """All loads of the model, along the integration."""
-        return self.loads(self.integrated)
-
-    @property
-    def told(self) -> dict[str, Any]:
-        """The report of the integration: its quantities, all loads, rates and the scalars."""
-        return self.integrated | self.simulated_loads | self.simulated_rates | self.scalars
+    def simulated(self) -> dict[str, Any]:
+        """What is reported of the integration: its quantities, all loads, rates and the scalars."""
+        known = self.integrated
+        return known | self.loads(known) | self.simulated_rates | self.scalars
 
     @property
     def simulated_rates(self) -> dict[str, np.ndarray]:
         """All rates, along the integration."""
-        simulated = self.simulation
-        friction = self.plant.generator.friction(simulated.rotor_speed)
-        net = simulated.hydrodynamic_torque - simulated.control_torque - friction
+        run = self.simulation
+        friction = self.plant.generator.friction(run.rotor_speed)
+        net = run.hydrodynamic_torque - run.control_torque - friction
         acceleration = net / self.plant.inertia
-        known = (
-            simulated.time,
-            simulated.rotor_speed,
-            acceleration,
-            simulated.inflow_speed,
-            *simulated.states,
-        )
+        known = run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states
         return {"torque_rate": self.controller.rate(*known)}
 
     @cached_property
@@ -118,9 +112,7 @@ class SimulatedDesign:
         run, wake = self.simulation, self.plant.wake
         if wake is None:
             return None
-        slowest = SLOWEST_RATIO * run.inflow_speed / self.plant.blade.rotor_radius
-        speed = np.maximum(run.rotor_speed, slowest)
-        return wake.sections(speed, run.inflow_speed, run.wake_at(run.time))
+        return wake.sections(run.rotor_speed, run.inflow_speed, run.wake_at(run.time))
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -137,8 +129,6 @@ class Verification(SimulatedDesign):
 
     scenario: Scenario
     trajectory: dict[str, np.ndarray]
-    limits_loads: bool
-    """Whether the case limits loads; without, they are computed for the tables only."""
     two_filters: Verification | None = None
     """If the wake has memory, the integration with the optimization's two filters (`MeanWake`)."""
 
@@ -147,36 +137,33 @@ class Verification(SimulatedDesign):
         """The integration of the model that was optimized."""
         return self.two_filters or self
 
-    @cached_property
-    def loads_at_nodes(self) -> dict[str, np.ndarray]:
-        """All loads of the model, at the nodes, in the wake of the optimization."""
-        wake, nodes = self.of_model.plant.wake, self.trajectory
-        if wake is None:
-            return self.loads(nodes)
-        ratios = (nodes[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
-        return self.loads(nodes | {"sections": wake.behind(*ratios)})
-
     @property
     def rates_at_nodes(self) -> dict[str, np.ndarray]:
         """All rates, at the nodes: those of each segment's polynomial."""
         return {"torque_rate": self.scenario.differentiation @ self.trajectory["control_torque"]}
 
-    @property
-    def recorded(self) -> RecordedTorque | None:
-        """The open loop's torque history; None under feedback."""
-        return self.controller if isinstance(self.controller, RecordedTorque) else None
-
     @cached_property
     def at_nodes(self) -> dict[str, Any]:
-        """The inputs of limits at the nodes: the trajectory, its loads, rates and the scalars."""
-        loads = self.loads_at_nodes if self.limits_loads else {}
-        return self.trajectory | loads | self.rates_at_nodes | self.scalars
+        """What is reported of the nodes: the trajectory, all loads, rates and the scalars.
+
+        The loads are those in the wake of the optimization.
+        """
+        known, wake = self.trajectory, self.of_model.plant.wake
+        if wake is not None:
+            ratios = (known[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
+            known = known | {"sections": wake.behind(*ratios)}
+        return self.trajectory | self.loads(known) | self.rates_at_nodes | self.scalars
 
     @cached_property
-    def simulated(self) -> dict[str, Any]:
-        """The inputs of limits along the integration."""
-        loads = self.simulated_loads if self.limits_loads else {}
-        return self.integrated | loads | self.simulated_rates | self.scalars
+    def resolved(self) -> dict[str, Any] | None:
+        """The integration at its largest loads, with those of a blade of many stations."""
+        return resolved(self.physics, self.plant.blade, self.scenario, self.simulated)
+
+    @property
+    def constrained(self) -> list[Limit]:
+        """The limits over time that the optimization constrains in the scenario."""
+        limits = self.physics.limits_in(self.scenario)
+        return [limit for limit in limits if limit.constrains(self.physics.law)]
 
     @property
     def energy_error(self) -> float:
@@ -198,8 +185,8 @@ class Verification(SimulatedDesign):
     def growth(self) -> np.ndarray:
         """Growth of a small change of speed and states under feedback, 1/s."""
         run = self.simulation
-        known = self.plant, run.rotor_speed, run.inflow_speed, *run.states
-        return np.linalg.eigvals(self.controller.linearized(*known)).real.max(axis=1)
+        known = self.controller, run.rotor_speed, run.inflow_speed, *run.states
+        return Loop.of(replace(self.plant, wake=None), *known).frozen_growth
 
     @cached_property
     def net_torques(self) -> tuple[np.ndarray, np.ndarray]:
@@ -246,10 +233,10 @@ class Verification(SimulatedDesign):
         The open loop's torque and its rate are those of the collocation's polynomials, before the
         torque is cut to the generator's range; all else is that of the integration.
         """
-        scenario, recorded = self.scenario, self.recorded
-        simulated = self.simulated
+        scenario, simulated, recorded = self.scenario, self.simulated, self.controller
         dense, over = simulated["time"][1:], limit.excess(simulated)[1:]
-        if recorded is not None and limit.inputs in (("control_torque",), ("torque_rate",)):
+        of_polynomial = limit.inputs in (("control_torque",), ("torque_rate",))
+        if isinstance(recorded, RecordedTorque) and of_polynomial:
             dense = scenario.within((np.arange(SAMPLES) + 0.5) / SAMPLES)
             torque, rate = recorded.unlimited(dense), recorded.unlimited_rate(dense)
             polynomial = limit.excess({"control_torque": torque, "torque_rate": rate})
@@ -280,13 +267,9 @@ class SteadyVerification(Verification):
 
     simulated_rates = rates_at_nodes
 
-    @property
-    def told(self):
-        return super().told | {"steady": True}
-
-    @property
-    def recorded(self):
-        return self.controller if isinstance(self.controller, HeldSpeeds) else None
+    @cached_property
+    def simulated(self):
+        return super().simulated | {"steady": True}
 
     @property
     def speed_errors(self):
@@ -333,22 +316,20 @@ def may_tabulate(physics: Physics) -> bool:
     return simple and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
 
-def verify(
-    physics: Physics, result: Optimized, tabulated: bool = False
-) -> tuple[Verification, ...]:
+def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
     With the wake of the case; if it has memory, with filters at all stations, and again with the
     two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
     to choose a remedy.
     """
-    blade, limited, verifications = result.point.blade, bool(physics.load_names), []
+    physics, blade, verifications = result.physics, result.point.blade, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         rotor, law, mesh = physics.rotor_in(scenario), physics.law_in(scenario), scenario.mesh
         inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
         plant = plant_of(physics, rotor, blade, inertia)
-        plant = plant.tabulated(TABULATED) if tabulated else plant
-        options = {"scenario": scenario, "trajectory": nodes, "limits_loads": limited}
+        plant = plant.tabulated(TABULATED)[0] if tabulated else plant
+        options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
             run = _balanced(plant, scenario, law, result.point.gains, nodes)
@@ -402,16 +383,11 @@ def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
 
 def _simulated(plant, scenario, controller, start, max_step) -> Simulation:
     """Integrate a scenario; without a solution to the end, up to there, as if the rotor stopped."""
-    first, duration = start.time, scenario.duration
-    samples = scenario.dense
-
-    def until(duration, samples):
-        return simulate(plant, scenario.inflow, controller, start, duration, samples, max_step)
-
-    share, failed = 1.0, None
+    first, duration, share, failed = start.time, scenario.duration, 1.0, None
     while True:
+        span = share * duration, first + share * (scenario.dense - first)
         try:
-            simulated = until(share * duration, first + share * (samples - first))
+            simulated = simulate(plant, scenario.inflow, controller, start, *span, max_step)
         except IntegrationError as error:  # an infinite torque has no integral
             share = (error.time - first) / duration * (1.0 if failed is None else SHORTER)
             failed = failed or error
@@ -423,9 +399,10 @@ def _simulated(plant, scenario, controller, start, max_step) -> Simulation:
         return replace(simulated, stopped_at=simulated.stopped_at or failed.time)
 
 
-def simulated_objective(physics: Physics, verifications: tuple[Verification, ...]) -> float:
+def simulated_objective(verifications: tuple[Verification, ...]) -> float:
     """Return the objective of the integrations, in its unit, less the price of the shaft."""
-    price = physics.price_of(verifications[0].plant.blade) if physics.designs_hub else 0.0
+    physics = verifications[0].physics
+    price = physics.price_of(verifications[0].plant.blade)
     if physics.objective.is_rate:
         integrals = (verification.objective(physics.objective) for verification in verifications)
         return united(physics, integrals) - price

@@ -218,7 +218,7 @@ class Run:
         """
         physics, plant = self.design.physics, self.design.plant
         about = physics.rotor, plant, self.simulation, self.design.controller
-        known = SimulatedDesign(physics, *about).told
+        known = SimulatedDesign(physics, *about).simulated
         limits = physics.limits_in(physics.scenarios[0])
         found = {each.name: _told(each, known) for each in limits if not each.bounded}
         for name, load in placed(physics.rotor, plant.blade, [known]).items():

@@ -14,7 +14,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy import signal
-from scipy.interpolate import CubicSpline
 
 from hkt_mdo.case import Case, Phase
 from hkt_mdo.compiled import compiled
@@ -39,6 +38,8 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
+RATIOS = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
+"""Tip speed ratios of the tabulated torque of the noisy runs."""
 LONGEST_STEP = 0.25  # of Runge-Kutta, over the rotor's smallest time constant J / |dQ/dw|
 REFERENCES = ("fluctuation", "total")
 PAPER_FLOWS = {
@@ -353,7 +354,13 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     duration = phase_in(design.physics.case, inflow).duration
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
-    torque, plant = _Torque(design.plant), design.plant
+    plant, radius = design.plant, design.plant.blade.rotor_radius
+    if isinstance(plant.polar, LocalReynolds):
+        problem = "has polars that follow the Reynolds number, for which the noisy runs have no "
+        problem += "table, since theirs is over the tip speed ratio alone"
+        remedy = "leave --noise-snr out, or use a result with rotor.reynolds: invariant"
+        raise InputError(problem, remedy, key="--noise-snr")
+    tabulated, curve = plant.tabulated(RATIOS)
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
     longest = LONGEST_STEP * plant.inertia / _largest_slope(plant, quiet)
@@ -370,7 +377,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     energy, stopped = np.zeros(repeats), np.full(repeats, np.nan)
     times = period * np.arange(n_samples)
     flows = inflow.speed_at(times[:, None] + step * np.arange(0.0, substeps + 0.25, 0.5))
-    slowest = SLOWEST_RATIO * flows[:, -1] / torque.radius
+    slowest = SLOWEST_RATIO * flows[:, -1] / radius
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
         measured = speed + deviation * random.standard_normal((1, repeats))
@@ -382,11 +389,10 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
             heard = estimate(measured, control, (measured - before) / period)
         before, control = measured, law.torque(measured, design.gains, *states)
         states = _advanced(law, measured, heard, design.gains, states, period)
-        record[:, k] = speed[0], control[0], torque(speed[:1], flows[k, 0])[0]
-        scales = torque_scale(plant.density, torque.radius, flows[k]), torque.radius / flows[k]
-        curve = torque.curve.x, torque.curve.c
+        record[:, k] = speed[0], control[0], tabulated.torque(speed[:1], flows[k, 0])[0]
+        scales = torque_scale(plant.density, radius, flows[k]), radius / flows[k]
         held = control + plant.generator.friction(speed)
-        speed, captured = _runge_kutta(speed, held, step, plant.inertia, *scales, *curve)
+        speed, captured = _runge_kutta(speed, held, step, plant.inertia, *scales, curve.x, curve.c)
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
@@ -396,7 +402,9 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     energy[np.isfinite(stopped)] = np.nan
     kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))
     flow, record = flows[kept, 0], record[:, kept]
-    error = torque.error(record[0, ::10], flow[::10])
+    ratio = record[0, ::10] * radius / flow[::10]
+    exact = plant.coefficient(ratio)
+    error = float(np.max(np.abs(curve(ratio) - exact)) / np.max(np.abs(exact)))
     return Ensemble(energy, stopped, deviation, times[kept], flow, *record, error)
 
 
@@ -407,35 +415,6 @@ def _largest_slope(plant, run):
     slopes = np.abs((faster - run.hydrodynamic_torque) / step)
     ratio = run.rotor_speed / run.inflow_speed
     return float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
-
-
-class _Torque:
-    """A plant's torque by a cubic spline of its torque coefficient over the tip speed ratio."""
-
-    def __init__(self, plant):
-        if isinstance(plant.polar, LocalReynolds):
-            raise InputError(
-                "has polars that follow the Reynolds number, for which the noisy runs have no "
-                "table, since theirs is over the tip speed ratio alone",
-                "leave --noise-snr out, or use a result with rotor.reynolds: invariant",
-                key="--noise-snr",
-            )
-        ratios = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
-        self.plant, self.radius = plant, plant.blade.rotor_radius
-        self.curve = CubicSpline(ratios, self._coefficient(ratios))
-
-    def _coefficient(self, ratio):
-        return self.plant.coefficients(self.plant.blade, self.plant.polar, ratio).torque
-
-    def __call__(self, speed, flow):
-        ratio = np.clip(speed * self.radius / flow, SLOWEST_RATIO, self.curve.x[-1])
-        return torque_scale(self.plant.density, self.radius, flow) * self.curve(ratio)
-
-    def error(self, speed, flow):
-        """Return the table's largest relative error at speeds and flows of one shape."""
-        ratio = speed * self.radius / flow
-        exact = self._coefficient(ratio)
-        return float(np.max(np.abs(self.curve(ratio) - exact)) / np.max(np.abs(exact)))
 
 
 def _advanced(law, speed, flow, gains, states, period):

@@ -60,11 +60,12 @@ def integrate(world, problem):
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(world.law.gain_units))]
     nodes = {name: problem.get_val(f"{scenario.path}.{name}").ravel() for name in TRAJECTORY}
     result = SimpleNamespace(
+        physics=world,
         point=SimpleNamespace(blade=blade, gains=gains),
         inertia=float(problem.get_val("inertia")[0]),
         trajectories=(nodes,),
     )
-    return verify(world, result)[0].simulation
+    return verify(result)[0].simulation
 
 
 class TimedBEM:

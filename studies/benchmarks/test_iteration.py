@@ -12,7 +12,7 @@ import openmdao.api as om
 import pytest
 
 from cases import case_of, optimize, start_of
-from hkt_mdo.problem import operation_group
+from hkt_mdo.dynamics import rotor_ode
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.rotor import components
 
@@ -26,18 +26,18 @@ LIMITS = (
 class BareHydrodynamics(om.ExplicitComponent):
     """The least that closes the phase: torque and power fall linearly with speed, no blade."""
 
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("nodes", desc="of the torque curve, which is not looked at")
+    def __init__(self, num_nodes, spline):
+        super().__init__()
+        self.num_nodes, self.spline = num_nodes, spline
 
     def setup(self):
-        n = self.options["num_nodes"]
+        n = self.num_nodes
         static = ["dymos.static_target"]
         self.add_input("rotor_speed", shape=(n,), units="rad/s")
         self.add_input("inflow_speed", shape=(n,), units="m/s")
         self.add_input("density", val=1000.0, units="kg/m**3", tags=static)
         self.add_input("rotor_radius", units="m", tags=static)
-        self.add_input("torque_coefficient_table", shape=self.options["nodes"].shape, tags=static)
+        self.add_input("torque_coefficient_table", shape=self.spline.nodes.shape, tags=static)
         self.add_output("tip_speed_ratio", shape=(n,))
         self.add_output("hydrodynamic_torque", shape=(n,), units="N*m")
         self.add_output("hydrodynamic_power", shape=(n,), units="W")
@@ -88,11 +88,8 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
         "openmdao": iteration(built(prepared), openmdao=True),
     }
     bare = start_of(case_of(segments=segments, design="{blade: fixed}"), cold=True)
-    monkeypatch.setattr(
-        operation_group,
-        "hydrodynamics_group",
-        lambda num_nodes, spline: BareHydrodynamics(num_nodes=num_nodes, nodes=spline.nodes),
-    )
+    monkeypatch.setattr(rotor_ode, "CoefficientComp", BareHydrodynamics)
+    monkeypatch.setattr(rotor_ode, "TorqueComp", lambda _: om.Group())
     monkeypatch.setattr(
         components,
         "TablesComp",

@@ -9,7 +9,7 @@ from hkt_mdo.case import Fluid, Rotor
 from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import OpenLoop, QuadraticFeedback
-from hkt_mdo.dynamics.rotor_ode import RotorODE, hydrodynamics_group
+from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -27,13 +27,10 @@ KNOWN = {
 }
 
 
-def spline_hydrodynamics(num_nodes):
-    return hydrodynamics_group(num_nodes=num_nodes, spline=TorqueSpline(NODES))
-
-
 def ode_of(law, generator=LOSSLESS, **values):
     """Return the problem of an ODE that was run, after a check of the partials of all its parts."""
-    options = {"law": law, "generator": generator, "hydrodynamics": spline_hydrodynamics}
+    spline = {"spline": TorqueSpline(NODES)}
+    options = {"law": law, "generator": generator, "hydrodynamics": spline}
     ode = RotorODE(num_nodes=N, inflow=SineInflow(), **options)
     return checked(ode, 1e-9, 1e-12, **KNOWN, torque_coefficient_table=TABLE, **values)
 
@@ -88,20 +85,15 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
     """Compiled BEM is not complex-safe, so this one is held to 1e-6 by differences."""
     polars = "naca63815_Re2e5" if reynolds == "invariant" else "naca63815"
     turbine = build_turbine(Rotor(polar=polars, reynolds=reynolds), Fluid(), 1.5)
-    blade, polar = turbine.blade, turbine.polar
-
-    def direct(num_nodes):
-        return hydrodynamics_group(
-            num_nodes=num_nodes, blade=blade, polar=polar, coefficients=bem.rotor_coefficients
-        )
-
+    direct = {"blade": turbine.blade, "polar": turbine.polar}
+    direct["coefficients"] = bem.rotor_coefficients
     ode = RotorODE(num_nodes=N, inflow=SineInflow(), hydrodynamics=direct, law=LIMITED)
     problem = om.Problem(ode, reports=False)
     problem.setup()
     for name, value in (KNOWN | {"gain_0": 7.2}).items():
         problem.set_val(name, value)
     problem.run_model()
-    name = "hydrodynamics.coefficient"
+    name = "coefficient"
     about = {"includes": name, "out_stream": None, "form": "central", "step": 1e-6}
     data = problem.check_partials(method="fd", **about)
     assert set(data) == {name}

@@ -9,6 +9,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.laws import OpenLoop, smooth_saturation
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
@@ -51,7 +52,7 @@ def test_eigenvalues_are_those_of_a_proportional_integral_loop(plant, ratio):
     torque, faster, slower = (plant.torque(speed + move, flow) for move in (0.0, h, -h))
     gains, slope = np.array([*speeds, 150.0, 600.0]), (faster[0] - slower[0]) / (2.0 * h)
     loop, states = FeedbackTorque(LAW, gains), LAW.at_rest(torque, flow)
-    found = np.linalg.eigvals(loop.linearized(plant, speed, flow, *states)[0])
+    found = np.linalg.eigvals(Loop.of(plant, loop, speed, flow, *states).rotor[0])
     expected = np.r_[np.roots([INERTIA, gains[-2] - slope, gains[-1]]), -1.0 / LAW.lag]
     np.testing.assert_allclose(np.sort_complex(found), np.sort_complex(expected), rtol=1e-5)
 
@@ -123,7 +124,7 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
     assert np.corrcoef(run.inflow_speed[quick], run.rotor_speed[quick])[0, 1] < -0.9
     assert run.energy == pytest.approx(start.operation.energy, rel=2e-3)
     plant, loop = plant_of(world), FeedbackTorque(world.law, start.gains)
-    matrix = loop.linearized(plant, run.rotor_speed, run.inflow_speed, *run.states)
+    matrix = Loop.of(plant, loop, run.rotor_speed, run.inflow_speed, *run.states).rotor
     assert np.max(np.linalg.eigvals(matrix).real) < 0.0
     fast = np.argmax(run.inflow_speed)
     flow, w, u = run.inflow_speed[fast], run.rotor_speed[fast], run.hydrodynamic_torque[fast]

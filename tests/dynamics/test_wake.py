@@ -185,11 +185,11 @@ def test_filters_answer_a_step_as_their_closed_form():
     """x and z of a step of q by one, from rest: two exponentials, the share k at once in z."""
     (run, *_) = RUNS
     wake = plant_of(run).wake
-    slow, fast = 1.0, wake.times(np.ones(1), np.ones((1, 18)))[1][0]
+    slow, fast = 1.0, wake.times(np.ones(1), np.ones(1))[1][0]
     time, fast = 0.7, np.tile(fast, 2)
 
     def rates(_, state):
-        return wake.rates(state[None], np.ones(1), np.ones((1, 18)))[0]
+        return wake.rates(state[None], np.ones(1), (np.ones((1, 18)), np.ones(1)))[0]
 
     state = solve_ivp(rates, (0.0, time), np.zeros(36), rtol=1e-10, atol=1e-12).y[:, -1]
     late, soon = np.exp(-time / slow), np.exp(-time / fast)
@@ -203,7 +203,7 @@ def test_time_constant_follows_the_induction_at_seven_tenths(paper):
     plant, _ = paper
     wake = Wake(plant.blade, plant.polar)
     for axial, kept_induction in ((0.3, 0.3), (0.9, 0.5)):
-        slow, fast = wake.times(np.array([1.5]), np.full((1, 18), 1.5 * axial))
+        slow, fast = wake.times(np.array([1.5]), np.array([1.5 * axial]))
         assert slow[0, 0] == pytest.approx(1.1 * 1.4 / ((1.0 - 1.3 * kept_induction) * 1.5))
         place = plant.blade.r / plant.blade.tip_radius
         np.testing.assert_allclose(fast[0], (0.39 - 0.26 * place**2) * slow[0, 0])
@@ -236,13 +236,13 @@ def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
 
     def rates_at(stages):
         seen.append(np.max(np.abs(stages)))
-        return slope * stages
+        return slope * stages, None
 
-    def system_at(stages, _rates):
+    def system_at(stages, *_):
         return StageSystem(step, Slopes.without_chains(np.full((1, 5, 1, 1), slope)))
 
     guess = np.ones((1, 5, 1))
-    assert solve_stages(rates_at, system_at, np.ones(1), step, guess, np.abs, 1e-9) is None
+    assert solve_stages(rates_at, system_at, np.ones(1), step, guess, 1, 1e-9) is None
     assert max(seen) < LOST
 
 

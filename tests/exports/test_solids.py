@@ -9,7 +9,7 @@ import trimesh
 from scipy.interpolate import BSpline
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Source, chosen
+from hkt_mdo.exports.base import chosen
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import FRACTIONS, Outline
 from hkt_mdo.rotor.thickness import over_thickness
@@ -27,12 +27,12 @@ design: {{chord_points: 9, twist_points: 9, thickness_points: 9}}""",
 }
 
 
-def make_source(folder, text, **told):
-    """Return the source of a result: the blade with which a case begins; `told` its summary."""
+def make_design(folder, text, **told):
+    """Return the design of a result: the blade with which a case begins; `told` its summary."""
     case = f"name: made\ninflow: sine\ncontrol: quadratic\n{text}\n"
     if "station_count: 12" in text:
         told["thickness_over_chord"] = np.linspace(0.22, 0.13, 12)
-    return Source(made(folder / "result", case, [11.0], **told))
+    return made(folder / "result", case, [11.0], **told).design()
 
 
 QUICK, *OTHERS = ROTORS
@@ -41,18 +41,18 @@ QUICK, *OTHERS = ROTORS
 @pytest.fixture(
     scope="module", params=[QUICK, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)]
 )
-def source(request, tmp_path_factory):
-    return make_source(tmp_path_factory.mktemp("solids"), ROTORS[request.param])
+def design(request, tmp_path_factory):
+    return make_design(tmp_path_factory.mktemp("solids"), ROTORS[request.param])
 
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory):
-    return make_source(tmp_path_factory.mktemp("paper"), "rotor: {blade: bahaj2007}")
+    return make_design(tmp_path_factory.mktemp("paper"), "rotor: {blade: bahaj2007}")
 
 
-def files(source, name, *options):
+def files(design, name, *options):
     (made,) = chosen([name], [f"{name}.{option}" for option in options])
-    return made.files(source)
+    return made.files(design)
 
 
 def mesh(content):
@@ -92,19 +92,19 @@ def principal_angle(outline):
 
 
 @pytest.mark.parametrize("hub", ["none", "cylinder"])
-def test_blade_rotor_and_hub_are_closed_bodies(source, hub):
-    made = files(source, "stl", f"hub={hub}", "points=100", "spanwise=40")
+def test_blade_rotor_and_hub_are_closed_bodies(design, hub):
+    made = files(design, "stl", f"hub={hub}", "points=100", "spanwise=40")
     one, rotor = mesh(made["blade.stl"]), mesh(made["rotor.stl"])
     assert one.is_volume
     assert rotor.is_volume
     bodies = rotor.split(only_watertight=False)
-    blades = source.design.blade.blade_count
+    blades = design.blade.blade_count
     assert len(bodies) == blades + (hub == "cylinder")
     assert all(body.is_volume for body in bodies)
     if hub == "none":
         assert rotor.volume == pytest.approx(blades * one.volume, rel=1e-6)
     else:
-        radius = source.design.blade.hub_radius * np.cos(source.design.blade.cone)
+        radius = design.blade.hub_radius * np.cos(design.blade.cone)
         reach = min(np.min(np.hypot(*body.vertices[:, 1:].T)) for body in bodies[:-1])
         assert reach < radius  # the blades leave no gap
         (length, *width) = bodies[-1].extents
@@ -112,21 +112,21 @@ def test_blade_rotor_and_hub_are_closed_bodies(source, hub):
         assert bodies[-1].volume == pytest.approx(np.pi * radius**2 * length, rel=1e-3)
 
 
-def test_volume_is_the_integral_of_the_section_area(source):
-    own = volume_of(source.design)
-    sharp = mesh(files(source, "stl", "trailing_edge=0")["blade.stl"])
+def test_volume_is_the_integral_of_the_section_area(design):
+    own = volume_of(design)
+    sharp = mesh(files(design, "stl", "trailing_edge=0")["blade.stl"])
     assert sharp.is_volume
     assert sharp.volume == pytest.approx(own, rel=1e-3)
-    made = files(source, "stl")
+    made = files(design, "stl")
     assert own < mesh(made["blade.stl"]).volume < 1.01 * own
     (told,) = re.findall(rb"integral of the outlines along the span: (\S+) m", made["stl.txt"])
     assert float(told) == pytest.approx(own, rel=1e-4)
 
 
-def test_slices_of_the_blade_give_its_chord_and_twist(source):
-    blade = source.design.blade
-    body = mesh(files(source, "stl", "trailing_edge=0")["blade.stl"])
-    outlines = expected_outlines(source.design)
+def test_slices_of_the_blade_give_its_chord_and_twist(design):
+    blade = design.blade
+    body = mesh(files(design, "stl", "trailing_edge=0")["blade.stl"])
+    outlines = expected_outlines(design)
     step = 1e-5 * blade.tip_radius  # beyond the rounding of the file: cuts are extrapolated
     for r, chord, twist, outline in zip(blade.r, blade.chord, blade.twist, outlines, strict=True):
         near, far = (slice_at(body, blade, r + each * step) for each in (1.0, 2.0))
@@ -185,8 +185,8 @@ def test_trailing_edge_has_its_thickness(paper):
     assert (error.value.key, error.value.value) == ("stl.trailing_edge", "20 mm")
 
 
-def test_sections_have_the_blade_in_their_comments(source):
-    made, blade = files(source, "sections", "stacking=0.4"), source.design.blade
+def test_sections_have_the_blade_in_their_comments(design):
+    made, blade = files(design, "sections", "stacking=0.4"), design.blade
     assert len(made) == blade.r.size
     for n, content in enumerate(made.values()):
         lines = content.decode().splitlines()
@@ -206,7 +206,7 @@ def test_sections_have_the_blade_in_their_comments(source):
 
 
 def test_files_of_a_failed_run_are_marked(tmp_path):
-    failed = make_source(tmp_path, "rotor: {radius: 1}", success=False, message="stalled")
+    failed = make_design(tmp_path, "rotor: {radius: 1}", success=False, message="stalled")
     mark = b"THE RUN WAS NO SUCCESS"
     made = files(failed, "stl", "spanwise=3", "points=20")
     assert mark in made["rotor.stl"][:80]
@@ -220,14 +220,14 @@ def test_polars_without_outlines_are_refused(tmp_path):
     blade = tmp_path / "blade.csv"
     blade.write_text("r_m,chord_m,twist_deg\n0.2,0.1,20\n0.5,0.08,8\n0.8,0.06,4\n1,0.05,2\n")
     own = f"blade: {blade}, polar: {polar}, radius: 1.05, hub_radius_fraction: 0.1"
-    source = make_source(tmp_path / "one", f"rotor: {{{own}}}")
+    one = make_design(tmp_path / "one", f"rotor: {{{own}}}")
     for name in ("stl", "step", "sections"):
         with pytest.raises(InputError, match="stl, step and sections need it") as error:
-            files(source, name)
+            files(one, name)
         assert error.value.key == "rotor.outline"
     sections = f"[{FOUR}, {{polar: {polar}, thickness: 0.3}}]"
     design = "design: {chord_points: 9, twist_points: 9, thickness_points: 9}"
-    several = make_source(tmp_path / "several", f"rotor: {{sections: {sections}}}\n{design}")
+    several = make_design(tmp_path / "several", f"rotor: {{sections: {sections}}}\n{design}")
     with pytest.raises(InputError, match="give the outline in the case") as error:
         files(several, "stl")
     assert error.value.key == "rotor.sections[3].outline"
@@ -257,17 +257,17 @@ def read_step(content, folder):
     return volumes
 
 
-def test_step_has_valid_solids_of_the_same_volume(source, tmp_path):
-    made = files(source, "step", "trailing_edge=0.01 mm", "points=40")
+def test_step_has_valid_solids_of_the_same_volume(design, tmp_path):
+    made = files(design, "step", "trailing_edge=0.01 mm", "points=40")
     (one,) = read_step(made["blade.step"], tmp_path)
-    assert one == pytest.approx(volume_of(source.design), rel=0.01)
+    assert one == pytest.approx(volume_of(design), rel=0.01)
     rotor = read_step(made["rotor.step"], tmp_path)
-    assert rotor == pytest.approx([one] * source.design.blade.blade_count, rel=1e-5)
+    assert rotor == pytest.approx([one] * design.blade.blade_count, rel=1e-5)
 
 
 def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
     made = files(paper, "step", "hub=cylinder", "points=40")
-    blade = paper.design.blade
+    blade = paper.blade
     (one,) = read_step(made["blade.step"], tmp_path)
     (rotor,) = read_step(made["rotor.step"], tmp_path)
     bodies = mesh(files(paper, "stl", "hub=cylinder")["rotor.stl"]).split(only_watertight=False)
@@ -279,12 +279,12 @@ def test_step_unites_blades_and_hub(paper, tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_loft_goes_through_the_sections(source):
+def test_loft_goes_through_the_sections(design):
     from hkt_mdo.exports.step import DEGREE, lofted
 
     (step,) = chosen(["step"])
-    r = step.radii(source.design)
-    points = step.surface(source.design, r)
+    r = step.radii(design)
+    points = step.stations(design, r).points
     poles, (around, along) = lofted(points, r)
     found = BSpline(along, np.moveaxis(poles, 1, 0), DEGREE)(r)
     edges = np.linalg.norm(points[:, [0, -1]] - found[:, [0, -1]], axis=-1)

@@ -9,7 +9,7 @@ import pytest
 import xarray
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Source, export
+from hkt_mdo.exports.base import export
 from hkt_mdo.exports.tables import steady_operation, tables
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -52,7 +52,7 @@ def scenarios(tmp_path_factory):
 
 @cache
 def by_name(solution):
-    return {table.name: table for table in tables(Source(solution))}
+    return {table.name: table for table in tables(solution.design())}
 
 
 def values(table):

@@ -10,8 +10,8 @@ import yaml
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hkt_mdo.case import read_case
-from hkt_mdo.exports.base import Source, export
-from hkt_mdo.exports.solids import station_outlines
+from hkt_mdo.exports.base import export, provenance
+from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import steady_operation
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.bem import station_polars
@@ -98,7 +98,7 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
 
 def test_it_says_what_the_schema_has_no_key_for(turbine):
     solution, design, _, data = turbine
-    for line in Source(solution).provenance:
+    for line in provenance(solution):
         assert line in data["comments"]
     fluid = solution.case.fluid
     assert f"density {fluid.density!r} kg/m^3" in data["comments"]
@@ -119,15 +119,16 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
 
 def test_the_airfoils_are_those_of_the_stations(turbine):
     _, design, _, data = turbine
-    airfoils = {each["name"]: each for each in data["airfoils"]}
+    written = {each["name"]: each for each in data["airfoils"]}
     positions = data["components"]["blade"]["outer_shape"]["airfoils"]
     place = [each["spanwise_position"] for each in positions]
     assert (place[0], place[-1]) == (0.0, 1.0)
     blade, built = design.blade, design.physics.rotor.as_built(design.blade)
     span = (blade.r - blade.hub_radius) / (blade.tip_radius - blade.hub_radius)
-    for station, outline in enumerate(station_outlines(design)):
+    outlines = {n: each.outline for each in airfoils(design) for n in each.stations}
+    for station, outline in sorted(outlines.items()):
         at = np.searchsorted(place, span[station] - 1e-12)
-        airfoil = airfoils[positions[at]["name"]]
+        airfoil = written[positions[at]["name"]]
         sets = airfoil["polars"][0]["re_sets"]
         polars = station_polars(built.polar, blade.r.size)[station]
         assert len(sets) == len(polars)

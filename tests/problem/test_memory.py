@@ -6,7 +6,6 @@ import pytest
 from hkt_mdo import build_problem, load_case
 from hkt_mdo.dynamics.rotor_ode import RememberingComp
 from hkt_mdo.dynamics.stability import Loop
-from hkt_mdo.dynamics.wake import fast_share
 from hkt_mdo.problem.components import LoadComp
 from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.components import TablesComp
@@ -57,7 +56,7 @@ def test_two_filters_have_the_stability_of_all_stations(tau1, power):
     value, frozen, answer = (each[0] for each in of_band)
     speed, scale = ratio * flow / 1.4, torque_scale(1000.0, 1.4, flow)
     stiffness = -power * scale * value / speed[0]
-    share = band.weights @ fast_share(blade.r / blade.tip_radius)
+    share = band.weights @ (0.39 - 0.26 * (blade.r / blade.tip_radius) ** 2)
     slow, slopes = np.array([[tau1]]), (scale * 1.4 / flow) * np.array([frozen, answer])
     law = np.full((1, 1, 1), stiffness)
     companion = Loop(slopes[:1], slopes[None, 1:], slow, share * slow, law, plant.inertia)
@@ -83,8 +82,7 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
     expected = torque_scale(1000.0, radius, flow) * value
     np.testing.assert_allclose(torque, expected, rtol=3e-5)
     steady, _ = band.spline.values(tables["wake_induction_table"], ratio)
-    share = band.weights @ fast_share(design.blade.r / design.blade.tip_radius)
-    velocity = rest[:, 1]
+    velocity, share = rest[:, 1], band.share
     rates = 0.4 * flow * steady - rest[:, 0], (rest[:, 0] + 0.6 * flow * steady - velocity) / share
     of_wake = mean.wake.rates(rest, flow, mean.wake.balanced(speed, flow))
     np.testing.assert_allclose(of_wake, np.stack(rates, axis=1), atol=1e-4)  # m/s²
@@ -106,7 +104,7 @@ def test_a_mean_induction_that_falls_gives_the_tip_speed_ratio_of_the_wake():
     """As under the limits, where the inner stations of a broad blade have most of the torque."""
     nodes = np.linspace(6.0, 10.0, 41)
     one, table, move = np.ones(1), 0.6 - 0.03 * nodes, 1e-6
-    band = Band(nodes, one, one, direction=-1.0)
+    band = Band(nodes, one, one, 0.2, -1.0)
     ratio, slope = band.wake_ratio(table, np.array([0.36, 0.33, 0.3 + move, 0.2]))
     np.testing.assert_allclose(ratio[:2], [8.0, 9.0], atol=1e-9)
     np.testing.assert_allclose(slope[:3], -1.0 / 0.03, rtol=1e-6)

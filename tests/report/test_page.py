@@ -148,7 +148,7 @@ def test_solid_is_the_rotor(folders):
     volume = np.sum(one * np.cross(two, three)) / 6.0
     design, hub = solution.design(), 0.125 * 1.4
     begin, end, radius = blade.SOLIDS[0].cylinder(design)
-    inside = hub - blade.SOLIDS[0].reaching(design, np.array([hub]))[0]
+    inside = hub - blade.SOLIDS[0].rooted(design)[0]
     root = design.outlines[0].area * design.blade.chord[0] ** 2
     expected = 3.0 * (outline_volume(design) + root * inside) + np.pi * radius**2 * (end - begin)
     assert volume == pytest.approx(expected, rel=0.01)  # of 48 points, a thicker trailing edge

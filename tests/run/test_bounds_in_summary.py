@@ -34,14 +34,14 @@ def test_a_larger_rotor_and_gain_would_capture_more(solve_physics):
     radius = solved.result.point.blade.rotor_radius
     best = 500.0 * np.pi * radius**5 * peak.power_coefficient / peak.tip_speed_ratio**3
     assert best > 20.0
-    found = told(solved.finished())
+    found = told(solved)
     assert found == {"radius at its upper bound": "1.45 m", "gain at its upper bound": "10"}
 
 
 @pytest.fixture(scope="module")
 def finished(solve_physics):
     design = {"chord_bounds": [0.05, 0.4], "twist_bounds": [-10, 25]}
-    return solve_physics(SHORT | {"design": design}).finished()
+    return solve_physics(SHORT | {"design": design})
 
 
 def of_shape(finished, chord, twist):

@@ -132,11 +132,12 @@ def test_polars_of_another_reynolds_number_are_a_note() -> None:
 def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
     """Order 3: a speed at every end of a segment and its rate within; one defect a segment."""
     phase = "phase={segments: 7, duration: 7}"
-    size = problem_size(check("control.torque_limit=700", phase).findings)
+    report = check("control.torque_limit=700", phase)
     ends, nodes = 7 + 1, 3 * 7
-    assert sorted(size.unknowns.values()) == sorted((9, 9, 1, ends))
-    assert sorted(size.constraints.values()) == sorted((7, 1, nodes))
-    assert size.nodes == nodes
+    unknowns, constraints = problem_size(report.findings)
+    assert sorted(unknowns.values()) == sorted((9, 9, 1, ends))
+    assert sorted(constraints.values()) == sorted((7, 1, nodes))
+    assert f"{nodes} nodes" in texts(report.tables["Optimization"])["segments"]
 
 
 # Words --------------------------------------------------------------------------------------------

@@ -15,8 +15,8 @@ from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.run.checked import none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain
-from hkt_mdo.run.none_found import none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
@@ -76,7 +76,7 @@ def with_node(solved, quantity, change):
 def with_limit(solved, limit):
     """Return what was solved, judged by one limit more."""
     limits = (*solved.physics.limits, limit)
-    return replace(solved, physics=replace(solved.physics, limits=limits))
+    return with_result(solved, physics=replace(solved.physics, limits=limits))
 
 
 def with_result(solved, **changes):
@@ -150,11 +150,12 @@ def lower_bound_of_the_energy(solved):
 def smaller_generator(solved):
     """The certificate takes the limit from the physics, all other checks from the limits."""
     law = solved.physics.law.with_torque_limit(0.9 * 700.0)
-    return replace(solved, physics=replace(solved.physics, law=law))
+    return with_result(solved, physics=replace(solved.physics, law=law))
 
 
 def better_start(solved):
-    return replace(solved, reference=1.004 * solved.reference)
+    start = replace(solved.start, reference=1.004 * solved.start.reference)
+    return replace(solved, start=start)
 
 
 def with_gust(solved, **gust):
@@ -272,7 +273,7 @@ REFUSALS = [
 def test_one_check_refuses(request, name, whose, doctor, value, words):
     solved = request.getfixturevalue(whose)
     assert solved.failed() == []
-    (refused,) = (check for check in doctor(solved).checks().values() if not check.passed)
+    (refused,) = (check for check in doctor(solved).by_name.values() if not check.passed)
     assert refused.name == name
     assert refused.value == pytest.approx(value, rel=0.1)
     said = explain(refused)
@@ -283,23 +284,27 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 
 
 def test_every_judge_is_asked(feedback, open_loop):
-    assert {name for name, *_ in REFUSALS} == {*feedback.checks(), *open_loop.checks()}
+    assert {name for name, *_ in REFUSALS} == {*feedback.by_name, *open_loop.by_name}
 
 
 def test_a_law_far_behind_the_open_loop_of_its_own_search_is_refused(feedback):
     """A law of many gains can follow its schedule; one that breaks a limit does not count."""
-    energy = simulated_objective(feedback.physics, feedback.verifications)
+    energy = simulated_objective(feedback.verifications)
     kept, broken = (
         StartRecord("blade as given", "", factor * energy, excess, (), law="open_loop")
         for factor, excess in ((1.5, 0.0), (3.0, 0.1))
     )
-    curve = replace(feedback.physics, law=CurveFeedback(torque_limit=700.0))
-    ((name, value, most, _),) = _behind_open_loop(curve, feedback.verifications, [kept, broken])
+    law = CurveFeedback(torque_limit=700.0)
+    curve = with_result(feedback, physics=replace(feedback.physics, law=law))
+
+    def behind(solved, *starts):
+        return [*_behind_open_loop(replace(solved, start=replace(solved.start, starts=starts)))]
+
+    ((name, value, most, _),) = behind(curve, kept, broken)
     assert name == "behind_open_loop"
     assert value == pytest.approx(1.0 / 3.0)
     assert value > most
-    assert not [*_behind_open_loop(feedback.physics, feedback.verifications, [kept])]  # of one gain
-    assert not [*_behind_open_loop(curve, feedback.verifications, [broken])]
+    assert behind(feedback, kept) == behind(curve, broken) == []  # of one gain; none kept
 
 
 @pytest.mark.parametrize(
@@ -313,7 +318,7 @@ def test_two_filters_that_are_not_those_of_all_stations_are_refused(feedback, na
     if name == "two_filters_speed":
         other = {"speed_at": lambda time: share * run.speed_at(time)}
     whole = with_flight(feedback, two_filters=verification, simulation=replace(run, **other))
-    (refused,) = (check for check in whole.checks().values() if not check.passed)
+    (refused,) = (check for check in whole.by_name.values() if not check.passed)
     assert refused.name == name
     assert refused.value == pytest.approx(value, rel=1e-6)
     assert "more slowly" in explain(refused)
@@ -331,11 +336,11 @@ def test_a_motion_that_ends_is_refused(feedback, monkeypatch, above, below, word
         return torque(self, time, speed, *states) * np.where(speed < jump, below, above)
 
     monkeypatch.setattr(FeedbackTorque, "__call__", jumping)
-    solved = replace(feedback, verifications=verify(feedback.physics, feedback.result))
+    solved = replace(feedback, verifications=verify(feedback.result))
     simulated = solved.verification.simulation
     assert 0.0 < simulated.stopped_at < 15.0
     assert simulated.time[-1] == pytest.approx(simulated.stopped_at)
-    refused = solved.checks()["rotor_keeps_turning"]
+    refused = solved.by_name["rotor_keeps_turning"]
     assert not refused.passed
     assert f"{words} t = {simulated.stopped_at:.2f} s" in refused.detail
 
@@ -349,7 +354,7 @@ def test_a_limit_is_judged_at_and_between_the_nodes(feedback):
     speed = feedback.verification.simulation.rotor_speed.copy()
     speed[107] *= 1.1  # a sample of the sixth segment, seven twentieths from its start
     faster = replace(feedback.verification.simulation, rotor_speed=speed)
-    checks = with_flight(limited, simulation=faster).checks().values()
+    checks = with_flight(limited, simulation=faster).by_name.values()
     (refused,) = (check for check in checks if not check.passed)
     assert refused.name == "tip_speed_between_nodes"
     assert refused.detail.endswith("at t = 5.35 s")
@@ -375,7 +380,7 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     """Without a proof that no design keeps the limits: how many starts, and the least violation."""
     start = replace(open_loop.start, starts=open_loop.start.starts[:1] * 11)
     world = open_loop.on_first_mesh
-    checks = list(open_loop.checks().values())
+    checks = list(open_loop.by_name.values())
     (steady,) = on_start(world, start)
     steepest = np.max(np.abs(steady["torque_rate"]))
 
@@ -421,11 +426,11 @@ def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
     assert broken_limits(held.on_first_mesh, held.start) == []
     assert held.result.inertia == pytest.approx(bound, rel=1e-6)
     assert 0.99 * free.result.energy < held.result.energy < free.result.energy
-    entry = summarize(held.finished()).limits["largest_inertia"]
+    entry = summarize(held).limits["largest_inertia"]
     assert entry.value == pytest.approx(bound, rel=1e-6)
     assert entry.binding
     limits = (*held.physics.limits[:-1], LargestInertia(bound=0.99 * bound))
-    tighter = replace(held, physics=replace(held.physics, limits=limits))
+    tighter = with_result(held, physics=replace(held.physics, limits=limits))
     assert tighter.failed() == ["largest_inertia_bounds"]
 
 
@@ -443,16 +448,15 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     case = SHORT | {"control": {"law": law, "torque_limit": 700}}
     solved = solve_physics(case, two_flows)
     assert solved.failed() == []
-    assert {"energy_error (phase)", "energy_error (step)"} <= set(solved.checks())
+    assert {"energy_error (phase)", "energy_error (step)"} <= set(solved.by_name)
     first, second = solved.verifications
     expected = 0.7 * first.simulation.energy + 0.3 * second.simulation.energy
     assert solved.result.energy == pytest.approx(expected, rel=2e-5)
-    finished = solved.finished()
-    summary = summarize(finished)
+    summary = summarize(solved)
     assert summary.success
     assert summary.simulated_energy_J == pytest.approx(expected, rel=1e-12)
     assert summary.energy_balance_error < 1e-4
-    write_tables(tmp_path, finished)
+    write_tables(tmp_path, solved)
     for name, scenario in (("phase", first), ("step", second)):
         columns = {"trajectory": scenario.trajectory, "simulation": scenario.integrated}
         for table, expected in columns.items():
@@ -465,4 +469,4 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     doctored = replace(second, trajectory={**second.trajectory, "rotor_speed": nodes})
     refused = replace(solved, verifications=(first, doctored))
     assert refused.failed() == ["max_speed_error (step)"]
-    assert "phase.segments" in explain(refused.checks()["max_speed_error (step)"])
+    assert "phase.segments" in explain(refused.by_name["max_speed_error (step)"])

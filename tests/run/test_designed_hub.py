@@ -79,8 +79,8 @@ def test_with_memory_the_hub_ends_at_the_inertia_that_the_run_needs(tmp_path):
     assert memory.stable
     assert "heavier hub" in [each.remedy for each in summary.passes]
     assert 1.0 < summary.inertia_kg_m2 / memory.least_inertia_kg_m2 < 1.11
-    _, earlier = read_iterate(tmp_path / "run", physics(case))
-    assert earlier.start.blade.hub_inertia == pytest.approx(summary.hub_inertia_kg_m2, rel=1e-9)
+    _, start = read_iterate(tmp_path / "run", physics(case))
+    assert start.blade.hub_inertia == pytest.approx(summary.hub_inertia_kg_m2, rel=1e-9)
     few = load_case(SHORT | {"design": design | {"hub_inertia_bounds": [0, 2]}})
     with pytest.raises(InputError, match=r"an upper bound in design\.hub_inertia_bounds"):
         run_case(few, tmp_path / "few", figures=False, records=False)

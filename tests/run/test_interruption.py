@@ -15,7 +15,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run import check, log, run
+from hkt_mdo.run import check, optimization, run
 
 CASES = Path(__file__).parents[2] / "cases"
 # from the given blade: a search for a start takes most of a short run
@@ -202,7 +202,7 @@ def test_a_full_disk_is_reported_by_that_word(tmp_path, monkeypatch):
 
     for method in ("_initialize_database", "record_iteration_driver"):
         with monkeypatch.context() as patch:
-            patch.setattr(log._Recorder, method, starve)
+            patch.setattr(optimization._Recorder, method, starve)
             with pytest.raises(InputError, match=r"out.*no space left on the device.*--resume"):
                 run.run_case(case(), tmp_path / "out", force=True, figures=False)
         assert summary(tmp_path / "out")["success"] is False

@@ -38,8 +38,9 @@ def iterate(case):
         each.divided(np.arange(1, each.segments + 1) % 2 + 1) for each in physics.scenarios
     )
     fine = type(physics)(**vars(physics) | {"scenarios": finer})
-    point = replace(find_start(fine, steady_optimum(fine, fine.blade)), branch="underspeed")
-    return physics, fine, point, json.loads(to_json(as_data(fine, point, 5.0)))
+    start = find_start(fine, steady_optimum(fine, fine.blade))
+    point = replace(start, branch="underspeed", reference=5.0)
+    return physics, fine, point, json.loads(to_json(as_data(fine, point)))
 
 
 @pytest.fixture(scope="module")
@@ -62,15 +63,15 @@ def read(folder, physics, data):
 
 
 def same(found, fine, point):
-    physics, earlier = found
+    physics, start = found
     for one, other in zip(physics.scenarios, fine.scenarios, strict=True):
         assert np.array_equal(one.edges, other.edges)
-    assert np.array_equal(earlier.start.operation.rotor_speed, point.operation.rotor_speed)
-    assert np.array_equal(earlier.start.gains, point.gains)
-    assert (earlier.reference, earlier.history) == (5.0, ())
+    assert np.array_equal(start.operation.rotor_speed, point.operation.rotor_speed)
+    assert np.array_equal(start.gains, point.gains)
+    assert start.reference == point.reference == 5.0
     assert point.starts
-    assert earlier.start.starts == point.starts
-    assert earlier.start.branch == point.branch
+    assert start.starts == point.starts
+    assert start.branch == point.branch
 
 
 @pytest.mark.parametrize("case", [ONE, SEVERAL])

@@ -102,7 +102,7 @@ def test_what_the_flow_leaves_in_a_heavy_rotor_is_not_refused(solve_physics, obj
     found = solved(solve_physics, "quadratic", heavy, inflow=rising, objective=objective)
     simulated = found.verification.simulation
     assert simulated.kinetic_energy_change > 0.01 * simulated.energy
-    assert ("stored_energy" in found.checks()) == (objective == "captured")
+    assert ("stored_energy" in found.by_name) == (objective == "captured")
 
 
 def test_what_limits_leave_in_their_segments_tells_the_error_of_the_mesh(
@@ -119,4 +119,4 @@ def test_what_limits_leave_in_their_segments_tells_the_error_of_the_mesh(
     coarse = solve_physics(case)
     error = 1.0 - coarse.result.objective / fine.result.objective
     assert error > 1e-4
-    assert 0.5 * error < coarse.checks()["mesh_error"].value < 4.0 * error
+    assert 0.5 * error < coarse.by_name["mesh_error"].value < 4.0 * error

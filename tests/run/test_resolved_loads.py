@@ -30,12 +30,12 @@ def loads_of(made, blade, known=KNOWN):
 
 
 def resolved(made, blade, known):
-    return loads.resolved(made, blade, [(made.scenarios[0], known)])
+    return loads.resolved(made, blade, made.scenarios[0], known)
 
 
 def test_a_resolved_blade_is_that_of_a_case_with_its_stations():
     made, blade = of_case(stations=NINE)
-    (found,) = resolved(made, blade, KNOWN | loads_of(made, blade))
+    found = resolved(made, blade, KNOWN | loads_of(made, blade))
     angle = np.pi * (np.arange(loads.STATIONS) + 0.5) / loads.STATIONS
     inner = blade.hub_radius / blade.tip_radius
     r = inner + (1.0 - inner) * 0.5 * (1.0 - np.cos(angle))
@@ -57,7 +57,7 @@ def test_a_resolved_blade_changes_little_where_it_has_the_default_stations():
     made, blade = of_case()
     assert blade.r.size == 40
     own = loads_of(made, blade)
-    (found,) = resolved(made, blade, KNOWN | own)
+    found = resolved(made, blade, KNOWN | own)
     for name, values in own.items():
         assert np.max(found[name]) == pytest.approx(np.max(values), rel=5e-3)
 
@@ -66,11 +66,11 @@ def test_a_designed_thickness_is_resolved_too():
     case = load_case("cases/examples/designed_thickness.yaml", ["rotor.stations=" + str(NINE)])
     made = physics(case)
     own = loads_along(made.rotor, made.blade, KNOWN, ("stress",))
-    (found,) = resolved(made, made.blade, KNOWN | own)
+    found = resolved(made, made.blade, KNOWN | own)
     assert np.max(found["stress"]) > np.max(own["stress"])
 
 
 def test_loads_that_nobody_asks_for_are_not_resolved():
     made = physics(load_case(CASE | {"limits": {"power": "5 kW"}}))
     assert made.blade.r.size == 40
-    assert resolved(made, made.blade, KNOWN) == []
+    assert resolved(made, made.blade, KNOWN) is None

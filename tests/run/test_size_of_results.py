@@ -4,8 +4,7 @@ import numpy as np
 import openmdao.api as om
 import pytest
 
-from hkt_mdo.results.summary import Summary
-from hkt_mdo.run.log import Log
+from hkt_mdo.run.optimization import add_recorders
 from hkt_mdo.run.summary import MOST_ROWS, _shown
 
 
@@ -22,10 +21,9 @@ def test_databases_of_a_long_flow_have_only_the_design(tmp_path, whole):
     problem.model.add_design_var("c")
     problem.model.add_objective("energy")
     problem.setup()
-    log = Log(tmp_path, True, Summary(success=False))
-    log.add_recorders(problem, whole)
+    add_recorders(problem, tmp_path, whole)
     problem.run_driver()
-    log.record_final(problem)
+    problem.record("final")
     problem.cleanup()
     history = om.CaseReader(str(tmp_path / "history.db"))
     (last, *_) = history.get_cases("driver")

@@ -90,9 +90,9 @@ def test_the_mesh_is_judged_by_the_two_filters_and_loads_in_their_wake(solve_phy
     assert found.failed() == []
     assert not any("coarse" in each.why for each in found.passes)
     verification = found.verification
-    gap = found.checks()["two_filters_energy"].value
+    gap = found.by_name["two_filters_energy"].value
     assert verification.energy_error < 0.2 * gap < 2e-4
     table = found.result.problem.get_val("loads_phase.thrust").ravel()
-    direct, nodes = verification.loads_at_nodes["thrust"], verification.trajectory
+    direct, nodes = verification.at_nodes["thrust"], verification.trajectory
     np.testing.assert_allclose(direct, table, rtol=2e-4)
     assert np.max(np.abs(direct / verification.loads(nodes)["thrust"] - 1.0)) > 5e-3

@@ -34,12 +34,12 @@ def test_an_unstable_loop_is_refused(solve_physics):
     """Underspeed needs a proportional part: with one of a tenth the check sees the growth."""
     control = {"law": "tracking", "torque_limit": 700}
     found = solve_physics({"inflow": "sine", "control": control, "design": {"blade": "fixed"}})
-    assert found.checks()["closed_loop"].passed
+    assert found.by_name["closed_loop"].passed
     controller = found.verification.controller
     gains = controller.gains.copy()
     gains[-2] *= -1.0  # pushes the rotor away from its schedule
     wrong = replace(found.verification, controller=replace(controller, gains=gains))
-    refused = replace(found, verifications=(wrong,)).checks()["closed_loop"]
+    refused = replace(found, verifications=(wrong,)).by_name["closed_loop"]
     assert not refused.passed
     assert refused.value > 0.0
 
