@@ -63,7 +63,7 @@ class Law(Section):
     estimates_flow: ClassVar[bool] = False
     """Whether the flow speed that a law with states uses is estimated from speed and torque."""
     simpler: ClassVar[Law | None] = None
-    """A law of fewer gains, from whose optimum under limits the search for a start begins."""
+    """A law of fewer gains, from whose optimum the start is found where the power is limited."""
     _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
     @property

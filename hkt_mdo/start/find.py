@@ -32,7 +32,7 @@ from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
 from hkt_mdo.start.result import RESULT, design_of_result
 from hkt_mdo.start.steady import co_designed, optimized, without_time
-from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches
+from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
 
 GIVEN, BEST = "blade as given", "best blade"
 # names, and tip speed ratios over that of the best blade
@@ -144,7 +144,7 @@ def find_start(
             if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
                 candidates.append(given)
             candidates = [*best_blades(physics, optimum), *candidates]
-            simpler = physics.law.simpler is not None and has_branches(physics)
+            simpler = physics.law.simpler is not None and limits_power(physics)
             if simpler and all(each.gains is None for each in candidates):
                 found = [search.of_simpler_law(candidates)]
             else:
@@ -278,6 +278,7 @@ class Search:
         law = self.physics.law.simpler
         begin = replace(self, physics=replace(self.physics, law=law)).optima(candidates)[0]
         physics = replace(self.steady, law=law, scenarios=self.physics.scenarios)
+        begin = replace(begin, strategy=f"law fitted to {law.law}")
         end, _ = optimized(physics, begin, self.scratch)
         self._noted(law.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds

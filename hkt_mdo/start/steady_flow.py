@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit, TorqueLimit
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.evaluation import scalars
 from hkt_mdo.problem.model import Physics
@@ -243,6 +243,11 @@ class SteadyFlow:
 def has_branches(physics: Physics) -> bool:
     """Tell whether a case has limits besides the torque's, which several schedules may keep."""
     return any(not isinstance(limit, TorqueLimit) for limit in _kept(physics))
+
+
+def limits_power(physics: Physics) -> bool:
+    """Tell whether a case has a limit of the power."""
+    return any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in _kept(physics))
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
