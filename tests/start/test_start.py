@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_simpson
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
@@ -86,3 +87,18 @@ def test_the_blade_as_given_says_that_its_optimum_is_local(optimum):
     assert [(record.strategy, record.kept) for record in start.starts] == [("blade as given", True)]
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     assert find_start(case, optimum, improve=False).messages == ()
+
+
+def test_a_heavy_rotor_begins_with_its_own_motion():
+    """J dw/dt = Q - u: it cannot follow the flow, as a light one does in equilibrium."""
+    flow = {"profile": "sine", "amplitude": 0.4, "angular_frequency": 0.5}
+    case = load_case({"inflow": flow, "control": "quadratic"}, ["rotor.hub_inertia=3000"])
+    heavy = physics(case)
+    found, (scenario,) = find_start(heavy, steady_optimum(heavy, heavy.blade)), heavy.scenarios
+    speed, torque = found.operation.rotor_speed, found.operation.hydrodynamic_torque
+    net = torque - heavy.law.torque(speed, found.gains)
+    acceleration = net / heavy.mass_and_inertia(found.blade)[1]
+    moved = np.concatenate(([0.0], cumulative_simpson(acceleration, x=scenario.samples)))
+    np.testing.assert_allclose(speed[0] + moved, speed, rtol=1e-3)
+    ratio = speed / scenario.inflow.speed_at(scenario.samples)
+    assert np.max(ratio) > 1.5 * np.min(ratio)
