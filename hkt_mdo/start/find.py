@@ -43,7 +43,7 @@ FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to b
 TIE = 1e-5  # share of the objective by which optima without time may differ and tie
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
 # the same, of a rotor that follows the flow well enough: the start in equilibrium is right for
-# `turbulent_hour_linear` with 0.16, and wrong for turbine 13 with 0.64
+# `turbulent_hour_linear` with 0.16, and wrong for turbine 4
 FOLLOWS = 0.3
 ANOTHER = 0.2  # relative difference of the mean speeds of different equilibria
 SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade
@@ -451,7 +451,8 @@ class Search:
         """Return an operation under a static law as it is with the rotor's inertia.
 
         A heavy rotor is far from equilibrium in gusts: without its own motion an optimization over
-        time begins with defects that it may not remove (turbine 13 of `make verify PART=turbines`).
+        time begins with defects that it removes badly (0.6 % of the energy of turbine 4 of `make
+        verify PART=turbines` under `rated`).
         A rotor that follows the flow, stops or goes to another equilibrium has it as it is.
         """
         physics, found = self.physics, []
