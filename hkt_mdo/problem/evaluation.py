@@ -13,7 +13,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.objectives import INTEGRALS
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, IntegrationError, Plant, simulate
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
@@ -130,6 +130,29 @@ def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade, inertia: flo
     return Plant(blade, polar, inertia, rotor.water_density, solver, physics.case.generator)
 
 
+def in_motion(physics: Physics, loops: Iterable[tuple]) -> dict[str, np.ndarray] | None:
+    """Return speed and torque of a rotor as it moves with its inertia, at the flow's samples.
+
+    `loops` has the plant, the controller and the `Start` in each scenario. None where the rotor
+    stops, its motion has no solution, or a scenario has no time.
+    """
+    if any(scenario.steady for scenario in physics.scenarios):
+        return None
+    runs = []
+    for scenario, loop in zip(physics.scenarios, loops, strict=True):
+        plant, controller, start = loop
+        step = float(np.max(np.diff(scenario.edges)))
+        about = controller, start, scenario.duration, scenario.samples, step
+        try:
+            runs.append(simulate(plant, scenario.inflow, *about))
+        except IntegrationError:
+            return None
+    if any(run.stopped_at is not None for run in runs):
+        return None
+    names = "rotor_speed", "hydrodynamic_torque"
+    return {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
+
+
 def united(physics: Physics, integrals: Iterable[float]) -> float:
     """Return the objective that follows from its integrals over the scenarios, one for each.
 
@@ -169,18 +192,30 @@ def objective_at(physics: Physics, point: StartingPoint) -> float:
     return united(physics, _integrals(physics, starts)) - price
 
 
-def excesses(physics: Physics, point: StartingPoint) -> dict[str, float]:
-    """Return by how much a starting point exceeds each limit, design bounds aside, by name.
+def largest_excesses(
+    physics: Physics, point: StartingPoint
+) -> dict[str, tuple[float, float | None]]:
+    """Return by how much a starting point exceeds each limit, design bounds aside, and where.
 
-    Relatively, at most 0 if it is kept.
+    By name: the relative excess, at most 0 if it is kept, and the flow's speed (m/s) there; None
+    for a limit on the design alone.
     """
-    found: dict[str, float] = {}
+    found: dict[str, tuple[float, float | None]] = {}
     for scenario, start in zip(physics.scenarios, on_start(physics, point), strict=True):
+        flow = start["inflow_speed"]
         for limit in (*physics.limits_in(scenario), *physics.design_limits):
             if not isinstance(limit, DesignBounds):
-                over = float(np.max(limit.excess(start)))
-                found[limit.name] = max(over, found.get(limit.name, -np.inf))
+                over = limit.excess(start)
+                worst = int(np.argmax(over))
+                if limit.name not in found or over[worst] > found[limit.name][0]:
+                    there = float(flow[worst]) if over.size == flow.size else None
+                    found[limit.name] = float(over[worst]), there
     return found
+
+
+def excesses(physics: Physics, point: StartingPoint) -> dict[str, float]:
+    """Return the relative excesses of `largest_excesses`, by name."""
+    return {name: over for name, (over, _) in largest_excesses(physics, point).items()}
 
 
 def broken_limits(physics: Physics, point: StartingPoint) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.evaluation import excesses, on_start
+from hkt_mdo.problem.evaluation import largest_excesses
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -164,7 +164,8 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
         return NOT_RUNNING.format(within=within, starts=starts)
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
-    over = excesses(physics, start)
+    found = largest_excesses(physics, start)
+    over = {name: share for name, (share, _) in found.items()}
     if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
         over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
     at_end = {
@@ -174,26 +175,14 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
     if begun[0] <= START_EXCESS or ended[0] <= 0.0:
         return ""
-    at_start = f"by the best of them, {_in_flow(physics, start, begun[1])}"
+    flow = found[begun[1]][1]
+    in_flow = "any flow" if flow is None else f"a flow of {flow:.4g} m/s"
+    at_start = f"by the best of them, in {in_flow}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
     law = "control.law: curve, which can keep more limits, " * (len(physics.law.gain_units) == 1)
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
     return NONE_FOUND.format(starts=starts, **about)
-
-
-def _in_flow(physics, start, name) -> str:
-    """Return in which flow a starting point exceeds a limit most."""
-    excesses = [
-        (limit.excess(known), known["inflow_speed"])
-        for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True)
-        for limit in (*physics.limits_in(scenario), *physics.design_limits)
-        if limit.name == name
-    ]
-    over, flow = max(excesses, key=lambda pair: np.max(pair[0]))
-    if over.size != flow.size:  # a limit on the design alone
-        return "in any flow"
-    return f"in a flow of {flow[np.argmax(over)]:.4g} m/s"
 
 
 def _is_of(check: CheckEntry, limit: str) -> bool:

@@ -146,6 +146,12 @@ def _check(name, value, limit, detail) -> CheckEntry:
     return CheckEntry(name=name, value=float(value), limit=limit, passed=passed, detail=detail)
 
 
+def _largest(scenario, values, time) -> tuple[float, str]:
+    """Return the largest of some values over time (s) in a scenario, and when that is, in words."""
+    at = int(np.argmax(values))
+    return float(values[at]), scenario.when(time[at])
+
+
 def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float, str]]:
     """Yield name, value, limit and place of the checks of a scenario's integration."""
     simulated, integrated = verification.simulation, verification.integrated
@@ -165,16 +171,15 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
     word = "collocated over independently integrated energy, less one; power differs most at "
     yield "energy_error", verification.energy_error, ENERGY_ERROR, word + when(off)
-    error = verification.speed_errors
-    worst = int(np.argmax(error))
-    word = f"collocated over integrated rotor speed, less one, at {when(time[worst])}"
-    yield "max_speed_error", error[worst], SPEED_ERROR, word
+    error, place = _largest(verification.scenario, verification.speed_errors, time)
+    word = f"collocated over integrated rotor speed, less one, at {place}"
+    yield "max_speed_error", error, SPEED_ERROR, word
     if verification.two_filters is not None:
         yield from _of_two_filters(verification, verification.two_filters)
     if verification.scenario.steady and isinstance(verification.controller, FeedbackTorque):
-        worst = int(np.argmax(verification.growth))
+        growth, place = _largest(verification.scenario, verification.growth, time)
         word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
-        yield "equilibrium_growth", verification.growth[worst], 0.0, f"{word}{when(time[worst])}"
+        yield "equilibrium_growth", growth, 0.0, word + place
 
 
 def _of_two_filters(verification, reduced):
@@ -188,9 +193,9 @@ def _of_two_filters(verification, reduced):
     word = "energy by the optimization's two filters of the wake over that of all stations"
     yield "two_filters_energy", gap, REDUCED_ENERGY, f"{word}, less one"
     times = verification.trajectory["time"]
-    error = np.abs(two.speed_at(times) / whole.speed_at(times) - 1.0)
-    when = verification.scenario.when(times[np.argmax(error)])
-    yield "two_filters_speed", np.max(error), REDUCED_SPEED, f"the same of the speed, at {when}"
+    errors = np.abs(two.speed_at(times) / whole.speed_at(times) - 1.0)
+    error, when = _largest(verification.scenario, errors, times)
+    yield "two_filters_speed", error, REDUCED_SPEED, f"the same of the speed, at {when}"
 
 
 def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
@@ -304,9 +309,9 @@ def _resolved(ended):
     for verification in ended.verifications:
         for limit in ended.physics.limits_in(verification.scenario):
             if limit.is_of(LOADS) and verification.resolved:
-                over, time = limit.excess(verification.resolved), verification.resolved["time"]
-                when = verification.scenario.when(time[np.argmax(over)])
-                found.append((float(np.max(over)), limit.name, when))
+                known = verification.resolved
+                over, when = _largest(verification.scenario, limit.excess(known), known["time"])
+                found.append((over, limit.name, when))
     if found:
         over, name, when = max(found)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
@@ -334,11 +339,9 @@ def _stored(physics, verification) -> float:
 
 def _recovery(physics, verifications):
     """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
-    shares = [verification.short_of_recovery for verification in verifications]
-    worst = [int(np.argmax(each)) for each in shares]
     share, when = max(
-        (each[place], verification.scenario.when(verification.simulation.time[place]))
-        for each, place, verification in zip(shares, worst, verifications, strict=True)
+        _largest(each.scenario, each.short_of_recovery, each.simulation.time)
+        for each in verifications
     )
     word = f"missing share of the least torque that recovers a slowed rotor, at {when}"
     # without a torque curve no distance is required, only that the rotor recovers
@@ -348,11 +351,9 @@ def _recovery(physics, verifications):
 
 def _closed_loop(verifications):
     """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
-    found = []
-    for verification in verifications:
-        growth, time = verification.growth, verification.simulation.time
-        found.append((np.max(growth), verification.scenario.when(time[np.argmax(growth)])))
-    value, when = max(found)
+    value, when = max(
+        _largest(each.scenario, each.growth, each.simulation.time) for each in verifications
+    )
     word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
     return "closed_loop", value, 0.0, word
 
@@ -371,19 +372,15 @@ def _of_design_limit(ended, limit):
 
 def _of_limit(limit, verification, suffix):
     """Yield how far a limit over time is exceeded in a scenario, at and between the nodes."""
-    over = limit.excess(verification.at_nodes)
-    worst = int(np.argmax(over))
-    place = verification.scenario.when
-    when = f"{OVER} at {place(verification.trajectory['time'][worst])}"
+    scenario, time = verification.scenario, verification.trajectory["time"]
+    over, when = _largest(scenario, limit.excess(verification.at_nodes), time)
     # an optimization has loads from tables, which are no more exact
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
-    yield f"{limit.name}_at_nodes{suffix}", max(over[worst], 0.0), most, when
+    yield f"{limit.name}_at_nodes{suffix}", max(over, 0.0), most, f"{OVER} at {when}"
     if limit.constrains(verification.physics.law):
-        over, when = verification.between_nodes(limit)
-        worst = int(np.argmax(over))
-        when = f"{OVER} at {place(when[worst])}"
-        name = "in_equilibrium" if verification.scenario.steady else "between_nodes"
-        yield f"{limit.name}_{name}{suffix}", over[worst], most_between(limit), when
+        over, when = _largest(scenario, *verification.between_nodes(limit))
+        name = "in_equilibrium" if scenario.steady else "between_nodes"
+        yield f"{limit.name}_{name}{suffix}", over, most_between(limit), f"{OVER} at {when}"
 
 
 def most_between(limit: Limit) -> float:

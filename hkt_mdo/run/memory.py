@@ -7,21 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.simulation import (
-    FeedbackTorque,
-    IntegrationError,
-    RecordedTorque,
-    Start,
-    simulate,
-)
+from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque, Start
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.evaluation import on_start
+from hkt_mdo.problem.evaluation import in_motion, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.run.verification import HeldSpeeds, Optimized, SimulatedDesign, controller_of, plant_of
+from hkt_mdo.run.verification import HeldSpeeds, Optimized, SimulatedDesign, plant_of
 
 HOPELESS = 0.5
 """Share of the least stable inertia below which a case with memory is not optimized."""
@@ -72,10 +66,8 @@ def stability_of(result: Optimized) -> MemoryEntry | None:
         names = "time", "rotor_speed", "inflow_speed", *physics.law.states
         if scenario.steady and not physics.law.is_feedback:
             continue
-        rotor = physics.rotor_in(scenario)
-        inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
-        plant = plant_of(physics, rotor, result.point.blade, inertia)
-        controller = controller_of(physics.law_in(scenario), result, plant, nodes)
+        plant = result.plant_in(scenario)
+        controller = result.controller_in(scenario, plant, nodes)
         along.append((plant, controller, [nodes[name] for name in names]))
     return _verdict(along)
 
@@ -156,24 +148,13 @@ def _at_start(physics, start):
 
 def _followed(physics, start, along) -> StartingPoint:
     """Return a start with the operation of its integration, where `with_memory` takes that."""
-    speeds, torques = [], []
-    for scenario, (plant, controller, (time, speed, _, *states)) in zip(
-        physics.scenarios, along, strict=True
-    ):
-        if scenario.steady:
-            return start
-        begin = Start(float(speed[0]), [each[0] for each in states], float(time[0]))
-        step = scenario.duration / scenario.segments
-        try:
-            run = simulate(plant, scenario.inflow, controller, begin, scenario.duration, time, step)
-        except IntegrationError:
-            return start
-        if run.stopped_at is not None:
-            return start
-        speeds.append(run.rotor_speed)
-        torques.append(run.hydrodynamic_torque)
-    series = {"rotor_speed": speeds, "hydrodynamic_torque": torques}
-    found = {name: np.concatenate(parts) for name, parts in series.items()}
+    loops = [
+        (plant, controller, Start(speed[0], [each[0] for each in states], time[0]))
+        for plant, controller, (time, speed, _, *states) in along
+    ]
+    found = in_motion(physics, loops)
+    if found is None:
+        return start
     if np.max(np.abs(found["rotor_speed"] / start.operation.rotor_speed - 1.0)) < FAR:
         return start
     return replace(start, operation=replace(start.operation, **found))

@@ -16,7 +16,6 @@ import openmdao.api as om
 from scipy.integrate import simpson, trapezoid
 
 from hkt_mdo.dynamics.equilibrium import equilibria
-from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, Limit, settled
 from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import (
@@ -68,6 +67,19 @@ class Optimized:
     curve: np.ndarray
     mesh_error: float = 0.0
     """Relative change of the objective on a finer mesh, as far as it is known."""
+
+    def plant_in(self, scenario: Scenario) -> Plant:
+        """Return the rotor in a scenario with direct BEM and the wake of the case."""
+        physics, rotor = self.physics, self.physics.rotor_in(scenario)
+        inertia = self.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
+        return plant_of(physics, rotor, self.point.blade, inertia)
+
+    def controller_in(self, scenario: Scenario, plant: Plant, nodes: dict):
+        """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
+        law = self.physics.law_in(scenario)
+        if law.is_feedback:
+            return FeedbackTorque(law, self.point.gains)
+        return RecordedTorque.of(plant, nodes, law.torque_limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,19 +335,17 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
     two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
     to choose a remedy.
     """
-    physics, blade, verifications = result.physics, result.point.blade, []
+    physics, verifications = result.physics, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        rotor, law, mesh = physics.rotor_in(scenario), physics.law_in(scenario), scenario.mesh
-        inertia = result.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
-        plant = plant_of(physics, rotor, blade, inertia)
+        rotor, mesh, plant = physics.rotor_in(scenario), scenario.mesh, result.plant_in(scenario)
         plant = plant.tabulated(TABULATED)[0] if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
-            run = _balanced(plant, scenario, law, result.point.gains, nodes)
+            run = _balanced(plant, scenario, physics.law_in(scenario), result.point.gains, nodes)
             verifications.append(SteadyVerification(physics, rotor, plant, *run, **options))
             continue
-        controller = controller_of(law, result, plant, nodes)
+        controller = result.controller_in(scenario, plant, nodes)
         start = Start(
             float(nodes["rotor_speed"][0]),
             [nodes[name][0] for name in physics.law.states],
@@ -355,13 +365,6 @@ def plant_of(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) 
     """Return a rotor (inertia in kg*m**2) with direct BEM and the wake of the case."""
     plant, dynamics = steady_plant(physics, rotor, blade, inertia), physics.case.inflow_dynamics
     return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
-
-
-def controller_of(law: Law, result: Optimized, plant: Plant, nodes: dict):
-    """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
-    if law.is_feedback:
-        return FeedbackTorque(law, result.point.gains)
-    return RecordedTorque.of(plant, nodes, law.torque_limit)
 
 
 def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:

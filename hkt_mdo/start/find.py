@@ -20,14 +20,13 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.dynamics.simulation import FeedbackTorque, IntegrationError, Start, simulate
-from hkt_mdo.problem.evaluation import split, steady_plant
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Start
+from hkt_mdo.problem.evaluation import in_motion, split, steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
 from hkt_mdo.start.result import RESULT, design_of_result
@@ -304,11 +303,11 @@ class Search:
         if self.physics.law.is_feedback:
             point = self._fitted(point, gains, self.physics)
         if self.physics.law.is_static:
-            problem, table = self._quasi_steady(blade), self._table(blade)
+            problem = self._quasi_steady(blade)
             for share in SHARES if gains is None else (1.0,):  # near the peak it may stall
                 scaled_gains = self.physics.law.scaled_gains(point.gains, share)
-                operation = problem.operate(table, scaled_gains)
-                if operation.running and problem.recovers(table, scaled_gains, operation):
+                operation = problem.operate(scaled_gains)
+                if operation.running and problem.recovers(scaled_gains, operation):
                     break
             point = replace(point, gains=scaled_gains, operation=operation)
         return self._noted(self.physics.law.law, point)
@@ -326,10 +325,10 @@ class Search:
         That is so where the torque of the flow falls with a loss of speed. There optimizations over
         time are long, and may not end: such a branch is the second one unless it is far better.
         """
-        (kept, value), table = end.merit, self._table(end.blade)
-        problem, speed = self._quasi_steady(end.blade, self.steady), end.operation.rotor_speed
-        torque = problem.held(table, speed).hydrodynamic_torque
-        slowed = problem.held(table, (1.0 - SLOWED) * speed).hydrodynamic_torque
+        (kept, value), speed = end.merit, end.operation.rotor_speed
+        problem = self._quasi_steady(end.blade, self.steady)
+        torque = problem.held(speed).hydrodynamic_torque
+        slowed = problem.held((1.0 - SLOWED) * speed).hydrodynamic_torque
         return kept, value - FAR_BEHIND * abs(value) * bool(np.any(slowed < torque))
 
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
@@ -369,7 +368,7 @@ class Search:
         speed = ratio * problem.inflow_speed / blade.rotor_radius
         gains = law.fit(speed, np.full(speed.shape, DEMAND * law.torque_limit))
         gains = np.clip(gains, *gain_bounds(physics))
-        operation = problem.operate(self._table(blade), gains)
+        operation = problem.operate(gains)
         if operation.running:
             yield StartingPoint(blade, gains, operation, branch=self.branches[0], strategy=CONSTANT)
 
@@ -378,8 +377,7 @@ class Search:
         over, on = over or self.steady, branch or "overspeed"
         point = self._schedules.on_branch(blade, on)
         speed = np.concatenate([self._tip_speed(blade, on, each) for each in over.scenarios])
-        problem = self._quasi_steady(blade, over)
-        operation = problem.held(self._table(blade), speed / blade.rotor_radius)
+        operation = self._quasi_steady(blade, over).held(speed / blade.rotor_radius)
         return replace(point, branch=branch, operation=operation)
 
     def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
@@ -392,32 +390,25 @@ class Search:
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
-        return QuasiSteady.of(over or self.physics, self.optimum, blade.rotor_radius)
-
-    def _table(self, blade: Blade) -> np.ndarray:
-        """Return the torque coefficients of a blade at the nodes of the schedules' spline."""
-        return self._schedules.curves(blade).values["torque"]
+        schedules = self._schedules
+        table = schedules.curves(blade).values["torque"]
+        return QuasiSteady.of(over or self.physics, blade, schedules.spline, table)
 
     def _fitted(
         self, point: StartingPoint, gains: np.ndarray | None, over: Physics | None = None
     ) -> StartingPoint:
         """Return a point of an open loop with gains of the law, by default the closest ones."""
-        over, law, blade = over or self.steady, self.physics.law, point.blade
-        (flow, _), table = sampled_flow(over), self._table(blade)
-        speed, torque = point.operation.rotor_speed, point.operation.hydrodynamic_torque
-        held = torque - self.physics.case.generator.friction(speed)
+        law, problem = self.physics.law, self._quasi_steady(point.blade, over or self.steady)
+        speed, flow = point.operation.rotor_speed, problem.inflow_speed
+        held = point.operation.hydrodynamic_torque - problem.shaft.friction(speed)
         if gains is None and law.states:
-            unit = blade.rotor_radius / flow
-            _, slope = self._schedules.spline.values(table, speed * unit)
-            slope = slope * torque_scale(self.physics.density, blade.rotor_radius, flow) * unit
-            gains = law.follow(flow, speed, held, slope)
+            gains = law.follow(flow, speed, held, problem.torque_slope(speed))
         elif gains is None:
             gains = law.fit(speed, held)
         gains = np.clip(gains, *gain_bounds(self.physics))
         if not law.states:
             return replace(point, gains=gains)
-        operation = self._quasi_steady(blade, over).held(table, law.speed_at_rest(flow, gains))
-        return replace(point, gains=gains, operation=operation)
+        return replace(point, gains=gains, operation=problem.held(law.speed_at_rest(flow, gains)))
 
     def _over_time(self, point: StartingPoint) -> StartingPoint:
         """Return a point with its operation over the whole flow.
@@ -426,25 +417,23 @@ class Search:
         point as well. A static law operates at its own equilibria, unless those at these speeds are
         others: a law may have several in a flow, and over time it begins at the one chosen.
         """
-        physics, law, table = self.physics, self.physics.law, self._table(point.blade)
+        physics, law = self.physics, self.physics.law
         if not law.is_feedback:
             whole = self._scheduled(point.blade, point.branch, physics)
             return replace(point, operation=whole.operation)
         problem = self._quasi_steady(point.blade)
         if law.states:
             speed = law.speed_at_rest(problem.inflow_speed, point.gains)
-            return replace(point, operation=problem.held(table, speed))
+            return replace(point, operation=problem.held(speed))
         speeds, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
         designed = split(self.steady, point.operation)
         for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
             flow = scenario.inflow.speed_at(scenario.samples)
             speeds.append(_smooth(flow, steady.speeds, speed / steady.speeds) * flow)
         speed = np.concatenate(speeds)
-        operation = problem.held(table, speed)
-        if law.is_static:
-            own = problem.operate(table, point.gains)
-            same = own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE)
-            operation = self._with_inertia(point, own if same else operation)
+        own = problem.operate(point.gains)
+        same = own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE)
+        operation = self._with_inertia(point, own if same else problem.held(speed))
         return replace(point, operation=operation)
 
     def _with_inertia(self, point: StartingPoint, operation: Operation) -> Operation:
@@ -455,27 +444,20 @@ class Search:
         verify PART=turbines` under `rated`).
         A rotor that follows the flow, stops or goes to another equilibrium has it as it is.
         """
-        physics, found = self.physics, []
+        physics, loops = self.physics, []
         _, inertia = physics.mass_and_inertia(point.blade)
         for scenario, (speed, _) in zip(physics.scenarios, split(physics, operation), strict=True):
-            if scenario.steady:
-                return operation
             plant = steady_plant(physics, physics.rotor_in(scenario), point.blade, inertia)
             law = FeedbackTorque(physics.law_in(scenario), point.gains)
-            begin, step = Start(speed[0], time=scenario.edges[0]), np.max(np.diff(scenario.edges))
-            about = scenario.inflow, law, begin, scenario.duration, scenario.samples, step
-            try:
-                moving = simulate(plant, *about)
-            except IntegrationError:
-                return operation
-            if moving.stopped_at is not None:
-                return operation
-            found.append(moving.rotor_speed)
-        speeds, equilibrium = np.concatenate(found), operation.rotor_speed
+            loops.append((plant, law, Start(speed[0], time=scenario.edges[0])))
+        moving = in_motion(physics, loops)
+        if moving is None:
+            return operation
+        speeds, equilibrium = moving["rotor_speed"], operation.rotor_speed
         follows = np.allclose(speeds, equilibrium, rtol=FOLLOWS)
         if follows or abs(np.mean(speeds) / np.mean(equilibrium) - 1.0) > ANOTHER:
             return operation
-        return self._quasi_steady(point.blade).held(self._table(point.blade), speeds)
+        return self._quasi_steady(point.blade).held(speeds)
 
 
 def _smooth(flow: np.ndarray, speeds: np.ndarray, values: np.ndarray) -> np.ndarray:

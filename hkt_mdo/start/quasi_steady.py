@@ -22,6 +22,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 if TYPE_CHECKING:  # operation itself needs neither Dymos nor BEM
     from hkt_mdo.problem.model import Physics
+    from hkt_mdo.rotor.blade import Blade
     from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip speed ratio; nodes
@@ -52,6 +53,8 @@ class QuasiSteady:
         Of the water, kg/m**3, and of the swept disc, m.
     spline : TorqueSpline
         Over the tip speed ratio.
+    table : np.ndarray
+        Torque coefficients at the nodes of the spline, shape (n_nodes,).
     law : Law
         Of the torque.
     shaft : Generator
@@ -63,22 +66,26 @@ class QuasiSteady:
     density: float
     rotor_radius: float
     spline: TorqueSpline
+    table: np.ndarray
     law: Law
     shaft: Generator = LOSSLESS
 
     @classmethod
-    def of(cls, physics: Physics, optimum: SteadyOptimum, rotor_radius: float) -> QuasiSteady:
-        """Return the operation of a rotor, of a radius in m, over all flows of a case."""
-        about = physics.density, rotor_radius, ratio_spline(optimum), physics.law
+    def of(cls, physics: Physics, blade: Blade, spline: TorqueSpline, table) -> QuasiSteady:
+        """Return the operation of a blade, with its table of a spline, over all flows of a case."""
+        about = physics.density, blade.rotor_radius, spline, table, physics.law
         return cls(*sampled_flow(physics), *about, physics.case.generator)
 
-    def operate(self, table, gains) -> Operation:
+    @property
+    def scale(self) -> np.ndarray:
+        """Torque over its coefficient, N m, shape (n_times,)."""
+        return torque_scale(self.density, self.rotor_radius, self.inflow_speed)
+
+    def operate(self, gains) -> Operation:
         """Return the operation of a rotor under a static law, at its fastest equilibria.
 
         Parameters
         ----------
-        table : np.ndarray
-            Torque coefficients at the nodes of the spline, shape (n_nodes,).
         gains : array_like
             Of the law, shape (n_gains,).
 
@@ -86,11 +93,10 @@ class QuasiSteady:
         -------
         Operation
         """
-        law, gains = self.law, np.asarray(gains, dtype=float)
+        law, gains, scale = self.law, np.asarray(gains, dtype=float), self.scale
         friction, rubbing = self.shaft.friction, self.shaft.shaft_friction_slope
-        curve = self.spline.curve(table)
+        curve = self.spline.curve(self.table)
         ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
-        scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         unit = self.inflow_speed / self.rotor_radius
         speeds = ratios * unit[:, None]
         driving = scale[:, None] * curve(ratios) >= law.torque(speeds, gains) + friction(speeds)
@@ -105,22 +111,26 @@ class QuasiSteady:
                 scale * curve(ratio, 1) - (law.torque_by_speed(speed, gains) + rubbing) * unit,
             )
 
-        found = self.held(table, _root(net, ratios[last], ratios[last + 1]) * unit)
+        found = self.held(_root(net, ratios[last], ratios[last + 1]) * unit)
         return replace(found, running=bool(np.all(has_root)))
 
-    def recovers(self, table, gains, operation: Operation) -> bool:
+    def recovers(self, gains, operation: Operation) -> bool:
         """Tell whether a rotor in operation under a law recovers from a small loss of speed."""
         speed = (1.0 - SLOWED) * operation.rotor_speed
         braking = self.law.torque(speed, gains) + self.shaft.friction(speed)
-        return bool(np.all(self.held(table, speed).hydrodynamic_torque > braking))
+        return bool(np.all(self.held(speed).hydrodynamic_torque > braking))
 
-    def held(self, table, speed) -> Operation:
+    def held(self, speed) -> Operation:
         """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
-        scale = torque_scale(self.density, self.rotor_radius, self.inflow_speed)
         ratio = speed * self.rotor_radius / self.inflow_speed
-        torque = scale * self.spline.values(table, ratio)[0]
+        torque = self.scale * self.spline.values(self.table, ratio)[0]
         energy = float(self.weights @ (torque * speed))
         return Operation(energy, speed, torque, bool(np.all(torque > 0.0)))
+
+    def torque_slope(self, speed) -> np.ndarray:
+        """Return the slope of the flow's torque by the rotor's speed, N m s/rad, (n_times,)."""
+        unit = self.rotor_radius / self.inflow_speed
+        return self.spline.values(self.table, speed * unit)[1] * self.scale * unit
 
 
 def _root(function, low, high):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -64,19 +65,14 @@ class Curves:
 
     Attributes
     ----------
-    blade : Blade
-    inertia : float
-        Of the rotor, kg m².
     values : dict of str to np.ndarray
         Those of "torque" and of loads by name, at the nodes of a spline, shape (n_nodes,).
-    weight_stress : float
-        Largest stress by the blade's weight, Pa.
+    scalars : dict
+        The quantities of the design (`hkt_mdo.problem.evaluation.scalars`).
     """
 
-    blade: Blade
-    inertia: float
     values: dict[str, np.ndarray]
-    weight_stress: float
+    scalars: dict[str, Any]
 
     @cached_property
     def table(self) -> np.ndarray:
@@ -122,18 +118,18 @@ class SteadyFlow:
             loads = physics.rotor.loads(blade, nodes, names=physics.load_names)
             for name, load in loads.items():
                 values[name] = load.envelope().values
-            design = scalars(physics, physics.rotor, blade)
-            self._curves[blade] = Curves(blade, design["inertia"], values, design["weight_stress"])
+            self._curves[blade] = Curves(values, scalars(physics, physics.rotor, blade))
         return self._curves[blade]
 
-    def quantities(self, coefficients: dict, flow: np.ndarray | None = None) -> dict:
+    def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
         """Return the quantities of a trajectory in steady operation, and the design's scalars.
 
         Parameters
         ----------
-        coefficients : dict
-            Tip speed ratio, coefficients of torque and loads there, shape (n,); rotor_radius (m),
-            inertia (kg m²) and weight_stress (Pa). All may be complex.
+        curves : Curves
+            Of a blade.
+        ratio : np.ndarray
+            Tip speed ratios, shape (n,).
         flow : np.ndarray, optional
             Speeds of the flow, m/s, shape (n,); by default `speeds`.
 
@@ -143,25 +139,16 @@ class SteadyFlow:
             By the names of `hkt_mdo.quantities`, SI units.
         """
         flow, physics = self.speeds if flow is None else flow, self.physics
-        generator = physics.case.generator
-        ratio, radius = coefficients["ratio"], coefficients["rotor_radius"]
-        torque = torque_scale(physics.density, radius, flow) * coefficients["torque"]
+        generator, radius = physics.case.generator, curves.scalars["rotor_radius"]
+        values, _ = self.spline.values(curves.table, ratio)
+        coefficients = dict(zip(curves.values, values.T, strict=True))
+        torque = torque_scale(physics.density, radius, flow) * coefficients.pop("torque")
         speed = ratio * flow / radius
         both = torque, torque - generator.friction(speed)  # of the flow, of the generator
         series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, generator)
-        for name in physics.load_names:
-            if name in coefficients:
-                series[name] = 0.5 * physics.density * flow**2 * coefficients[name]
-        own = {name: coefficients[name] for name in ("inertia", "rotor_radius", "weight_stress")}
-        return series | own | {"density": physics.density}
-
-    def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
-        """Return the `quantities` of curves at tip speed ratios, (n,)."""
-        values, _ = self.spline.values(curves.table, ratio)
-        coefficients = dict(zip(curves.values, values.T, strict=True))
-        scalars = {"rotor_radius": curves.blade.rotor_radius, "inertia": curves.inertia}
-        scalars["weight_stress"] = curves.weight_stress
-        return self.quantities({"ratio": ratio} | scalars | coefficients, flow)
+        pressure = 0.5 * physics.density * flow**2
+        loads = {name: pressure * coefficient for name, coefficient in coefficients.items()}
+        return series | loads | curves.scalars
 
     def excess(self, series: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""

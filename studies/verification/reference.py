@@ -48,7 +48,8 @@ class Global:
         chord, twist = np.split(np.asarray(unknowns), [shape.points["chord"]])
         curves = steady.curves(shape.at({"chord": chord, "twist": twist}))
         steady._curves.clear()
-        price = power_scale(self.physics.density, curves.blade.rotor_radius, steady.speeds) * PRICE
+        radius = curves.scalars["rotor_radius"]
+        price = power_scale(self.physics.density, radius, steady.speeds) * PRICE
 
         def worth(ratio):
             """Return the rate less the price of what is exceeded, at ratios (n, n_speeds)."""

@@ -34,10 +34,10 @@ LOSSES = Generator(rated_torque=600.0, copper_loss=900.0)
 SPLINE = TorqueSpline(np.linspace(2.0, 18.0, 161))
 
 
-def quasi_steady(law):
+def quasi_steady(table, law):
     weights = np.full(TIME.size, TIME[1])
     weights[[0, -1]] *= 0.5
-    return QuasiSteady(FLOW, weights, 1000.0, 1.4, SPLINE, law)
+    return QuasiSteady(FLOW, weights, 1000.0, 1.4, SPLINE, table, law)
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +140,7 @@ def test_rated_feedback_is_quadratic_below_and_of_constant_power_above():
 def test_rated_feedback_in_steady_flow_meets_its_corners(table, limit):
     """K w^2 = Q in slow flow; in fast flow Q w = P, on the fast side, and never above the limit."""
     law = RatedFeedback(power=3000.0, torque_limit=limit, smoothing=1e-8)
-    operation = quasi_steady(law).operate(table, [8.0])
+    operation = quasi_steady(table, law).operate([8.0])
     assert operation.running
     torque, speed = operation.hydrodynamic_torque, operation.rotor_speed
     most = np.inf if limit is None else limit
@@ -175,7 +175,7 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
     torque's error, which is of fourth order in the distance of the knots, but near the ends of a
     natural spline of second.
     """
-    ratios, weights = np.linspace(4.0, 12.0, 40_001), quasi_steady(None).weights
+    ratios, weights = np.linspace(4.0, 12.0, 40_001), quasi_steady(table, None).weights
     torque = torque_scale(1000.0, 1.4, FLOW)[:, None] * SPLINE.values(table, ratios)[0]
     speed = ratios * FLOW[:, None] / 1.4
     power = LOSSES.electrical_power(torque, speed)
@@ -183,7 +183,7 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
     lost, counts = [], (2, 4, 8)
     for knots in counts:
         law = CurveFeedback(knots=knots)
-        found = quasi_steady(law).operate(table, law.fit(speed[best], torque[best]))
+        found = quasi_steady(table, law).operate(law.fit(speed[best], torque[best]))
         kept = LOSSES.electrical_power(found.hydrodynamic_torque, found.rotor_speed)
         lost.append(1.0 - (weights @ kept) / (weights @ power[best]))
     assert np.all(np.array(lost) > 0.0)

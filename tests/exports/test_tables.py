@@ -12,7 +12,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.exports.tables import steady_operation, tables
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
 from tests.exports.made import made
 
 QUADRATIC = "inflow: sine\ncontrol: {law: quadratic, torque_limit: 700}\ndesign: {blade: fixed}\n"
@@ -151,10 +151,10 @@ def test_steady_operation_is_a_balance_of_torques(quadratic):
     np.testing.assert_allclose(operation["hydrodynamic_power_W"], torque * speed, rtol=1e-14)
     np.testing.assert_allclose(operation["control_torque_over_limit"], torque / 700.0, rtol=1e-14)
     world = design.physics
-    best = world.rotor.best_operation(design.blade)
-    quasi = QuasiSteady.of(world, best, design.blade.rotor_radius)
-    table = world.rotor.coefficients(design.blade, quasi.spline.nodes).torque
-    known = quasi.operate(table, design.gains)
+    spline = ratio_spline(world.rotor.best_operation(design.blade))
+    table = world.rotor.coefficients(design.blade, spline.nodes).torque
+    quasi = QuasiSteady.of(world, design.blade, spline, table)
+    known = quasi.operate(design.gains)
     flow = operation["inflow_speed_m_s"]
     assert (flow[0], flow[-1]) == (1.04, 2.04)
     inside = (flow > 1.31) & (flow < 1.69)
