@@ -120,6 +120,15 @@ class Loop:
         """The same of rotor and controller alone, in an unchanged wake, 1/s."""
         return np.linalg.eigvals(self.rotor).real.max(axis=1)
 
+    @property
+    def time_constant(self) -> np.ndarray:
+        """Time constant of the rotor's speed in an unchanged wake, s, the law's states held.
+
+        From J dw/dt = Q(w, v) - u(w), linearized: J / (du/dw - dQ/dw), negative where the
+        equilibrium is unstable.
+        """
+        return -1.0 / self.rotor[:, 0, 0]
+
     def _growth(self, inertia):
         return np.linalg.eigvals(self.matrix(inertia)).real.max(axis=1)
 

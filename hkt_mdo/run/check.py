@@ -456,13 +456,12 @@ def _limits(found: Findings) -> Rows:
         for row in _of_scenario(found, limits, values):
             several = len(found.groups) > 1
             yield replace(row, label=f"{name}: {row.label}") if several else row
-    if found.running:
-        blade, several = found.start.blade, found.at_start.values()
-        deflection = loads.tip_deflection(found.physics.rotor, blade, several)
-        if deflection is not None:
-            yield tip_deflection(deflection, found.start.blade.tip_radius)
-    if found.physics.rotor.structure:
-        yield weight_moment(found.physics.rotor.weight_moment(found.start.blade))
+    rotor, blade = found.physics.rotor, found.start.blade
+    if found.running and not rotor.follows_reynolds:
+        bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
+        yield tip_deflection(bent, blade.tip_radius)
+    if rotor.structure:
+        yield weight_moment(rotor.weight_moment(blade))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.flows import ConstantInflow
+from hkt_mdo.dynamics.simulation import FeedbackTorque
+from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.evaluation import loads_along, on_start, steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
@@ -18,6 +19,7 @@ from hkt_mdo.results.words import measured, number
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.checks import energy_bound
+from hkt_mdo.run.verification import HeldSpeeds
 from hkt_mdo.start.find import find_start
 
 # range over the best tip speed ratio in which a rotor may operate during the design
@@ -116,9 +118,9 @@ class Flow:
     def __init__(self, name: str, scenarios: Sequence[Scenario], share: float):
         first = scenarios[0]
         self.name, self.share, self.inflow = name, share, first.inflow
-        self.steady = isinstance(first, SteadyScenario)
-        self.kind = first.resource if isinstance(first, SteadyScenario) else first.inflow
-        self.duration = scenarios[0].mesh.duration
+        self.steady = first.steady
+        self.kind = getattr(first, "resource", first.inflow)
+        self.duration = first.mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
         instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
         ends = first.edges[[0, -1]] if self.steady else (0.0, self.duration)
@@ -213,13 +215,12 @@ class Findings:
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None
         if steady.running:
-            self.steady_speed = float(steady.rotor_speed[0])
-            slope = 0.0
-            if law.is_feedback:
-                speed, flow = steady.rotor_speed[:1], np.array([self.mean])
-                states = law.at_rest(self.plant.generator_torque(speed, flow), flow)
-                slope = float(law.torque_by_speed(speed, gains, *states)[0])
-            self.time_constant = self.relaxation(self.steady_speed, self.mean, slope)
+            speed, flow = steady.rotor_speed[:1], np.array([self.mean])
+            states = law.at_rest(self.plant.generator_torque(speed, flow), flow)
+            controller = FeedbackTorque(law, gains) if law.is_feedback else HeldSpeeds(0.0)
+            loop = Loop.of(self.plant, controller, speed, flow, *states)
+            self.steady_speed = float(speed[0])
+            self.time_constant = float(loop.time_constant[0])
 
     def _meet(self):
         """Set the angles of attack and Reynolds numbers of the stations at the start, by BEM."""
@@ -255,17 +256,6 @@ class Findings:
                 return np.inf
             flow *= float(np.sqrt(limit / torque))
         return flow
-
-    def relaxation(self, rotor_speed: float, flow_speed: float, control_slope: float) -> float:
-        """Return the time constant (s) near an equilibrium (rad/s, m/s).
-
-        J dw/dt = Q(w, v) - u(w), linearized: J / (du/dw - dQ/dw), where `control_slope` is du/dw
-        (N*m*s/rad), zero for a torque that does not follow the speed. Negative where the
-        equilibrium is unstable.
-        """
-        at = np.array([[rotor_speed], [flow_speed]])
-        slope = self.plant.torque_slope(*at)[0] - self.plant.generator.shaft_friction_slope
-        return float(self.plant.inertia / (control_slope - slope))
 
 
 def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:

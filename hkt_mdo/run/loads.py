@@ -121,15 +121,11 @@ def _cavitation(rotor, blade, known, stations) -> Known:
     return {"cavitation": 0.5 * rotor.water_density * known["inflow_speed"] ** 2 * largest}
 
 
-def tip_deflection(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> float | None:
+def tip_deflection(rotor: RotorModel, blade: Blade, known: Known) -> float | None:
     """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
     if rotor.follows_reynolds:
         return None
-    most = 0.0
-    for known in trajectories:
-        ratio, flow = known["tip_speed_ratio"], known["inflow_speed"]
-        ratio = np.maximum(ratio, SLOWEST_RATIO)
-        at = np.linspace(ratio.min(), ratio.max(), 201)
-        found = np.interp(ratio, at, rotor.tip_deflection(blade, at))
-        most = max(most, float(np.max(0.5 * rotor.water_density * flow**2 * found)))
-    return most
+    ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
+    at = np.linspace(ratio.min(), ratio.max(), 201)
+    found = np.interp(ratio, at, rotor.tip_deflection(blade, at))
+    return max(0.0, float(np.max(0.5 * rotor.water_density * flow**2 * found)))

@@ -229,9 +229,7 @@ def _extremes(finished, scenarios, shadow_prices):
             limits[name]["scenario"] = max(over, key=over.get)
     (first, *others) = scenarios.values()
     blade, model = finished.result.point.blade, physics.rotor
-    bent = [
-        loads.tip_deflection(each.rotor, blade, [each.simulated]) for each in finished.verifications
-    ]
+    bent = [loads.tip_deflection(x.rotor, blade, x.simulated) for x in finished.verifications]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,

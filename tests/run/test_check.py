@@ -13,6 +13,7 @@ from hkt_mdo.case import load_case, read_case
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import simulate
+from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
@@ -20,6 +21,7 @@ from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.check_figures import power_spectrum
 from hkt_mdo.run.findings import problem_size
+from hkt_mdo.run.verification import HeldSpeeds
 from tests.files.broken.blades import WINDIO
 
 CASES, DATA = Path(__file__).parents[2] / "cases", Path(__file__).parents[1] / "data"
@@ -72,9 +74,10 @@ def test_time_constant_at_the_best_tip_speed_ratio() -> None:
     speed = found.best.tip_speed_ratio * found.mean / found.physics.blade.rotor_radius
     torque = found.torque(speed, found.mean)
     held = found.plant.inertia * speed / torque
-    assert found.relaxation(speed, found.mean, 0.0) == pytest.approx(held, rel=5e-3)
-    followed = found.relaxation(speed, found.mean, 2.0 * torque / speed)
-    assert followed == pytest.approx(held / 3.0, rel=5e-3)
+    known = np.array([speed]), np.array([found.mean])
+    for slope, constant in ((0.0, held), (2.0 * torque / speed, held / 3.0)):
+        loop = Loop.of(found.plant, HeldSpeeds(slope), *known)
+        assert loop.time_constant == pytest.approx(constant, rel=5e-3)
 
 
 @pytest.mark.parametrize("law", ["quadratic", "linear"])
