@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import Limit, Taper
+from hkt_mdo.dynamics.limits import Taper
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import power_scale, torque_scale
@@ -35,8 +35,8 @@ def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float)
             problem += f"{SLOWEST_RATIO:g} or less counts as standstill"
             remedy = f"give more than {standing / reach:.4g} {unit}"
             raise InputError(problem, remedy, key=f"limits.{name}", value=bound)
-    taper = _given(case).get(Taper.name)
-    if isinstance(taper, Taper) and not shape.designs_chord:
+    taper = next((limit for limit in case.limits.given if isinstance(limit, Taper)), None)
+    if taper is not None and not shape.designs_chord:
         blade = shape.blade
         over = taper.on(blade).excess({"chord": blade.chord})
         worst = int(np.argmax(over))
@@ -90,13 +90,9 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
             )
 
 
-def _given(case: Case) -> dict[str, Limit]:
-    return {limit.name: limit for limit in case.limits.given}
-
-
 def _bounds(case: Case) -> dict[str, float]:
     """Return the upper bounds of the case's limits over time, in SI units, by name."""
-    found = {name: limit.upper for name, limit in _given(case).items() if limit.place == "time"}
+    found = {limit.name: limit.upper for limit in case.limits.given if limit.place == "time"}
     torque = case.control.torque_limit
     return found | ({"torque": torque} if torque is not None else {})
 

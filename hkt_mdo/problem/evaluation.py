@@ -192,9 +192,7 @@ def objective_at(physics: Physics, point: StartingPoint) -> float:
     return united(physics, _integrals(physics, starts)) - price
 
 
-def largest_excesses(
-    physics: Physics, point: StartingPoint
-) -> dict[str, tuple[float, float | None]]:
+def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, float | None]]:
     """Return by how much a starting point exceeds each limit, design bounds aside, and where.
 
     By name: the relative excess, at most 0 if it is kept, and the flow's speed (m/s) there; None
@@ -213,11 +211,9 @@ def largest_excesses(
     return found
 
 
-def excesses(physics: Physics, point: StartingPoint) -> dict[str, float]:
-    """Return the relative excesses of `largest_excesses`, by name."""
-    return {name: over for name, (over, _) in largest_excesses(physics, point).items()}
+def broken_limits(physics: Physics, point: StartingPoint, most: float = START_EXCESS) -> list[str]:
+    """Return the names of the limits, design bounds aside, that a point exceeds by more than that.
 
-
-def broken_limits(physics: Physics, point: StartingPoint) -> list[str]:
-    """Return the names of the limits, design bounds aside, that a starting point exceeds."""
-    return [name for name, over in excesses(physics, point).items() if over > START_EXCESS]
+    `most` is relative.
+    """
+    return [name for name, (over, _) in excesses(physics, point).items() if over > most]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.evaluation import largest_excesses
+from hkt_mdo.problem.evaluation import excesses
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -164,7 +164,7 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
         return NOT_RUNNING.format(within=within, starts=starts)
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
-    found = largest_excesses(physics, start)
+    found = excesses(physics, start)
     over = {name: share for name, (share, _) in found.items()}
     if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
         over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}

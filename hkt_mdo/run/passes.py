@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import point_of
-from hkt_mdo.problem.evaluation import excesses, on_start
+from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -366,7 +366,7 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
     ends = []
     while task is not None:
         if task.passes == 0:
-            near = max(excesses(state.first, task.start).values(), default=0.0) < FAR
+            near = not broken_limits(state.first, task.start, FAR)
         if task.passes == 0 or task.physics is not state.physics:
             state.go_on_from(task.physics, task.setup.start, task.start)
         began = time.perf_counter()

@@ -18,7 +18,7 @@ from hkt_mdo.dynamics.resource import DurationCurve
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.evaluation import excesses, split
+from hkt_mdo.problem.evaluation import broken_limits, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import MoveLimits, Setup, curve_nodes
@@ -138,7 +138,7 @@ def optimized(
     finally:
         problem.cleanup()
     end, excess = point_of(physics, problem), driver.violation()
-    exceeds = [name for name, over in excesses(physics, end).items() if over > KEPT_EXCESS]
+    exceeds = broken_limits(physics, end, KEPT_EXCESS)
     if excess > KEPT_EXCESS and not exceeds:
         exceeds = ["balance_of_torques"]
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
