@@ -316,12 +316,12 @@ def _control(found: Findings) -> Rows:
     yield Row("torque limit", limit or "none", "N*m", smooth if limit else "", 4)
     if limit is not None and not found.above_rated:
         fastest = found.fastest
-        speed = found.best.tip_speed_ratio * fastest / found.plant.blade.rotor_radius
+        _, torque = found.at_best(fastest)
         yield _warning(
             "control.torque_limit",
             f"{measured(limit, 'N*m', 4)} is more than the torque of the flow: at its best tip "
             "speed ratio the starting blade has "
-            f"{measured(found.torque(speed, fastest), 'N*m', 4)} in the fastest flow, "
+            f"{measured(torque, 'N*m', 4)} in the fastest flow, "
             f"{fastest:.4g} m/s",
         )
     if law.is_feedback:
@@ -352,8 +352,7 @@ def _start(found: Findings) -> Rows:
     best, mean = found.best, found.mean
     for text in implausible({"largest power coefficient": best.power_coefficient}):
         yield _warning("rotor.blade", text)
-    speed = best.tip_speed_ratio * mean / found.plant.blade.rotor_radius
-    torque = found.torque(speed, mean)
+    speed, torque = found.at_best(mean)
     ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"
     yield Row("largest power coefficient", best.power_coefficient, "", ratio, 4)
     there = f"at {mean:.4g} m/s, {measured(torque, 'N*m', 4)}, {measured(speed, 'rad/s', 4)}"

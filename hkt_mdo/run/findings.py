@@ -174,7 +174,7 @@ class Findings:
         _, inertia = physics.mass_and_inertia(blade)
         self.plant = steady_plant(physics, physics.rotor, blade, inertia)
         self.best = physics.rotor.best_operation(blade)
-        self.rated_speed = self.rated(self.best.tip_speed_ratio)
+        self.rated_speed = self.rated()
         self.above_rated = self.average(
             lambda flow: flow.average((flow.speed > self.rated_speed).astype(float))
         )
@@ -237,21 +237,21 @@ class Findings:
         shares = [flow.share for flow in self.flows]
         return float(np.average([of(flow) for flow in self.flows], weights=shares))
 
-    def torque(self, rotor_speed: float, flow_speed: float) -> float:
-        """Return the torque (N*m) for the generator, of the starting blade at rad/s and m/s."""
-        at = np.array([[rotor_speed], [flow_speed]])
-        return float(self.plant.generator_torque(*at)[0])
+    def at_best(self, flow_speed: float) -> tuple[float, float]:
+        """Return speed (rad/s) and torque for the generator (N*m) at the best tip speed ratio."""
+        speed = self.best.tip_speed_ratio * flow_speed / self.plant.blade.rotor_radius
+        torque = self.plant.generator_torque(np.array([speed]), np.array([flow_speed]))
+        return speed, float(torque[0])
 
-    def rated(self, tip_speed_ratio: float) -> float:
-        """Return the flow speed (m/s) at which the torque limit is met at a tip speed ratio.
+    def rated(self) -> float:
+        """Return the flow speed (m/s) at which the torque limit is met at the best tip speed ratio.
 
         0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the
         Reynolds number. Infinite without a limit, and where the rotor has no torque.
         """
         limit, flow = self.physics.law.torque_limit, 1.0
         for _ in range(50):
-            speed = tip_speed_ratio * flow / self.plant.blade.rotor_radius
-            torque = self.torque(speed, flow)
+            _, torque = self.at_best(flow)
             if limit is None or torque <= 0.0:
                 return np.inf
             flow *= float(np.sqrt(limit / torque))

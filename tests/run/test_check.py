@@ -62,8 +62,7 @@ def test_torque_at_the_rated_speed_is_the_limit(reynolds: str) -> None:
     found = report.findings
     assert isinstance(found.physics.rotor.polar, LocalReynolds) == local
     assert ("torque: at every node" in rows(report, "Optimization")) == local
-    speed = found.best.tip_speed_ratio * found.rated_speed / found.physics.blade.rotor_radius
-    torque = found.torque(speed, found.rated_speed)
+    speed, torque = found.at_best(found.rated_speed)
     assert torque == pytest.approx(700.0, rel=1e-9)
     assert f"{torque * speed / 1e3:.4g} kW, at" in rows(report, "Starting blade")
 
@@ -71,8 +70,7 @@ def test_torque_at_the_rated_speed_is_the_limit(reynolds: str) -> None:
 def test_time_constant_at_the_best_tip_speed_ratio() -> None:
     """There Cp' = 0, so dQ/dw = -Q/w: J w/Q for a torque held, and J w/(3 Q) for u = K w²."""
     found = check().findings
-    speed = found.best.tip_speed_ratio * found.mean / found.physics.blade.rotor_radius
-    torque = found.torque(speed, found.mean)
+    speed, torque = found.at_best(found.mean)
     held = found.plant.inertia * speed / torque
     known = np.array([speed]), np.array([found.mean])
     for slope, constant in ((0.0, held), (2.0 * torque / speed, held / 3.0)):
