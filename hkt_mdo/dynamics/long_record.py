@@ -36,18 +36,12 @@ class FlowSamples:
         Since the first sample, s, rising, (n,).
     speed : np.ndarray
         Speed, m/s, negative where the flow runs the other way, (n,).
-    discharge : np.ndarray or None
-        Of the river, m³/s, (n,), where the speed follows from it.
-    axis : float or None
-        Direction of positive speeds, degrees from north to east, where it is known.
     messages : tuple of str
         Notes on what was read and how it was processed.
     """
 
     time: np.ndarray
     speed: np.ndarray
-    discharge: np.ndarray | None = None
-    axis: float | None = None
     messages: tuple[str, ...] = ()
 
     @property
@@ -133,7 +127,7 @@ class RecordResource(RecordFile, Resource):
         if self.direction_column is not None:
             angle = np.deg2rad(self._columns(speed_column=self.direction_column, **_ANGLE).speed)
             raw = replace(raw, parts=raw.speed * np.stack((np.sin(angle), np.cos(angle))))
-        return self._made(raw) if raw.parts is None else self._along_axis(raw)
+        return self._made(raw if raw.parts is None else _along_axis(raw))
 
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
@@ -154,7 +148,7 @@ class RecordResource(RecordFile, Resource):
         if outside:
             notes += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
         speed = np.maximum(curve.speed_at(made.speed), 0.0)
-        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, notes))
+        return replace(made, speed=speed, messages=(*made.messages, notes))
 
     @cached_property
     def rating_curve(self) -> Rating:
@@ -172,21 +166,6 @@ class RecordResource(RecordFile, Resource):
             problem = f"takes more than {discharge.size} points"
             raise InputError(problem, "give a lower one", key="resource.rating_degree")
         return Rating(discharge, speed, self.rating_degree)
-
-    def _along_axis(self, raw: Columns) -> FlowSamples:
-        """Return the samples of the speed along the principal axis of its parts, east and north."""
-        good = np.all(np.isfinite(raw.parts), axis=0)
-        about = raw.parts[:, good]
-        _, vectors = np.linalg.eigh(about @ about.T)
-        along = vectors[:, -1] @ about
-        sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
-        axis, speed = sign * vectors[:, -1], np.full(good.size, np.nan)
-        speed[good] = sign * along
-        share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
-        angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
-        note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
-        made = self._made(replace(raw, speed=speed, messages=(*raw.messages, note)))
-        return replace(made, axis=angle)
 
     def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""
@@ -260,3 +239,18 @@ class RecordResource(RecordFile, Resource):
     @property
     def messages(self):
         return (*self.samples.messages, *super().messages)
+
+
+def _along_axis(raw: Columns) -> Columns:
+    """Return columns with the speed along the principal axis of its parts, east and north."""
+    good = np.all(np.isfinite(raw.parts), axis=0)
+    about = raw.parts[:, good]
+    _, vectors = np.linalg.eigh(about @ about.T)
+    along = vectors[:, -1] @ about
+    sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
+    axis, speed = sign * vectors[:, -1], np.full(good.size, np.nan)
+    speed[good] = sign * along
+    share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
+    angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
+    note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
+    return replace(raw, speed=speed, messages=(*raw.messages, note))
