@@ -85,7 +85,7 @@ def read_parquet(path: Path, options: RecordFile) -> Columns:
     ------
     InputError
         If a library is not installed; what they raise where the file is broken.
-    """  # noqa: DOC501 - `needed` raises an InputError
+    """
     _need("pyarrow.parquet", path)
     pandas = _need("pandas", path)
     content = io.BytesIO(read_bytes(path, MAX_BYTES, "record"))
