@@ -52,7 +52,7 @@ class Tide:
         order = np.argsort(-size)
         for place in order[size[order] >= TINY * np.max(size)][:100]:
             name, period = self.names[place], float(1.0 / self.frequency[place])
-            about = {"name": name} if name in TIDAL_HOURS else {"period": period}
+            about: dict[str, Any] = {"name": name} if name in TIDAL_HOURS else {"period": period}
             wave = {"amplitude": float(size[place]), "phase": float(self.phase[place])}
             parts.append(about | wave)
         return {"profile": "tidal_year", "mean": self.mean, "constituents": parts}

@@ -83,7 +83,7 @@ class Rating:
 
     discharge: np.ndarray
     speed: np.ndarray
-    curve: Callable[[np.ndarray], np.ndarray]
+    curve: Callable
 
     @property
     def determination(self) -> float:
