@@ -1,6 +1,6 @@
 """Files of `hkt resource`: hours of each speed, constituents of the tide, and figures."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +11,10 @@ from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import YEAR
-from hkt_mdo.files.table import make_folder, refuse_existing
+from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.messages import validated
 from hkt_mdo.results import style
-from hkt_mdo.results.folder import write_csv, write_text
 from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel
 
 HOURS = YEAR / 3600.0
@@ -26,8 +25,8 @@ MOST_SHOWN = 20_000  # samples in a figure
 
 def report_resource(
     file: Path, out: Path, keys: Sequence[str], asked: str, force: bool
-) -> Iterator[str]:
-    """Read a record, write the files that a case takes, and yield the lines of a report.
+) -> Iterable[str]:
+    """Read a record, write the files that a case takes, and return the lines of a report.
 
     Parameters
     ----------
@@ -42,49 +41,39 @@ def report_resource(
     force : bool
         Whether to replace what is there.
 
-    Yields
-    ------
-    str
+    Returns
+    -------
+    iterable of str
+        The lines.
 
     Raises
     ------
     InputError
         If a key or the record is not as it should be, or a file is there already.
     """
-    record = _record(file, keys)
-    samples = record.samples
-    speed, share = record.binned()
-    tide = None
+    data: dict[str, Any] = {"file": str(file)}
+    given = {assign(data, text, "hkt resource"): text for text in keys}
+    record = validated(RecordResource, data, "hkt resource", given)
+    samples, (speed, share) = record.samples, record.binned()
+    rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
+    table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
+    section = {"profile": "histogram", "file": "resource.csv"}
+    contents = {"resource.csv": table, "case.yaml": _yaml(section)}
+    lines = [*samples.messages, *_statistics(speed, share), *_length(samples, bool(asked))]
+    panels = {"resource": resource_panels(speed, share, samples)}
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-    written = [out / name for name in ("resource.csv", "case.yaml", *["tide.yaml"] * bool(tide))]
-    refuse_existing(written, force)
-    make_folder(out)
-    order = np.argsort(speed)
-    rows = np.stack((speed, HOURS * share), axis=1)[order]
-    write_csv(written[0], ["speed_m_s", "hours"], rows)
-    write_text(written[1], _yaml({"profile": "histogram", "file": "resource.csv"}))
-    yield from samples.messages
-    yield from _statistics(speed, share)
-    yield from _length(samples, tide is not None)
-    if tide is not None:
-        write_text(written[2], _yaml(tide.section))
-        yield from _of_tide(tide)
-    panels = resource_panels(speed, share, samples)
-    drawn = {"resource": style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: resource")}
-    if tide is not None:
-        panels = [tide_panel(samples, tide)]
-        drawn["tide"] = style.figure_of_panels(panels, 7.0, 3.0, f"{file.name}: tide")
+        contents["tide.yaml"] = _yaml(tide.section)
+        lines += _of_tide(tide)
+        panels["tide"] = [tide_panel(samples, tide)]
+    written = write_new({out / name: text.encode() for name, text in contents.items()}, force)
+    drawn = {
+        name: style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
+        for name, each in panels.items()
+    }
     files = [path.name for path in (*written, *style.save(drawn, out))]
-    yield f"Written: {out}: {', '.join(files)}"
-
-
-def _record(file: Path, keys: Sequence[str]) -> RecordResource:
-    """Return the record of a file, with keys as a case would have them."""
-    data: dict[str, Any] = {"file": str(file)}
-    given = {assign(data, text, "hkt resource"): text for text in keys}
-    return validated(RecordResource, data, "hkt resource", given)
+    return [*lines, f"Written: {out}: {', '.join(files)}"]
 
 
 def _yaml(section: dict[str, Any]) -> str:
@@ -134,9 +123,8 @@ def _of_tide(tide: Tide) -> Iterator[str]:
 def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) -> list[Panel]:
     """Return the hours of each speed in a year, and the share of time in which it is exceeded."""
     hours = Panel("hours a year (h)", "speed of the flow (m/s)")
-    for index, (word, own) in enumerate(
-        (("forward", speed >= 0.0), ("the other way", speed < 0.0))
-    ):
+    ways = {"forward": speed >= 0.0, "the other way": speed < 0.0}
+    for index, (word, own) in enumerate(ways.items()):
         if np.any(own):
             order = np.argsort(np.abs(speed[own]))
             x, y = np.abs(speed[own])[order], HOURS * share[own][order]

@@ -42,24 +42,20 @@ class Tide:
 
     def speed_at(self, time: np.ndarray) -> np.ndarray:
         """Return the predicted speed, m/s, at times since the first sample, s."""
-        found = np.full(time.shape, self.mean)
-        for f, a, phase in zip(self.frequency, self.amplitude, self.phase, strict=True):
-            found += a * np.cos(2.0 * np.pi * f * time - phase)
-        return found
+        angle = np.multiply.outer(time, 2.0 * np.pi * self.frequency)
+        return self.mean + np.cos(angle - self.phase) @ self.amplitude
 
     @property
     def section(self) -> dict[str, Any]:
         """The section `resource` of a case with this tide, the largest constituents first."""
-        least, parts = TINY * np.max(self.amplitude), []
-        for place in np.argsort(-self.amplitude):
-            if self.amplitude[place] < least:
-                break
-            name = self.names[place]
-            about = {"name": name} if name in TIDAL_HOURS else {}
-            about = about or {"period": float(1.0 / self.frequency[place])}
-            amplitude, phase = (float(x[place]) for x in (self.amplitude, self.phase))
-            parts.append(about | {"amplitude": amplitude, "phase": phase % (2.0 * np.pi)})
-        return {"profile": "tidal_year", "mean": float(self.mean), "constituents": parts[:100]}
+        size, parts = self.amplitude, []
+        order = np.argsort(-size)
+        for place in order[size[order] >= TINY * np.max(size)][:100]:
+            name, period = self.names[place], float(1.0 / self.frequency[place])
+            about: dict[str, Any] = {"name": name} if name in TIDAL_HOURS else {"period": period}
+            wave = {"amplitude": float(size[place]), "phase": float(self.phase[place])}
+            parts.append(about | wave)
+        return {"profile": "tidal_year", "mean": self.mean, "constituents": parts}
 
 
 def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:

@@ -6,8 +6,9 @@ stand still and turn, and nothing is low-passed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -36,18 +37,12 @@ class FlowSamples:
         Since the first sample, s, rising, (n,).
     speed : np.ndarray
         Speed, m/s, negative where the flow runs the other way, (n,).
-    discharge : np.ndarray or None
-        Of the river, m³/s, (n,), where the speed follows from it.
-    axis : float or None
-        Direction of positive speeds, degrees from north to east, where it is known.
     messages : tuple of str
         Notes on what was read and how it was processed.
     """
 
     time: np.ndarray
     speed: np.ndarray
-    discharge: np.ndarray | None = None
-    axis: float | None = None
     messages: tuple[str, ...] = ()
 
     @property
@@ -82,25 +77,18 @@ class Rating:
     ----------
     discharge, speed : np.ndarray
         Points, m³/s and m/s, (n,).
-    degree : int or None
-        Of the polynomial that is fitted by least squares; None: straight lines between the points.
+    curve : callable
+        Returns the speeds, m/s, at discharges, m³/s.
     """
 
     discharge: np.ndarray
     speed: np.ndarray
-    degree: int | None
-
-    def speed_at(self, discharge: np.ndarray) -> np.ndarray:
-        """Return the speed, m/s, at discharges, m³/s."""
-        if self.degree is None:
-            return np.interp(discharge, self.discharge, self.speed)
-        fitted = np.polynomial.Polynomial.fit(self.discharge, self.speed, self.degree)
-        return np.asarray(fitted(discharge))
+    curve: Callable
 
     @property
     def determination(self) -> float:
         """Coefficient of determination of the curve at its points."""
-        left = np.sum((self.speed_at(self.discharge) - self.speed) ** 2)
+        left = np.sum((self.curve(self.discharge) - self.speed) ** 2)
         return float(1.0 - left / np.sum((self.speed - np.mean(self.speed)) ** 2))
 
 
@@ -133,7 +121,7 @@ class RecordResource(RecordFile, Resource):
         if self.direction_column is not None:
             angle = np.deg2rad(self._columns(speed_column=self.direction_column, **_ANGLE).speed)
             raw = replace(raw, parts=raw.speed * np.stack((np.sin(angle), np.cos(angle))))
-        return self._made(raw) if raw.parts is None else self._along_axis(raw)
+        return self._made(raw if raw.parts is None else _along_axis(raw))
 
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
@@ -141,20 +129,20 @@ class RecordResource(RecordFile, Resource):
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""
-        curve, raw = self.rating_curve, self._columns(area=1.0)
+        rating, raw = self.rating_curve, self._columns(area=1.0)
         notes = tuple(text for text in raw.messages if "over the area" not in text)
         made = self._made(replace(raw, messages=notes, unit="m3/s"), 0.0, np.inf)
-        low, high = curve.discharge[0], curve.discharge[-1]
+        low, high = rating.discharge[0], rating.discharge[-1]
         outside = float(np.mean((made.speed < low) | (made.speed > high)))
-        notes = f"speed by the rating curve of {curve.discharge.size} points, "
-        notes += "straight lines" if curve.degree is None else f"degree {curve.degree}"
-        notes += f", coefficient of determination {curve.determination:.4f}"
-        if curve.discharge.size < POINTS_301:
+        notes = f"speed by the rating curve of {rating.discharge.size} points, "
+        notes += f"degree {self.rating_degree}" if self.rating_degree else "straight lines"
+        notes += f", coefficient of determination {rating.determination:.4f}"
+        if rating.discharge.size < POINTS_301:
             notes += f"; IEC TS 62600-301 asks for {POINTS_301} points"
         if outside:
             notes += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
-        speed = np.maximum(curve.speed_at(made.speed), 0.0)
-        return replace(made, speed=speed, discharge=made.speed, messages=(*made.messages, notes))
+        speed = np.maximum(rating.curve(made.speed), 0.0)
+        return replace(made, speed=speed, messages=(*made.messages, notes))
 
     @cached_property
     def rating_curve(self) -> Rating:
@@ -171,22 +159,10 @@ class RecordResource(RecordFile, Resource):
         if (self.rating_degree or 0) >= discharge.size:
             problem = f"takes more than {discharge.size} points"
             raise InputError(problem, "give a lower one", key="resource.rating_degree")
-        return Rating(discharge, speed, self.rating_degree)
-
-    def _along_axis(self, raw: Columns) -> FlowSamples:
-        """Return the samples of the speed along the principal axis of its parts, east and north."""
-        good = np.all(np.isfinite(raw.parts), axis=0)
-        about = raw.parts[:, good]
-        _, vectors = np.linalg.eigh(about @ about.T)
-        along = vectors[:, -1] @ about
-        sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
-        axis, speed = sign * vectors[:, -1], np.full(good.size, np.nan)
-        speed[good] = sign * along
-        share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
-        angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
-        note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
-        made = self._made(replace(raw, speed=speed, messages=(*raw.messages, note)))
-        return replace(made, axis=angle)
+        if self.rating_degree is None:
+            return Rating(discharge, speed, partial(np.interp, xp=discharge, fp=speed))
+        fitted = np.polynomial.Polynomial.fit(discharge, speed, self.rating_degree)
+        return Rating(discharge, speed, fitted)
 
     def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""
@@ -239,13 +215,11 @@ class RecordResource(RecordFile, Resource):
 
     def binned(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the speeds of bins, m/s, and their shares; reversed flow has bins of its own."""
-        speed, found = self.samples.speed, []
-        for sign in (1.0, -1.0):
-            own = sign * speed[np.sign(speed) == sign if sign < 0.0 else speed >= 0.0]
-            if own.size:
-                mean, share = in_bins(own, np.full(own.size, 1.0 / speed.size), self.bin_width)
-                found.append((sign * mean, share))
-        return tuple(np.concatenate(each) for each in zip(*found, strict=True))
+        speed, each = self.occurrence()
+        ahead, back = speed >= 0.0, speed < 0.0
+        mean, share = in_bins(speed[ahead], each[ahead], self.bin_width)
+        reverse, other = in_bins(-speed[back], each[back], self.bin_width)
+        return np.concatenate((mean, -reverse)), np.concatenate((share, other))
 
     def scatter(self, energies):
         speed = self.samples.speed
@@ -260,3 +234,18 @@ class RecordResource(RecordFile, Resource):
     @property
     def messages(self):
         return (*self.samples.messages, *super().messages)
+
+
+def _along_axis(raw: Columns) -> Columns:
+    """Return columns with the speed along the principal axis of its parts, east and north."""
+    good = np.all(np.isfinite(raw.parts), axis=0)
+    about = raw.parts[:, good]
+    _, vectors = np.linalg.eigh(about @ about.T)
+    along = vectors[:, -1] @ about
+    sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
+    axis, speed = sign * vectors[:, -1], np.full(good.size, np.nan)
+    speed[good] = sign * along
+    share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
+    angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
+    note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
+    return replace(raw, speed=speed, messages=(*raw.messages, note))

@@ -6,6 +6,7 @@ repaired unless an option says so, and every repair is named in `Record.messages
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
@@ -18,7 +19,7 @@ from hkt_mdo.dynamics.sampled import SampledInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
 from hkt_mdo.files.record_table import Columns, RecordFile, read_csv
-from hkt_mdo.files.record_xarray import columns_from, read_binary
+from hkt_mdo.files.record_xarray import columns_from, read_netcdf, read_parquet
 from hkt_mdo.files.table import file_state
 from hkt_mdo.messages import validated
 from hkt_mdo.sections import Quantity
@@ -55,8 +56,9 @@ AVERAGED, NOISY = 600.0, 0.01
 UNEVEN = 0.05
 """Share of a step by which a sample may be off its even time."""
 
-_READERS = dict.fromkeys((".csv", ".txt"), read_csv) | {".json": read_json}
-_READERS |= dict.fromkeys((".nc", ".nc4", ".cdf", ".parquet", ".pq"), read_binary)
+_READERS = dict.fromkeys((".csv", ".txt"), ("CSV", read_csv)) | {".json": ("JSON", read_json)}
+_READERS |= dict.fromkeys((".nc", ".nc4", ".cdf"), ("NetCDF", read_netcdf))
+_READERS |= dict.fromkeys((".parquet", ".pq"), ("Parquet", read_parquet))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +168,22 @@ def read_columns(path: Path, options: RecordFile) -> Columns:
     Raises
     ------
     InputError
-        If the ending is unknown, or the file is not as the options say.
+        If the ending is unknown, the file is broken, whatever that makes a library raise, or it is
+        not as the options say.
     """
-    reader, ending = _READERS.get(path.suffix.lower()), path.suffix
-    if reader is None:
+    ending = path.suffix
+    if ending.lower() not in _READERS:
         problem = f"has the file extension {ending}" if ending else "has no file extension"
         raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
-    return _with_parts(partial(reader, path), options)
+    kind, reader = _READERS[ending.lower()]
+    try:
+        return _with_parts(partial(reader, path), options)
+    except Exception as error:
+        if isinstance(error, InputError) or kind == "CSV":
+            raise
+        reason = re.sub(r"\s+", " ", str(error))[:120] or type(error).__name__
+        problem = f"cannot be read as {kind} ({reason})"
+        raise InputError(problem, "write the file anew, or as CSV", file=path) from None
 
 
 def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> Columns:

@@ -66,15 +66,11 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     Raises
     ------
     InputError
-        If the file is broken, or its columns are not clear.
+        If its columns are not clear; what `json` raises where the file is broken.
     """
-    text = read_text(path, "record", MAX_BYTES)
+    data = json.loads(read_text(path, "record", MAX_BYTES))
     try:
-        data = json.loads(text)
         series = _series(data)
-    except (ValueError, RecursionError) as error:
-        problem = f"cannot be read as JSON ({error})"
-        raise InputError(problem, "write the file anew, or as CSV", file=path) from None
     except (KeyError, TypeError, IndexError, AttributeError):
         series = []
     if not series:

@@ -238,7 +238,7 @@ class Columns:
         time = self.time
         if self.dated and options.time_unit is not None:
             problem = f"holds dates, and time_unit is {options.time_unit}"
-            raise self._refuse_column(0, problem, "leave time_unit out")
+            raise self.refuse_column(0, problem, "leave time_unit out")
         if not self.dated:
             unit = self._unit(0, options)
             # a value that overflows is refused later, with its row
@@ -251,7 +251,7 @@ class Columns:
             if area is None:
                 problem = f"is a discharge in {unit}, not a speed"
                 remedy = "give area, the channel's cross section in m2, or a column of the speed"
-            raise self._refuse_column(1, problem, remedy)
+            raise self.refuse_column(1, problem, remedy)
         if area is None:
             factor = SPEED_UNITS[unit]
             note = f"speed converted from {unit} to m/s, times {factor:.6g}"
@@ -274,15 +274,28 @@ class Columns:
             problem = f"has no unit that is known ({units})" + (attribute and f": {attribute}")
             example = ("time_s or time [h]", "speed_m_s or v [ft/s]")[column]
             remedy = f"give {key}, or name it with its unit, such as {example}"
-            raise self._refuse_column(column, problem, remedy)
+            raise self.refuse_column(column, problem, remedy)
         if given is not None and named not in (None, given):
             problem = f"is in {named} by its own name or attributes, and in {given} by {key}"
             remedy = f"correct {key} or the file, whichever is wrong"
-            raise self._refuse_column(column, problem, remedy)
+            raise self.refuse_column(column, problem, remedy)
         return str(given or named)
 
-    def _refuse_column(self, column: int, problem: str, remedy: str) -> InputError:
-        """Return the error of the column of time (0) or speed (1)."""
+    def refuse_column(self, column: int, problem: str, remedy: str) -> InputError:
+        """Return the error of a column.
+
+        Parameters
+        ----------
+        column : int
+            0 for the time, 1 for the speed.
+        problem, remedy : str
+            As of `InputError`.
+
+        Returns
+        -------
+        InputError
+            To be raised.
+        """
         return InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 

@@ -61,15 +61,20 @@ def columns_from(data: Any, options: RecordFile, file: str = "") -> Columns:
     raise InputError("is no record", remedy, value=type(data).__name__)
 
 
-def read_binary(path: Path, options: RecordFile) -> Columns:
-    """Read time and speed from a Parquet or a NetCDF file; the ending says which.
+def _need(name: str, file: object) -> Any:
+    """Return a module of the extra `records`."""
+    return needed(name, f"{install('records')}, or save the record as CSV", file=file)
+
+
+def read_parquet(path: Path, options: RecordFile) -> Columns:
+    """Read time and speed from a Parquet file by pandas.
 
     Parameters
     ----------
     path : pathlib.Path
         The file.
     options : RecordFile
-        Which columns or variables, and their units.
+        Which columns, and their units.
 
     Returns
     -------
@@ -79,34 +84,34 @@ def read_binary(path: Path, options: RecordFile) -> Columns:
     Raises
     ------
     InputError
-        If the file is broken, whatever that makes the libraries raise, or they are not installed.
+        If a library is not installed; what they raise where the file is broken.
     """
-    parquet = path.suffix.lower() in (".parquet", ".pq")
-    try:
-        return (_read_parquet if parquet else _read_netcdf)(path, options)
-    except InputError:
-        raise
-    except Exception as error:
-        reason = re.sub(r"\s+", " ", str(error))[:120] or type(error).__name__
-        problem = f"cannot be read as {'Parquet' if parquet else 'NetCDF'} ({reason})"
-        raise InputError(problem, "write the file anew, or as CSV", file=path) from None
-
-
-def _need(name: str, file: object) -> Any:
-    """Return a module of the extra `records`."""
-    return needed(name, f"{install('records')}, or save the record as CSV", file=file)
-
-
-def _read_parquet(path: Path, options: RecordFile) -> Columns:
-    """Read a Parquet file by pandas."""
     _need("pyarrow.parquet", path)
     pandas = _need("pandas", path)
     content = io.BytesIO(read_bytes(path, MAX_BYTES, "record"))
     return columns_from(pandas.read_parquet(content), options, str(path))
 
 
-def _read_netcdf(path: Path, options: RecordFile) -> Columns:
-    """Read a NetCDF file, version 3 (CDF) or 4 (HDF5), by xarray."""
+def read_netcdf(path: Path, options: RecordFile) -> Columns:
+    """Read time and speed from a NetCDF file, version 3 (CDF) or 4 (HDF5), by xarray.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file.
+    options : RecordFile
+        Which variables, and their units.
+
+    Returns
+    -------
+    Columns
+        Time and speed as in the data.
+
+    Raises
+    ------
+    InputError
+        If a library is not installed; what they raise where the file is broken.
+    """
     xarray = _need("xarray", path)
     head = read_bytes(path, MAX_BYTES, "record")[:8]
     engine: dict[str, Any] = {}
@@ -138,13 +143,12 @@ def _with_dates(data: Any, decode: Callable) -> Any:
     return data.assign(dates)
 
 
-def _check_kinds(columns: tuple[Any, Any], names: tuple[str, str], file: str) -> None:
+def _check_kinds(raw: Columns) -> None:
     """Refuse a time that is neither number nor date, and a speed that is no number."""
-    for column, name, kinds in zip(columns, names, ("iufM", "iuf"), strict=True):
-        if column.dtype.kind not in kinds:
-            problem = "holds no numbers" + (" and no dates" if "M" in kinds else "")
-            remedy = "write it as numbers, or choose another"
-            raise InputError(problem, remedy, file=file, key=column_key(name))
+    for column, values in enumerate((raw.time, raw.speed)):
+        if values.dtype.kind not in ("iufM", "iuf")[column]:
+            problem = ("holds no numbers and no dates", "holds no numbers")[column]
+            raise raw.refuse_column(column, problem, "write it as numbers, or choose another")
 
 
 def _checked(raw: Columns) -> Columns:
@@ -154,7 +158,7 @@ def _checked(raw: Columns) -> Columns:
         remedy = "mark missing samples by NaN"
         raise InputError("must be a finite number", remedy, file=raw.file, key=key, value=value)
     if raw.time.dtype.kind != "M":
-        return raw
+        return replace(raw, time=raw.time.astype(float))
     dates = raw.time.astype("datetime64[ns]")
     since = (dates - dates[:1]).astype(np.int64) * 1e-9
     return replace(raw, time=np.where(np.isnat(dates), np.nan, since), dated=True)
@@ -167,7 +171,7 @@ def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
     columns = [str(name) for name in frame.columns]
     names = choose(columns, next(iter(columns), None), options, file)
     time, speed = (frame.iloc[:, columns.index(name)] for name in names)
-    _check_kinds((time, speed), names, file)
+    _check_kinds(Columns(file, names, time, speed))
     if hasattr(time.dtype, "tz"):
         time = time.dt.tz_convert(None)
     times = time.to_numpy() if time.dtype.kind == "M" else time.to_numpy(float, na_value=np.nan)
@@ -194,12 +198,10 @@ def _from_dataset(data: Any, file: str, options: RecordFile) -> Columns:
     columns = [*([str(chosen)] if chosen in vectors else vectors), *speeds]
     names = choose(columns, None if default is None else str(default), options, file)
     time, speed = data[names[0]], data[names[1]]
-    _check_kinds((time, speed), names, file)
-    values, parts, messages = _profile(speed, dimension, file, options)
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
-    times = time.values if time.dtype.kind == "M" else time.values.astype(float)
-    raw = Columns(file, names, times, values, messages=messages, parts=parts, units=units)
-    return _checked(raw)
+    raw = Columns(file, names, time, speed, units=units)
+    _check_kinds(raw)
+    return _checked(replace(_profile(raw, dimension, options), time=time.values))
 
 
 def _unlikeness(variable: Any) -> int:
@@ -209,14 +211,9 @@ def _unlikeness(variable: Any) -> int:
     return 2 if unit is None else int("sound" in described)
 
 
-def _profile(
-    speed: Any, dimension: Any, file: str, options: RecordFile
-) -> tuple[np.ndarray, np.ndarray | None, tuple[str, ...]]:
-    """Return the speed and two components over time, averaged over bins, and what was chosen."""
-
-    def refuse(problem: str, remedy: str) -> InputError:
-        return InputError(problem, remedy, file=file, key=column_key(str(speed.name)))
-
+def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
+    """Return columns with the speed of a variable, averaged over bins, and its two components."""
+    speed: Any = raw.speed
     others = [name for name in speed.dims if name != dimension]
     labelled = [
         name
@@ -229,54 +226,55 @@ def _profile(
         bins = [name for name in bins if name in speed.dims]
     if len(labelled) > 1 or len(bins) > 1:
         remedy = "give a variable over time, depth bins and components at most"
-        raise refuse(f"has the dimensions {', '.join(map(str, speed.dims))}", remedy)
+        problem = f"has the dimensions {', '.join(map(str, speed.dims))}"
+        raise raw.refuse_column(1, problem, remedy)
     for key, axis, what in (("component", labelled, "components"), ("bins", bins, "depth bins")):
         if not axis and getattr(options, key) is not None:
             problem = f"is given for a record without {what}"
-            raise options.refuse(key, problem, "leave it out", file)
+            raise options.refuse(key, problem, "leave it out", raw.file)
     parts, messages = [speed], []
     for name in labelled:
         labels = [str(label) for label in speed[name].values]
-        chosen = _chosen_components(labels, options, file, refuse)
+        chosen = _chosen_components(labels, raw, options)
         parts = [speed.isel({name: labels.index(label)}) for label in chosen]
         kind = "component" if len(chosen) == 1 else "horizontal speed of"
         messages.append(f"{speed.name}: {kind} {' and '.join(chosen)}")
     for name in bins:
         if name not in speed.coords or speed[name].dtype.kind not in "iuf" or not speed[name].size:
-            raise refuse(f"has no distances along {name}", f"give {name} its values in metres")
+            remedy = f"give {name} its values in metres"
+            raise raw.refuse_column(1, f"has no distances along {name}", remedy)
         centres = speed[name].values.astype(float)
         available = f"there are {centres.size} from {_span(centres)}"
         if options.bins is None:
             remedy = f"give bins: [lower, upper]; {available}"
-            raise refuse(f"has depth bins along {name}", remedy)
+            raise raw.refuse_column(1, f"has depth bins along {name}", remedy)
         inside = np.flatnonzero((centres >= options.bins[0]) & (centres <= options.bins[1]))
         if not inside.size:
-            raise options.refuse("bins", "has no bin", f"widen it; {available}", file)
+            raise options.refuse("bins", "has no bin", f"widen it; {available}", raw.file)
         parts = [part.isel({name: inside}) for part in parts]
         messages.append(f"average of {inside.size} bins from {_span(centres[inside])}")
     arrays = [part.transpose(dimension, *bins).values.astype(float) for part in parts]
     if len(arrays) == 2:
         arrays.append(np.hypot(*arrays))
     *components, size = (np.mean(array, axis=1) if bins else array for array in arrays)
-    return size, np.stack(components) if components else None, tuple(messages)
+    both = np.stack(components) if components else None
+    return replace(raw, speed=size, parts=both, messages=tuple(messages))
 
 
-def _chosen_components(
-    labels: list[str], options: RecordFile, file: str, refuse: Callable[[str, str], InputError]
-) -> list[str]:
+def _chosen_components(labels: list[str], raw: Columns, options: RecordFile) -> list[str]:
     """Return the labels of the requested components, or of the two horizontal ones."""
     available = f"there are {', '.join(labels)}"
     if all(label.isdigit() for label in labels):
         remedy = "rotate it to earth or flow coordinates"
-        raise refuse("is along the beams of the instrument", remedy)
+        raise raw.refuse_column(1, "is along the beams of the instrument", remedy)
     if options.component is None:
         if tuple(map(str.lower, labels[:2])) not in _HORIZONTAL:
             problem = "has no two horizontal components at its head"
-            raise refuse(problem, f"give component: {available}")
+            raise raw.refuse_column(1, problem, f"give component: {available}")
         return labels[:2]
     wanted = [label.strip() for label in options.component.split(",")]
     if len(wanted) > 2 or not {*wanted} <= {*labels}:
-        raise options.refuse("component", "is no component", available, file)
+        raise options.refuse("component", "is no component", available, raw.file)
     return wanted
 
 

@@ -95,10 +95,6 @@ class SteadyScenario(Scenario):
     flow_missed = flow_errors
 
     @property
-    def messages(self):
-        return self.inflow.messages
-
-    @property
     def mean_flow(self):
         return float(self.sample_weights @ self.speeds / np.sum(self.sample_weights))
 
