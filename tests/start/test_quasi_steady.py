@@ -24,8 +24,8 @@ SPLINE = TorqueSpline(np.linspace(2.0, 15.0, 131))
 RUBS = Generator(shaft_friction=40.0, shaft_friction_slope=5.0)
 
 
-def quasi_steady(law, shaft=LOSSLESS):
-    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, law, shaft)
+def quasi_steady(table, law, shaft=LOSSLESS):
+    return QuasiSteady(FLOW, WEIGHTS, DENSITY, RADIUS, SPLINE, table, law, shaft)
 
 
 @pytest.fixture(scope="module")
@@ -42,11 +42,11 @@ def test_quadratic_feedback_with_the_matching_gain_captures_the_largest_power(bl
     best = best_operation(blade, Hydrodynamics(polar))
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
     for shaft in (LOSSLESS, RUBS):
-        operation = quasi_steady(QuadraticFeedback(), shaft).operate(table, [gain])
+        operation = quasi_steady(table, QuadraticFeedback(), shaft).operate([gain])
         assert operation.running
         balance = gain * operation.rotor_speed**2 + shaft.friction(operation.rotor_speed)
         np.testing.assert_allclose(operation.hydrodynamic_torque, balance, rtol=1e-9)
-    operation = quasi_steady(QuadraticFeedback()).operate(table, [gain])
+    operation = quasi_steady(table, QuadraticFeedback()).operate([gain])
     assert operation.energy == pytest.approx(ideal_energy(best.power_coefficient), rel=1e-4)
     ratio = operation.rotor_speed * RADIUS / FLOW
     np.testing.assert_allclose(ratio, best.tip_speed_ratio, rtol=1e-3)
@@ -54,15 +54,15 @@ def test_quadratic_feedback_with_the_matching_gain_captures_the_largest_power(bl
 
 def test_a_rotor_near_its_largest_torque_does_not_recover(table):
     """A constant torque holds no speed below that of the largest torque; K2 w^2 does."""
-    problem, gains = quasi_steady(QuadraticFeedback()), [10.0]
-    operation = problem.operate(table, gains)
-    assert problem.recovers(table, gains, operation)
+    problem, gains = quasi_steady(table, QuadraticFeedback()), [10.0]
+    operation = problem.operate(gains)
+    assert problem.recovers(gains, operation)
     peak = SPLINE.nodes[np.argmax(table)]
-    stalled = problem.held(table, 0.98 * peak * FLOW / RADIUS)
+    stalled = problem.held(0.98 * peak * FLOW / RADIUS)
     torque = np.min(stalled.hydrodynamic_torque)
     constant = SimpleNamespace(torque=lambda speed, gains: np.full(np.shape(speed), torque))
-    assert not quasi_steady(constant).recovers(table, [], stalled)
+    assert not quasi_steady(table, constant).recovers([], stalled)
 
 
 def test_an_excessive_gain_is_not_running(table):
-    assert not quasi_steady(QuadraticFeedback()).operate(table, [500.0]).running
+    assert not quasi_steady(table, QuadraticFeedback()).operate([500.0]).running
