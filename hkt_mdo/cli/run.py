@@ -6,7 +6,6 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
 from datetime import timedelta
 from pathlib import Path
 from typing import Annotated, Any
@@ -82,12 +81,11 @@ def run(
         check_folder(folder, force)  # which takes no time, unlike what a run imports
     before = _written(folder)
     try:
-        with _Live(f"{loaded.name}: searching for a start", quiet, loaded.name) as live:
+        unit = loaded.objective.unit or ""
+        with _Live(f"{loaded.name}: searching for a start", quiet, loaded.name, unit) as live:
             from hkt_mdo.run import run as runner
 
-            if not quiet:
-                calls = _reporters(loaded.objective.unit or "", live)
-                how |= zip(("progress", "on_pass", "on_start"), calls, strict=True)
+            how |= {"progress": live.evaluated, "on_pass": live.passed, "on_start": live.started}
             if resume is None:
                 solution = runner.run_case(loaded, folder, force=force, **how)
             else:
@@ -107,35 +105,6 @@ def run(
         raise parts.ended(parts.NO_SUCCESS, text)
 
 
-def _reporters(unit: str, live: _Live) -> tuple[Callable[..., None], ...]:
-    """Return what a run reports its evaluations, its passes and its starts to."""
-    from hkt_mdo.results.words import measured
-
-    number, starts = 1, 0
-
-    def evaluation(count: int, value: float, infeasibility: float) -> None:
-        line = f"pass {number}, evaluation {count}, {measured(value, unit)}"
-        live.show(f"{line}, infeasibility {infeasibility:.1e}")
-
-    def passed(entry: Any) -> None:
-        nonlocal number
-        number = entry.number + 1
-        ended = "converged" if entry.converged else "did not converge"
-        line = f"pass {entry.number} {ended} in {entry.iterations} iterations, "
-        line += measured(entry.objective_J, unit)
-        live.update(live.line, description="optimizing again" if entry.remedy else "checking")
-        live.tell(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
-
-    def started(record: Any) -> None:
-        nonlocal starts
-        starts += 1
-        where = record.strategy + f" on {record.branch}" * bool(record.branch)
-        line = f"start {starts}, {where}, {record.law.replace('_', ' ')}"
-        live.show(f"{line}: {measured(record.objective, unit)}")
-
-    return evaluation, passed, started
-
-
 class _Live(Progress):
     """A line of a terminal with the time since it began, and the lines that are told above it.
 
@@ -147,9 +116,11 @@ class _Live(Progress):
         Whether nothing is shown.
     name : str
         Where given, the other lines begin with it and the time.
+    unit : str
+        That of the objective of a run.
     """
 
-    def __init__(self, first: str, quiet: bool, name: str = "") -> None:
+    def __init__(self, first: str, quiet: bool, name: str = "", unit: str = "") -> None:
         one_line = Column(no_wrap=True, overflow="ellipsis")  # what wraps would stay on the screen
         text = TextColumn("{task.description}", markup=False, table_column=one_line)
         columns = SpinnerColumn(), TimeElapsedColumn(), text
@@ -157,6 +128,7 @@ class _Live(Progress):
         self.name, self.began, self.last = "", time.monotonic(), time.monotonic()
         self.tell(first)
         self.name, self.line = name, self.add_task(first)
+        self.unit, self.passes, self.starts = unit, 0, 0
 
     def show(self, line: str, ends: bool = False) -> None:
         """Update the line; where it is no terminal, tell it every few seconds, and at the end."""
@@ -171,6 +143,43 @@ class _Live(Progress):
         line = f"{self.name}: {time.monotonic() - self.began:.0f} s, {line}" if self.name else line
         soft = not self.console.is_terminal
         self.console.print(line, markup=False, highlight=False, soft_wrap=soft)
+
+    def amount(self, objective: float) -> str:
+        """Return an objective with its unit."""
+        from hkt_mdo.results.words import measured
+
+        return measured(objective, self.unit)
+
+    def started(self, record: Any) -> None:
+        """Show a start that was tried."""
+        self.starts += 1
+        where = record.strategy + f" on {record.branch}" * bool(record.branch)
+        line = f"start {self.starts}, {where}, {record.law.replace('_', ' ')}"
+        self.show(f"{line}: {self.amount(record.objective)}")
+
+    def evaluated(self, count: int, objective: float, infeasibility: float) -> None:
+        """Show an evaluation of the optimizer."""
+        line = f"pass {self.passes + 1}, evaluation {count}, {self.amount(objective)}"
+        self.show(f"{line}, infeasibility {infeasibility:.1e}")
+
+    def passed(self, entry: Any) -> None:
+        """Tell the end of an optimization, and what follows."""
+        self.passes = entry.number
+        ended = "converged" if entry.converged else "did not converge"
+        line = f"pass {entry.number} {ended} in {entry.iterations} iterations, "
+        line += self.amount(entry.objective_J)
+        self.update(self.line, description="optimizing again" if entry.remedy else "checking")
+        self.tell(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
+
+    def swept(self, now: Any) -> None:
+        """Show how far a sweep is."""
+        done = now.reused + now.computed
+        line = f"{done:,} of {now.total:,} runs"
+        line += f", {now.reused:,} from before" if now.reused else ""
+        line += f", {now.failed:,} without success" if now.failed else ""
+        if now.left is not None and done < now.total:
+            line += f", about {timedelta(seconds=round(now.left))} left"
+        self.show(line, ends=done == now.total)
 
 
 def _written(folder: Path) -> list[int]:
@@ -259,7 +268,7 @@ def sweep(
                 live.stop()
                 _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
                 live.start()
-            rows = run_sweep(asked, folder, jobs, _reporter(live), **how)
+            rows = run_sweep(asked, folder, jobs, live.swept, **how)
     except KeyboardInterrupt:
         saved = f"finished runs are in {folder}; the same command continues"
         raise parts.ended(parts.INTERRUPTED, saved) from None
@@ -282,21 +291,6 @@ def _ask(size: int, seconds: list[float], workers: int) -> None:
         return
     remedy = "give fewer values, or samples: 1000 of ranges without a count; --yes runs them all"
     raise InputError(problem, remedy, key="over")
-
-
-def _reporter(live: _Live) -> Any:
-    """Return what tells how far a sweep is."""
-
-    def told(now: Any) -> None:
-        done = now.reused + now.computed
-        line = f"{done:,} of {now.total:,} runs"
-        line += f", {now.reused:,} from before" if now.reused else ""
-        line += f", {now.failed:,} without success" if now.failed else ""
-        if now.left is not None and done < now.total:
-            line += f", about {timedelta(seconds=round(now.left))} left"
-        live.show(line, ends=done == now.total)
-
-    return told
 
 
 def _summarize(rows: list[dict[str, Any]], states: Counter[str], folder: Path) -> None:

@@ -146,13 +146,12 @@ def _aligned(columns: Sequence[dict[str, Any]]) -> list[tuple[str, list[Any]]]:
 def _headline(solution: Solution) -> dict[str, str]:
     """Return the figures that a designer asks for first, by their names."""
     summary, loads = solution.summary, solution.summary.loads or {}
-    entries = (summary.scenarios or {}).values()
-    spans = [(x.weight or 0.0) * (x.duration_s or 0.0) for x in entries]
-    duration = sum(spans)
+    entries, year = (summary.scenarios or {}).values(), summary.year
+    duration = sum((x.weight or 0.0) * (x.duration_s or 0.0) for x in entries)
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
     rows = {"verdict": summary.verdict(solution.case)}
-    for year in (entry.year for entry in entries if entry.year and len(entries) == 1):
+    if year is not None:
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
         doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
         told = "-" if net is None else f"{number(1e-3 * net)} MWh{doubt}"

@@ -141,18 +141,13 @@ class Solution:
         case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
         path = folder / "summary.json"
         summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
-
-        def read(name: str, suffix: str = "") -> dict[str, np.ndarray]:
-            columns, maybe = tuple(TABLES[name]), _MAYBE.get(name, set())
-            return _read_csv(folder / f"{name}{suffix}.csv", columns, maybe)
-
-        names = tuple(summary.scenarios or (_ONLY,))
-        suffixes = [f"_{name}" if len(names) > 1 else "" for name in names]
-        tables = {
-            name: ScenarioTables(*(read(table, suffix) for table in _OF_SCENARIOS))
-            for name, suffix in zip(names, suffixes, strict=True)
-        }
-        return cls(folder, case, summary, tables, read("coefficients"), read("convergence"))
+        names, tables = tuple(summary.scenarios or (_ONLY,)), {}
+        for name in names:
+            suffix = f"_{name}" if len(names) > 1 else ""
+            found = (_read_table(folder, table, suffix) for table in _OF_SCENARIOS)
+            tables[name] = ScenarioTables(*found)
+        whole = (_read_table(folder, name) for name in ("coefficients", "convergence"))
+        return cls(folder, case, summary, tables, *whole)
 
     @property
     def scenarios(self) -> tuple[str, ...]:
@@ -444,14 +439,16 @@ def _package(name: str) -> Any:
     return needed(name, f"install it with: pip install {name}")
 
 
-def _read_csv(path: Path, columns: tuple[str, ...], maybe: set[str]) -> dict[str, np.ndarray]:
-    """Return the columns of a table, which may hold nan and inf; empty without file or rows.
+def _read_table(folder: Path, name: str, suffix: str = "") -> dict[str, np.ndarray]:
+    """Return a table of `TABLES`, which may hold nan and inf; empty without file or rows.
 
-    Those of `maybe` need not be there.
+    `suffix`: what the name of the file has besides that of the table.
     """
+    path, maybe = folder / f"{name}{suffix}.csv", _MAYBE.get(name, set())
     if not path.exists():
         return {}
-    required = [name for name in columns if name not in maybe]
+    columns = tuple(TABLES[name])
+    required = [column for column in columns if column not in maybe]
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
     table = Csv(text, path, ",".join(required))
     table.check(required, "table of a result", sorted(maybe))

@@ -432,10 +432,7 @@ class ScenarioEntry(_Entry):
                 "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", note
             )
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
-        yield from self.year.rows() if self.year else ()
-        if self.operation is not None:
-            yield self.operation.row(self.duration_s)
-        yield from _largest_rows(self.limits, self.loads, case)
+        yield from _in_operation(self, case, self.duration_s)
 
 
 class Summary(_Entry, Mapping[str, Any]):
@@ -445,7 +442,7 @@ class Summary(_Entry, Mapping[str, Any]):
     dictionaries as JSON has them.
     """
 
-    version: int | None = None
+    version: int | None = Field(default=None, le=VERSION)
     case: str | None = None
     success: bool
     """Whether the optimizer converged and every check passed."""
@@ -544,19 +541,18 @@ class Summary(_Entry, Mapping[str, Any]):
     digest: str | None = None
     """Of the files and the source code that the result is made of."""
 
-    @field_validator("version")
-    @classmethod
-    def _known_version(cls, version: int | None) -> int | None:
-        if version is not None and version > VERSION:
-            raise PydanticCustomError("version", "was written by a newer hkt_mdo")
-        return version
-
     @field_validator(*BLADE[1:])
     @classmethod
     def _one_value_a_station(cls, column: _Column, info: Any) -> _Column:
         if column is not None and len(column) != len(info.data.get("r_m") or ()):
             raise PydanticCustomError("length", "must have one value for each of r_m")
         return column
+
+    @property
+    def year(self) -> YearEntry | None:
+        """The year of a result whose only scenario has one."""
+        entries = [*(self.scenarios or {}).values()]
+        return entries[0].year if len(entries) == 1 else None
 
     def __getitem__(self, key: str) -> Any:
         return self.model_dump(exclude_unset=True)[key]
@@ -581,7 +577,8 @@ class Summary(_Entry, Mapping[str, Any]):
             problem, place = "is missing", {"key": key}
         elif error["type"] == "json_invalid":
             problem, place = f"cannot be read as JSON ({error['ctx']['error']})", {}
-        elif error["type"] == "version":
+        elif error["type"] == "less_than_equal":
+            problem = "was written by a newer hkt_mdo"
             remedy = f"update hkt_mdo, which reads version {VERSION}, or run the case again"
         elif key.startswith("gain."):  # pydantic reports each type of the union
             problem, place["key"] = "must be a number or a list of numbers", "gain"
@@ -675,8 +672,7 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
         yield Row("energy of the generator", self.generator_energy_J, "J")
-        losses = _losses(self.generator_energy_J, self.electrical_energy_J)
-        yield Row("energy, electrical", self.electrical_energy_J, "J", losses)
+        yield Row("energy, electrical", self.electrical_energy_J, "J", self._losses())
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
@@ -685,6 +681,16 @@ class Summary(_Entry, Mapping[str, Any]):
         other = "" if captured else "of the captured energy, which is not the objective"
         known = "does not include limits other than that of the torque" if case.limits.given else ""
         yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", joined(other, known))
+
+    def _losses(self) -> str:
+        """Return the energy that the generator loses, and its share, as text."""
+        generated, electrical = self.generator_energy_J, self.electrical_energy_J
+        if generated is None or electrical is None:
+            return ""
+        lost = generated - electrical
+        if abs(lost) <= 1e-9 * abs(generated):
+            return "the generator loses nothing"
+        return f"losses {measured(lost, 'J')} ({per_cent(lost, generated, 3) or '-'})"
 
     def _design(self, case: Case) -> Iterator[Row]:
         """Yield the rows of controller and blade."""
@@ -738,15 +744,8 @@ class Summary(_Entry, Mapping[str, Any]):
         yield from (branch.row() for branch in self.branches or ())
 
     def _operation(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of a year, standstill, limits and loads."""
-        scenarios = [*(self.scenarios or {}).values()]
-        if len(scenarios) == 1 and scenarios[0].year is not None:
-            yield from scenarios[0].year.rows()
-        if self.operation is not None:
-            yield self.operation.row(case.phase.duration)
-        limits = self.limits or {}
-        rest = {name: entry for name, entry in limits.items() if name != "control_torque"}
-        yield from _largest_rows(rest, self.loads, case)  # the torque has a row of its own
+        """Yield the rows of operation, limits and loads, and of the blade's bending."""
+        yield from _in_operation(self, case, case.phase.duration, apart="control_torque")
         if self.tip_deflection_m is not None:
             yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
         if self.weight_moment_Nm is not None:
@@ -758,12 +757,15 @@ def _largest(name: str) -> str:
     return f"largest {limit_words(name)}"
 
 
-def _largest_rows(
-    limits: dict[str, LimitEntry] | None, loads: dict[str, LoadEntry] | None, case: Case
+def _in_operation(
+    of: Summary | ScenarioEntry, case: Case, duration: float | None, apart: str = ""
 ) -> Iterator[Row]:
-    """Yield the rows of limits and of the loads that are not limited."""
-    limits, loads = limits or {}, loads or {}
-    yield from (entry.row(name, loads.get(name)) for name, entry in limits.items())
+    """Yield the rows of a year, standstill, limits and loads; one limit may be told apart."""
+    yield from of.year.rows() if of.year else ()
+    if of.operation is not None:
+        yield of.operation.row(duration)
+    limits, loads = of.limits or {}, of.loads or {}
+    yield from (x.row(name, loads.get(name)) for name, x in limits.items() if name != apart)
     for name, entry in loads.items():
         if name not in limits:
             row = entry.row(name)
@@ -795,13 +797,3 @@ def unasked(name: str, value: float | None, case: Case) -> str:
     }.get(name, (None, ""))
     key = "limits.cavitation or limits.tip_speed" if name == "tip_speed" else f"limits.{name}"
     return f"{word}: the case has no {key}" if most and (value or 0.0) > most else ""
-
-
-def _losses(generated: float | None, electrical: float | None) -> str:
-    """Return the energy that the generator loses, and its share, as text."""
-    if generated is None or electrical is None:
-        return ""
-    lost = generated - electrical
-    if abs(lost) <= 1e-9 * abs(generated):
-        return "the generator loses nothing"
-    return f"losses {measured(lost, 'J')} ({per_cent(lost, generated, 3) or '-'})"

@@ -20,7 +20,6 @@ from hkt_mdo.case.document import unit_at
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, read_text, write_files
-from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import PREFIXED, plain_unit, prefixed
 
@@ -61,8 +60,7 @@ def row_of(solution: Solution) -> Row:
     }
     for name, load in (summary.loads or {}).items():
         unit = load.unit.replace("*", "").replace("/", "_")
-        own = f"{name}_{unit}" if unit else name
-        row[QUANTITIES[name].column if name in QUANTITIES else own] = load.value
+        row[f"{name}_{unit}" if unit else name] = load.value
     gains = np.atleast_1d([] if summary.gain is None else summary.gain)
     row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains, start=1)}
     row["binding"] = " ".join(x for x, each in (summary.limits or {}).items() if each.binding)

@@ -2,7 +2,6 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from functools import cache
 from importlib import metadata
 from operator import attrgetter
 from pathlib import Path
@@ -78,10 +77,8 @@ def summarize(
     """
     outcome = finished.result.outcome
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
-    several = len(scenarios) > 1
-    if several and finished.physics.objective.is_rate:
-        for name, decides in _deciding(finished.physics, scenarios).items():
-            scenarios[name]["decides"] = decides
+    if len(scenarios) > 1 and finished.physics.objective.is_rate:
+        _decide(finished.physics, scenarios)
     values = {
         "version": VERSION,
         "case": finished.physics.case.name,
@@ -212,21 +209,18 @@ def _at_bounds(finished):
 
 def _extremes(finished, scenarios, shadow_prices):
     """Return limits, loads and standstill of the result: the largest of all scenarios."""
-    physics, several, found = finished.physics, len(scenarios) > 1, {}
+    physics, found, limits = finished.physics, {}, {}
     for name, scenario in scenarios.items():
         for load, entry in scenario["loads"].items():
             if load not in found or entry["value"] > found[load]["value"]:
-                found[load] = entry | ({"scenario": name} if several else {})
-    limits, over_time = {}, _over_time(finished, finished.verifications)
+                found[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
     whole = design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
             limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
-    for name, pairs in over_time.items():
-        limits[name] = _limit(pairs) | {"worth": shadow_prices.get(name)}
-        if several:
-            over = {each: _over(entries["limits"].get(name)) for each, entries in scenarios.items()}
-            limits[name]["scenario"] = max(over, key=over.get)
+    over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
+    for name, entry in over_time.items():
+        limits[name] = entry | {"worth": shadow_prices.get(name)}
     (first, *others) = scenarios.values()
     blade, model = finished.result.point.blade, physics.rotor
     bent = [loads.tip_deflection(x.rotor, blade, x.simulated) for x in finished.verifications]
@@ -260,7 +254,7 @@ def _scenario(finished, verifications):
     pairs = [*zip(verifications, speeds, strict=True)]
     spans = sum(each.integral(np.ones(speed.size)) for each, speed in pairs)
     mean = sum(each.integral(speed) for each, speed in pairs) / spans
-    limits = {name: _limit(x) for name, x in _over_time(finished, verifications).items()}
+    limits = _over_time(finished, verifications)
     year = None
     if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
         year = a_year.entry(verifications, limits).model_dump()
@@ -284,14 +278,14 @@ def _scenario(finished, verifications):
     }
 
 
-def _deciding(physics, scenarios):
-    """Return whether each scenario decides the measure of the objective, by name."""
+def _decide(physics, scenarios):
+    """Set in each scenario whether it decides the measure of the objective."""
     powers = [scenarios[name]["mean_power_W"] for name in physics.shares]
-    if None in powers:
-        return {}
-    shares = np.array(list(physics.shares.values()))
-    decides = physics.case.robustness.binding(physics.rate_factors * np.array(powers), shares)
-    return dict(zip(physics.shares, decides.tolist(), strict=True))
+    if None not in powers:
+        shares = np.array(list(physics.shares.values()))
+        decides = physics.case.robustness.binding(physics.rate_factors * np.array(powers), shares)
+        for name, own in zip(physics.shares, decides, strict=True):
+            scenarios[name]["decides"] = own
 
 
 def _turning(verifications):
@@ -370,14 +364,14 @@ def _unresolved(physics, verifications):
         )
 
 
-def _over_time(finished, verifications):
-    """Return limits over time, each with the verifications in which it holds, by its name."""
+def _over_time(finished, verifications, several=False):
+    """Return the entries of limits over time by their names; of several, with the scenario."""
     pairs = {}
     for verification in verifications:
         for limit in finished.physics.limits_in(verification.scenario):
             if limit.caps_series:
                 pairs.setdefault(limit.name, []).append((limit, verification))
-    return pairs
+    return {name: _limit(each, several) for name, each in pairs.items()}
 
 
 def _entry(limit, value):
@@ -393,11 +387,11 @@ def _least(limit):
 
 
 def _over(entry):
-    """Return by how much an entry of a limit exceeds its bound; -inf if there is none."""
-    return -np.inf if entry is None else (entry["value"] - entry["limit"]) / abs(entry["limit"])
+    """Return by how much an entry of a limit exceeds its bound."""
+    return (entry["value"] - entry["limit"]) / abs(entry["limit"])
 
 
-def _limit(pairs):
+def _limit(pairs, several):
     """Return the largest value of a limit over time, at the nodes and in the integration.
 
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
@@ -408,6 +402,7 @@ def _limit(pairs):
         known, simulated = verification.simulated, limit.told(verification.simulated)
         value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
         found.append(_entry(limit, value) | loads.place(known, np.argmax(simulated)))
+        found[-1] |= {"scenario": verification.scenario.group} if several else {}
         binding = np.where(simulated >= _least(limit), 1.0, 0.0)
         weight = verification.scenario.weight if counts else 1.0
         binds += weight * verification.integral(binding)
@@ -431,7 +426,6 @@ def _set_angle(physics, blade):
     return None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
 
 
-@cache
 def _versions():
     """Return the versions of Python and of the installed packages."""
     versions = {"python": platform.python_version()}
