@@ -2,15 +2,14 @@
 
 import time
 import warnings
-from types import SimpleNamespace
 
 from hkt_mdo.case import read_case
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.verification import verify
 from hkt_mdo.start.find import find_start, steady_optimum
 
@@ -55,17 +54,7 @@ def optimize(world, setup):
 
 def integrate(world, problem):
     """Return the independent integration of an optimized problem, by which a run checks it."""
-    (scenario,) = world.scenarios
-    blade = world.blade.with_shape(problem.get_val("chord"), problem.get_val("twist"))
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(world.law.gain_units))]
-    nodes = {name: problem.get_val(f"{scenario.path}.{name}").ravel() for name in TRAJECTORY}
-    result = SimpleNamespace(
-        physics=world,
-        point=SimpleNamespace(blade=blade, gains=gains),
-        inertia=float(problem.get_val("inertia")[0]),
-        trajectories=(nodes,),
-    )
-    return verify(result)[0].simulation
+    return verify(collect(world, None, problem, None))[0].simulation
 
 
 class TimedBEM:

@@ -42,8 +42,10 @@ def check(mine, theirs, blade, polar, ratio, derivatives):
     """Compare the benchmarked numbers with CCBlade's, where every section has one root only."""
     single = have_one_root(blade, polar, ratio)
     assert np.mean(single) > 0.8
-    pairs = list(zip(mine[:3], theirs[:3], strict=True))
-    pairs += list(zip(mine[3:], theirs[3:], strict=True)) if derivatives else []
+    both = mine, theirs
+    pairs = [[getattr(each, name) for each in both] for name in ("torque", "power", "thrust")]
+    if derivatives:
+        pairs += zip(*(each.torque_table[1:] for each in both), strict=True)
     for place, (ours, reference) in enumerate(pairs):
         limit = 1e-8 if place < 3 else 1e-6
         assert np.max(np.abs(ours - reference)[single]) <= limit * np.max(np.abs(reference))
