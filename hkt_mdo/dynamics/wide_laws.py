@@ -17,6 +17,7 @@ STEEPEST = 20.0  # exponent between neighbouring knots: a torque that doubles wi
 SLOWER, FASTER = 2.0, -1.0  # least exponents of a curve below its first and above its last knot
 BEND = 0.1  # of the speed's logarithm, beyond these knots, within which it comes to them
 STILL = 1e-3  # rad/s, slower than any rotor turns
+_OF_EVERY_LAW = "torque_limit", "cut_out", "smoothing"
 
 
 def _forward(speed):
@@ -76,8 +77,7 @@ class PowerLawFeedback(_TwoGains):
         power = {"linear": 1.0, "quadratic": 2.0}.get(other.law)
         if power is None or self.exponent not in (None, power):
             return super().contains(other)
-        names = "torque_limit", "cut_out", "smoothing"
-        return all(getattr(self, name) == getattr(other, name) for name in names)
+        return all(getattr(self, name) == getattr(other, name) for name in _OF_EVERY_LAW)
 
     def demand(self, speed, gains):
         return gains[0] * _forward(speed) ** self._second(gains)
@@ -176,8 +176,7 @@ class CurveFeedback(FeedbackLaw):
     @property
     def simpler(self):  # type: ignore[override]
         """Of the same limit of the torque: a curve can follow it closely."""
-        kept = {name: getattr(self, name) for name in ("torque_limit", "cut_out", "smoothing")}
-        return RatedFeedback(**kept)
+        return RatedFeedback(**{name: getattr(self, name) for name in _OF_EVERY_LAW})
 
     def starting_gains(self):
         if self._begins is None and self.knot_speeds is not None:

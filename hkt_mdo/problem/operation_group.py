@@ -37,11 +37,10 @@ class OperationGroup(om.Group):
     Inputs describe the rotor and its controller: rotor_radius (m), density (kg/m**3), inertia
     (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
     <load>_table[n_nodes] of each load that limits or objective need, gain_0, gain_1, … in the law's
-    units; and
-    what limits and objective take of the design. Where scenarios differ in water or turbine, there
-    are density_1, inertia_1 and tables of these names for them (`Physics.variant`). Outputs:
-    ``traj.<scenario>.timeseries``, the loads and rates that are needed, ``limit_<name>.value``,
-    the `INTEGRALS` and objective.
+    units; and what limits and objective take of the design. Where scenarios differ in water or
+    turbine, there are density_1, inertia_1 and tables of these names for them (`Physics.variant`).
+    Outputs: ``traj.<scenario>.timeseries``, the loads and rates that are needed,
+    ``limit_<name>.value``, the `INTEGRALS` and objective.
     """
 
     def __init__(self, physics: Physics, setup: Setup, scales: Scales, wake: Follower):
@@ -116,7 +115,7 @@ class OperationGroup(om.Group):
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        gains = {f"gain_{i}": units for i, units in enumerate(physics.law.gain_units)}
+        gains = {f"gain_{i}": unit for i, unit in enumerate(physics.law.gain_units)}
         return options, units | gains
 
     def _add_loads(self):
