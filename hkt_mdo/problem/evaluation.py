@@ -13,7 +13,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.objectives import INTEGRALS
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, IntegrationError, Plant, simulate
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
@@ -37,8 +37,8 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
     """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
     Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the scalars
-    that limits and objectives may take; the generator torque balances the flow's, and states of the
-    control law are in equilibrium.
+    that limits and objectives may take. The generator torque is that of a static law, else it
+    balances the flow's; states of the control law are in equilibrium.
     """
     if point not in physics.known:
         physics.known[point] = _quantities(physics, point)
@@ -57,6 +57,8 @@ def _quantities(physics, point) -> list[dict]:
             torque = rotor.coefficients(blade, ratio).torque
             torque = torque * torque_scale(rotor.water_density, radius, flow)
         held = torque - generator.friction(speed)
+        if physics.law.is_static:  # a rotor may be in motion, and not in equilibrium
+            held = physics.law_in(scenario).torque(speed, point.gains)
         known = trajectory_of(time, flow, speed, torque, held, radius, generator)
         known |= loads_along(rotor, blade, known, physics.load_names)
         known |= {"torque_rate": scenario.rate_of(held), "steady": scenario.steady}
@@ -128,29 +130,6 @@ def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade, inertia: flo
     """Return a rotor (inertia in kg*m**2) with direct BEM, its wake in equilibrium."""
     polar, solver = rotor.as_built(blade).polar, SOLVERS[physics.case.hydrodynamics.check]
     return Plant(blade, polar, inertia, rotor.water_density, solver, physics.case.generator)
-
-
-def in_motion(physics: Physics, loops: Iterable[tuple]) -> dict[str, np.ndarray] | None:
-    """Return speed and torque of a rotor as it moves with its inertia, at the flow's samples.
-
-    `loops` has the plant, the controller and the `Start` in each scenario. None where the rotor
-    stops, its motion has no solution, or a scenario has no time.
-    """
-    if any(scenario.steady for scenario in physics.scenarios):
-        return None
-    runs = []
-    for scenario, loop in zip(physics.scenarios, loops, strict=True):
-        plant, controller, start = loop
-        step = float(np.max(np.diff(scenario.edges)))
-        about = controller, start, scenario.duration, scenario.samples, step
-        try:
-            runs.append(simulate(plant, scenario.inflow, *about))
-        except IntegrationError:
-            return None
-    if any(run.stopped_at is not None for run in runs):
-        return None
-    names = "rotor_speed", "hydrodynamic_torque"
-    return {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
 
 
 def united(physics: Physics, integrals: Iterable[float]) -> float:

@@ -7,10 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque, Start
+from hkt_mdo.dynamics.simulation import (
+    FeedbackTorque,
+    IntegrationError,
+    RecordedTorque,
+    Start,
+    simulate,
+)
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.evaluation import in_motion, on_start
+from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
@@ -148,13 +154,21 @@ def _at_start(physics, start):
 
 def _followed(physics, start, along) -> StartingPoint:
     """Return a start with the operation of its integration, where `with_memory` takes that."""
-    loops = [
-        (plant, controller, Start(speed[0], [each[0] for each in states], time[0]))
-        for plant, controller, (time, speed, _, *states) in along
-    ]
-    found = in_motion(physics, loops)
-    if found is None:
+    if any(scenario.steady for scenario in physics.scenarios):
         return start
+    runs = []
+    for scenario, loop in zip(physics.scenarios, along, strict=True):
+        plant, controller, (time, speed, _, *states) = loop
+        begin = Start(speed[0], [each[0] for each in states], time[0])
+        about = scenario.duration, scenario.samples, float(np.max(np.diff(scenario.edges)))
+        try:
+            runs.append(simulate(plant, scenario.inflow, controller, begin, *about))
+        except IntegrationError:
+            return start
+    if any(run.stopped_at is not None for run in runs):
+        return start
+    names = "rotor_speed", "hydrodynamic_torque"
+    found = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
     if np.max(np.abs(found["rotor_speed"] / start.operation.rotor_speed - 1.0)) < FAR:
         return start
     return replace(start, operation=replace(start.operation, **found))

@@ -20,10 +20,9 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Start
-from hkt_mdo.problem.evaluation import in_motion, split, steady_plant
+from hkt_mdo.problem.evaluation import split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, Operation, StartingPoint, StartRecord, records
+from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
@@ -40,11 +39,6 @@ CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to be tried over time
 TIE = 1e-5  # share of the objective by which optima without time may differ and tie
-CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
-# the same, of a rotor that follows the flow well enough: the start in equilibrium is right for
-# `turbulent_hour_linear` with 0.16, and wrong for turbine 4
-FOLLOWS = 0.3
-ANOTHER = 0.2  # relative difference of the mean speeds of different equilibria
 SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade
 DEMAND = 10.0  # of a law over its largest torque, at which the torque is constant
 SHARES = np.linspace(1.0, 0.5, 11)  # of an open loop's torque, to which gains are fitted
@@ -278,7 +272,7 @@ class Search:
         begin = replace(self, physics=replace(self.physics, law=law)).optima(candidates)[0]
         physics = replace(self.steady, law=law, scenarios=self.physics.scenarios)
         begin = replace(begin, strategy=f"law fitted to {law.law}")
-        end, _ = optimized(physics, begin, self.scratch)
+        end, _ = optimized(physics, begin, self.scratch, free=True)
         self._noted(law.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
@@ -414,50 +408,20 @@ class Search:
         """Return a point with its operation over the whole flow.
 
         An open loop follows the schedule of the blade, which keeps limits between the speeds of the
-        point as well. A static law operates at its own equilibria, unless those at these speeds are
-        others: a law may have several in a flow, and over time it begins at the one chosen.
+        point as well. A law may have several equilibria in a flow, and over time it begins at those
+        chosen.
         """
         physics, law = self.physics, self.physics.law
         if not law.is_feedback:
             whole = self._scheduled(point.blade, point.branch, physics)
             return replace(point, operation=whole.operation)
         problem = self._quasi_steady(point.blade)
-        if law.states:
-            speed = law.speed_at_rest(problem.inflow_speed, point.gains)
-            return replace(point, operation=problem.held(speed))
         speeds, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
         designed = split(self.steady, point.operation)
         for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
             flow = scenario.inflow.speed_at(scenario.samples)
             speeds.append(_smooth(flow, steady.speeds, speed / steady.speeds) * flow)
-        speed = np.concatenate(speeds)
-        own = problem.operate(point.gains)
-        same = own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE)
-        operation = self._with_inertia(point, own if same else problem.held(speed))
-        return replace(point, operation=operation)
-
-    def _with_inertia(self, point: StartingPoint, operation: Operation) -> Operation:
-        """Return an operation under a static law as it is with the rotor's inertia.
-
-        A heavy rotor is far from equilibrium in gusts: without its own motion an optimization over
-        time begins with defects that it removes badly (0.6 % of the energy of turbine 4 of `make
-        verify PART=turbines` under `rated`).
-        A rotor that follows the flow, stops or goes to another equilibrium has it as it is.
-        """
-        physics, loops = self.physics, []
-        _, inertia = physics.mass_and_inertia(point.blade)
-        for scenario, (speed, _) in zip(physics.scenarios, split(physics, operation), strict=True):
-            plant = steady_plant(physics, physics.rotor_in(scenario), point.blade, inertia)
-            law = FeedbackTorque(physics.law_in(scenario), point.gains)
-            loops.append((plant, law, Start(speed[0], time=scenario.edges[0])))
-        moving = in_motion(physics, loops)
-        if moving is None:
-            return operation
-        speeds, equilibrium = moving["rotor_speed"], operation.rotor_speed
-        follows = np.allclose(speeds, equilibrium, rtol=FOLLOWS)
-        if follows or abs(np.mean(speeds) / np.mean(equilibrium) - 1.0) > ANOTHER:
-            return operation
-        return self._quasi_steady(point.blade).held(speeds)
+        return replace(point, operation=problem.held(np.concatenate(speeds)))
 
 
 def _smooth(flow: np.ndarray, speeds: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -106,11 +106,12 @@ def co_designed(
 
 
 def optimized(
-    physics: Physics, point: StartingPoint, scratch: str, rival: float = -np.inf
+    physics: Physics, point: StartingPoint, scratch: str, rival: float = -np.inf, free: bool = False
 ) -> tuple[StartingPoint, bool]:
     """Return the end of one optimization by the point's torque curve, and if it was given up.
 
-    The parameters are those of `co_designed`; the physics may have time.
+    The parameters are those of `co_designed`; the physics may have time. `free` tells whether the
+    optimization may go far from the point.
     """
     count, sign = sum(each.segments for each in physics.scenarios), physics.objective.sign
 
@@ -122,13 +123,14 @@ def optimized(
         *("casadi", "IPOPT", TOLERANCE, ITERATIONS),
         barrier=BARRIER / count,
         # a law of one gain has better optima far from its start (rm1_turbulent_limits)
-        cautious=physics.rotor.several_sections and len(physics.law.gain_units) != 1,
+        cautious=physics.rotor.several_sections and not free and len(physics.law.gain_units) != 1,
         progress=progress,
     )
     # without equations, corrections for their curvature only cost time
     if not physics.law.is_feedback:
         driver.opt_settings["max_soc"] = 0
-    problem = assemble(physics, Setup(point, curve_nodes(physics, point), MOVES), driver, scratch)
+    moves = MoveLimits() if free else MOVES
+    problem = assemble(physics, Setup(point, curve_nodes(physics, point), moves), driver, scratch)
     given_up = False
     try:
         problem.run_model()
