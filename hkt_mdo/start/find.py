@@ -39,6 +39,7 @@ CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to be tried over time
 TIE = 1e-5  # share of the objective by which optima without time may differ and tie
+CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
 SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade
 DEMAND = 10.0  # of a law over its largest torque, at which the torque is constant
 SHARES = np.linspace(1.0, 0.5, 11)  # of an open loop's torque, to which gains are fitted
@@ -408,8 +409,8 @@ class Search:
         """Return a point with its operation over the whole flow.
 
         An open loop follows the schedule of the blade, which keeps limits between the speeds of the
-        point as well. A law may have several equilibria in a flow, and over time it begins at those
-        chosen.
+        point as well. A static law operates at its own equilibria, unless those at these speeds are
+        others: a law may have several in a flow, and over time it begins at the one chosen.
         """
         physics, law = self.physics, self.physics.law
         if not law.is_feedback:
@@ -421,7 +422,12 @@ class Search:
         for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
             flow = scenario.inflow.speed_at(scenario.samples)
             speeds.append(_smooth(flow, steady.speeds, speed / steady.speeds) * flow)
-        return replace(point, operation=problem.held(np.concatenate(speeds)))
+        speed = np.concatenate(speeds)
+        if law.is_static:
+            own = problem.operate(point.gains)
+            if own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE):
+                return replace(point, operation=own)
+        return replace(point, operation=problem.held(speed))
 
 
 def _smooth(flow: np.ndarray, speeds: np.ndarray, values: np.ndarray) -> np.ndarray:
