@@ -165,7 +165,9 @@ def table(runs) -> list[str]:
         if not run.verified
     ]
     line = f"Over closed cycles a law is more than {BELOW:g} above open loop in {len(below)} runs."
-    return [*lines, "", line, "", *below, "", "Not verified:", "", *failed]
+    if failed:
+        failed = ["", "Not verified:", "", *failed]
+    return [*lines, "", line, "", *below, *failed]
 
 
 def draw(rng: np.random.Generator) -> dict:
