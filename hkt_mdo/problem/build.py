@@ -155,7 +155,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True, refined=F
         min(settings.max_iterations, most or settings.max_iterations),
         barrier=barrier / segments if near or refined else None,
         # under a law the equation of motion hinders every long step (turbine 12 of `make verify
-        # PART=turbines` with `curve`: 1,000 iterations for 36)
+        # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
         cautious=physics.rotor.several_sections and not law.is_feedback,
         memory=steps if segments > MANY_SEGMENTS and not physics.rotor.several_sections else None,
         progress=progress,

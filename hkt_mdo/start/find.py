@@ -410,7 +410,8 @@ class Search:
 
         An open loop follows the schedule of the blade, which keeps limits between the speeds of the
         point as well. A static law operates at its own equilibria, unless those at these speeds are
-        others: a law may have several in a flow, and over time it begins at the one chosen.
+        others: a law may have several in a flow, and over time it begins at the one chosen. One
+        with states begins at these speeds too, since a saturated torque does not hold its schedule.
         """
         physics, law = self.physics, self.physics.law
         if not law.is_feedback:
