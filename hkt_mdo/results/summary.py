@@ -243,7 +243,7 @@ class BranchEntry(_Entry):
         """Return the entry as a row."""
         exceeds = "" if self.kept else "where a limit is exceeded"
         ends_here = "the branch of the result" if self.taken else ""
-        note = joined("at its quasi-steady optimum", exceeds, ends_here)
+        note = joined("as the optimization begins", exceeds, ends_here)
         return Row(f"branch {self.name}", self.objective_J, "J", note)
 
 
