@@ -21,7 +21,7 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
 from hkt_mdo.results.words import per_cent
 from hkt_mdo.run.checked import checked, measured
-from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false, most_between
+from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
 from hkt_mdo.run.refine import Division, divided, division, lowered
@@ -36,8 +36,6 @@ FIRST_ITERATIONS = 300
 FAR = 0.05
 """Relative excess of a limit from which a start is far from any optimum: kept near it, turbines 6
 and 11 of `make verify PART=turbines` end 1 and 4 % lower with `rated`."""
-FALLEN = 1e-4
-"""Share of the objective by which an optimum may be below one that it began with."""
 TIE = 2e-4
 """Share of the objective by which another branch has to be better without time to be tried."""
 SETTLED = 0.05
@@ -64,8 +62,6 @@ class Task:
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
-    optimum : Optimized or None
-        The last optimum that its integration and its torque curve do not contradict.
     """
 
     start: StartingPoint
@@ -76,7 +72,6 @@ class Task:
     passes: int = 0
     first_passed: bool | None = None
     coarser: tuple[float, ...] = ()
-    optimum: Optimized | None = None
 
     @classmethod
     def first(cls, physics: Physics, start: StartingPoint, **others) -> Task:
@@ -128,19 +123,6 @@ class Pass:
         """Whether the optimizer converged."""
         return self.result.outcome.success
 
-    @property
-    def failed(self) -> bool:
-        """Whether the optimizer failed, or lost much of an open loop's objective on a finer mesh.
-
-        There an optimum that keeps its limits can still be operated; a law may lose, since a coarse
-        mesh let it exceed a limit.
-        """
-        if self.physics.law.is_feedback or not self.converged or self.task.optimum is None:
-            return not self.converged
-        before = self.task.optimum
-        fallen = self.physics.objective.behind(self.result.objective, before.objective)
-        return before.physics is not self.physics and fallen > FALLEN
-
     @cached_property
     def memory(self) -> MemoryEntry | None:
         """Stability of an optimum's loop in a case with dynamic inflow."""
@@ -167,20 +149,6 @@ class Pass:
         """Whether the torque curve is not accurate enough for the optimized blade."""
         return self.curve_error > self.physics.case.hydrodynamics.tolerance
 
-    @property
-    def accurate(self) -> bool:
-        """Whether neither the torque curve nor the integration contradicts an optimum.
-
-        One that exceeds a limit between its nodes may have more than the case allows.
-        """
-        if self.failed or self.runs_away or self.coarse_curve or is_false(self.verifications):
-            return False
-        return not any(
-            np.max(each.between_nodes(limit)[0]) > most_between(limit)
-            for each in self.verifications
-            for limit in each.constrained
-        )
-
     @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
@@ -189,9 +157,6 @@ class Pass:
     def next(self, why: str, *, physics: Physics | None = None, **changes) -> Task:
         """Return the next optimization, with changes of the setup, or on another mesh."""
         task, setup = self.task, replace(self.task.setup, **changes)
-        optimum = task.optimum
-        if self.accurate:
-            optimum = replace(self.result, mesh_error=self.division.error)
         coarser = task.coarser
         if physics is not None:
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
@@ -204,7 +169,6 @@ class Pass:
             why=why,
             passes=task.passes + 1,
             coarser=coarser,
-            optimum=optimum,
         )
 
     def entry(self, seconds: float, following: Task | None) -> PassEntry:
@@ -221,21 +185,12 @@ class Pass:
 
     @cached_property
     def end(self) -> Checked:
-        """The result of the run if nothing follows, with its checks.
-
-        If this pass failed, it is the last optimum; a finer mesh that converged gives the error of
-        its mesh.
-        """
-        task, result, verifications = self.task, self.result, ()
-        if self.failed and task.optimum:
-            result = task.optimum
-            if self.converged:
-                error = abs(self.result.objective / result.objective - 1.0)
-                result = replace(result, mesh_error=max(error, result.mesh_error))
-        elif self.converged:
+        """The result of the run if nothing follows, with its checks."""
+        result, verifications = self.result, ()
+        if self.converged:
             result = replace(result, mesh_error=self.division.error)
             verifications = () if self.approximate else self.verifications
-        return checked(self.state, task.start, result, verifications)
+        return checked(self.state, self.task.start, result, verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -277,7 +232,7 @@ def refine(this: Pass) -> Task | None:
     That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
     are lowered at the nodes of segments that are not divided.
     """
-    if this.is_last or this.failed or this.runs_away:
+    if this.is_last or not this.converged or this.runs_away:
         return None
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
