@@ -20,7 +20,6 @@ from hkt_mdo.dynamics.resource import AT_END, Resource, Speeds, in_bins
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
 CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
@@ -88,15 +87,7 @@ class SteadyScenario(Scenario):
 
     resolved = divided
 
-    @property
-    def flow_errors(self):
-        return np.zeros(self.segments)
-
-    flow_missed = flow_errors
-
-    @property
-    def mean_flow(self):
-        return float(self.sample_weights @ self.speeds / np.sum(self.sample_weights))
+    flow_missed = Scenario.flow_errors  # none
 
     @property
     def samples(self):
@@ -118,7 +109,7 @@ class SteadyScenario(Scenario):
 
     @property
     def path(self):
-        return f"steady_{self.name}.timeseries"
+        return f"steady_{self.name}"
 
 
 def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
@@ -164,7 +155,7 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
 
     Unknowns are the rotor's speed, (n_speeds,), and the states of the law; under feedback the
     balance of torques and the states' rates are constraints. Inputs are those of `RotorODE` that do
-    not change over time; outputs ``timeseries.<quantity>``[n_speeds, 1].
+    not change over time; outputs ``<quantity>``[n_speeds].
     """
     group, (low, high) = om.Group(), speed_bounds
     unknowns = group.add_subsystem("unknowns", om.IndepVarComp(), promotes=["*"])
@@ -187,29 +178,4 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
         group.add_constraint(f"{name}_rate", equals=0.0, ref=rate)
     about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
     group.add_subsystem("ode", RotorODE(**about, **ode_options), promotes=["*"])
-    columns = Columns(num_nodes=scenario.segments, states=law.states)
-    group.add_subsystem("timeseries", columns)
-    for name in (*TRAJECTORY, *law.states):
-        group.connect(name, f"timeseries.{name}:in")
     return group
-
-
-class Columns(om.ExplicitComponent):
-    """The quantities of a trajectory as columns, as the time series of other scenarios are."""
-
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("states", default={}, types=dict, desc="unit and text of the law's")
-
-    def setup(self):
-        n, rows = self.options["num_nodes"], np.arange(self.options["num_nodes"])
-        units = {name: QUANTITIES[name].unit for name in TRAJECTORY}
-        self._names = units | {name: unit for name, (unit, _) in self.options["states"].items()}
-        for name, unit in self._names.items():
-            self.add_input(f"{name}:in", shape=(n,), units=unit)
-            self.add_output(name, shape=(n, 1), units=unit)
-            self.declare_partials(name, f"{name}:in", rows=rows, cols=rows, val=1.0)
-
-    def compute(self, inputs, outputs):
-        for name in self._names:
-            outputs[name] = inputs[f"{name}:in"][:, None]

@@ -61,7 +61,7 @@ class OperationGroup(om.Group):
             self._add_formula(component, held.limit, held.size, variant=variant)
             for name in held.limit.series:
                 source, target = source_of(held.scenario, name), f"{component}.{name}"
-                self.connect(source, target, src_indices=om.slicer[held.nodes, :])
+                self.connect(source, target, src_indices=held.nodes, flat_src_indices=True)
         for scenario in self._physics.scenarios:
             if scenario.closed:
                 self._close_cycle(scenario)

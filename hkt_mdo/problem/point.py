@@ -45,9 +45,9 @@ class StartRecord:
         Which strategy proposed it (`hkt_mdo.start.find`).
     branch : str
         Overspeed or underspeed, where limits make branches; else empty.
-    objective : float
+    objective : float or None
         Quasi-steady objective where it ended, J.
-    excess : float
+    excess : float or None
         Largest relative excess of a limit there, at most 0 if all are kept; inf: the rotor does not
         run.
     exceeds : tuple of str
@@ -62,8 +62,8 @@ class StartRecord:
 
     strategy: str
     branch: str
-    objective: float
-    excess: float
+    objective: float | None
+    excess: float | None
     exceeds: tuple[str, ...]
     kept: bool = False
     law: str = ""

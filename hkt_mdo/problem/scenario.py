@@ -177,7 +177,7 @@ class Scenario:
     @property
     def mean_flow(self) -> float:
         """Mean speed of the flow at the samples, m/s."""
-        return float(np.mean(self.inflow.speed_at(self.samples)))
+        return float(np.average(self.inflow.speed_at(self.samples), weights=self.sample_weights))
 
     @property
     def samples(self) -> np.ndarray:

@@ -216,7 +216,7 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         message = f"{why}; {message}" if why else message
     result = best.result
     if result.outcome.success:
-        prices = shadow_prices(best, state.scratch)
+        prices = shadow_prices(best)
     summary = summarize(best, message, broken_limits(state.first, best.start), prices)
     write_tables(state.out, best)
     if state.records:

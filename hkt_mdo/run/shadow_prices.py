@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.constraints import constraint_of, limited_nodes
 from hkt_mdo.run.checks import Checked
 from hkt_mdo.solve.multipliers import State, gain, multipliers
@@ -17,12 +16,11 @@ STEP = 1e-5  # of the limit, by which it is changed: a law saturates steeply
 FAR = 0.05  # relative distance from its bound beyond which the worth of a limit is zero
 
 
-def shadow_prices(optimum: Checked, scratch: str = "") -> dict[str, float]:
+def shadow_prices(optimum: Checked) -> dict[str, float]:
     """Return by how much the objective (J) of an optimum grows with one per cent more of a limit.
 
     For each limit over time that has an upper bound, by name: from the multipliers of the optimum
-    and the problem with a little more of the limit, at the same design. `scratch`: where OpenMDAO
-    puts its own files.
+    and the problem with a little more of the limit, at the same design.
     """
     physics, result = optimum.physics, optimum.result
     if not physics.objective.is_energy:
@@ -41,10 +39,10 @@ def shadow_prices(optimum: Checked, scratch: str = "") -> dict[str, float]:
     found = multipliers(result.problem.driver, state)
 
     def worth(limit):
-        if limit.constrains(physics.law):
+        if physics.law.is_feedback and not limit.constrains(physics.law):  # a law holds it
+            changed = _with_other_saturation(result.problem)
+        else:
             changed = _with_more(result, limit, state)
-        else:  # the torque's limit is held by a law or by the bounds of a control
-            changed = _with_more_torque(result, scratch)
         return MORE / STEP * gain(state, found, changed)
 
     return {name: worth(limit) if name in near else 0.0 for name, limit in limits.items()}
@@ -57,29 +55,16 @@ def _with_more(result, limit, optimum) -> State:
     for number, scenario in enumerate(physics.scenarios):
         if limit.name not in {each.name for each in physics.limits_in(scenario)}:
             continue
-        rows = optimum.rows[constraint_of(physics, limit, number)]
-        share = result.setup.share_at(limit, scenario, limited_nodes(limit, scenario))
+        if limit.constrains(physics.law):
+            rows = optimum.rows[constraint_of(physics, limit, number)]
+            share = result.setup.share_at(limit, scenario, limited_nodes(limit, scenario))
+        else:  # the bounds of a control
+            rows = optimum.rows[f"traj.{scenario.name}.controls:control_torque"]
+            share = np.min(result.setup.share(limit, scenario))
         more = STEP * np.abs(upper[rows]) / share
         upper[rows] += more
-        lower[rows] -= more
+        lower[rows] -= np.where(lower[rows] < 0.0, more, 0.0)  # of a range about zero
     return replace(optimum, lower=lower, upper=upper)
-
-
-def _with_more_torque(result, scratch) -> State:
-    """Return the state of the problem with a little more of the torque, at the same design."""
-    physics = result.physics
-    if physics.law.is_feedback:
-        return _with_other_saturation(result.problem)
-    law = physics.law.with_torque_limit((1.0 + STEP) * physics.law.torque_limit)
-    problem = assemble(replace(physics, law=law), result.setup, work_dir=scratch)
-    problem.final_setup()
-    design = result.problem.driver.get_design_var_values(driver_scaling=False)
-    for name, value in design.items():
-        problem.driver._set_design_var(name, value)
-    problem.run_model()
-    state = State.of(problem.driver)
-    problem.cleanup()
-    return state
 
 
 def _with_other_saturation(problem) -> State:

@@ -273,19 +273,11 @@ class HeldSpeeds:
 class SteadyVerification(Verification):
     """A steady scenario of a result: its equilibria by the optimization and by direct BEM."""
 
-    @property
-    def rates_at_nodes(self):
-        return {"torque_rate": np.zeros(self.scenario.segments)}
-
-    simulated_rates = rates_at_nodes
+    simulated_rates = Verification.rates_at_nodes  # none
 
     @cached_property
     def simulated(self):
         return super().simulated | {"steady": True}
-
-    @property
-    def speed_errors(self):
-        return np.abs(self.simulation.rotor_speed / self.trajectory["rotor_speed"] - 1.0)
 
     def integral(self, values):
         return float(self.scenario.node_weights @ values)

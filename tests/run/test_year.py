@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from openmdao.utils.assert_utils import assert_check_partials, assert_check_totals
+from openmdao.utils.assert_utils import assert_check_totals
 from scipy.optimize import brentq
 
 from hkt_mdo.case import load_case
@@ -78,15 +78,13 @@ def year(tmp_path_factory):
 
 
 def check_derivatives(control, **more):
-    """Compare partials and totals of a coarse problem with differences."""
+    """Compare totals of a coarse problem with differences."""
     more = {"resource": HISTOGRAM, "control": control, "start": {"method": "blade"}} | more
     world = physics(load_case(more))
     start = find_start(world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)))
     problem = assemble(world, Setup(start, curve_nodes(world, start)))
     problem.run_model()
     about = {"method": "fd", "form": "central", "step_calc": "rel_avg", "out_stream": None}
-    part = ["operation.steady_phase.timeseries"]
-    assert_check_partials(problem.check_partials(includes=part, **about), atol=1e-4, rtol=1e-5)
     data = problem.check_totals(step=1e-6, driver_scaling=True, **about)
     assert_check_totals(data, atol=2e-6, rtol=2e-5)
 
