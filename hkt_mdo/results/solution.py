@@ -55,6 +55,7 @@ _MAYBE = {
 
 
 _OF_SCENARIOS = ("trajectory", "simulation", "loads", "year")
+_OF_RESULT = ("coefficients", "convergence")
 _ONLY = "phase"
 """Name of the scenario of an older result, and of one that did not come to its end."""
 
@@ -146,7 +147,7 @@ class Solution:
             suffix = f"_{name}" if len(names) > 1 else ""
             found = (_read_table(folder, table, suffix) for table in _OF_SCENARIOS)
             tables[name] = ScenarioTables(*found)
-        whole = (_read_table(folder, name) for name in ("coefficients", "convergence"))
+        whole = (_read_table(folder, name) for name in _OF_RESULT)
         return cls(folder, case, summary, tables, *whole)
 
     @property
@@ -397,6 +398,22 @@ class Solution:
             variables[column] = dimension, values, {"units": unit or "1", "long_name": about}
         attrs = {"case": self.name, "table": name} | ({"scenario": scenario} if scenario else {})
         return xarray.Dataset(variables, attrs=attrs)
+
+    def to_datatree(self) -> Any:
+        """Return all tables as an xarray DataTree, whose method `to_netcdf` writes one file.
+
+        A node a table, as of `to_xarray`; with several scenarios, theirs are below a node of the
+        scenario's name. The root's attributes are the numbers of `summary`.
+        """
+        names = ("blade", *_OF_RESULT)
+        whole = {name: self.to_xarray(name) for name in names if getattr(self, name)}
+        for part in self.by_scenario:
+            above = f"{part.scenarios[0]}/" if len(self.scenarios) > 1 else ""
+            own = (name for name in _OF_SCENARIOS if getattr(part, name))
+            whole |= {above + name: part.to_xarray(name) for name in own}
+        tree = _package("xarray").DataTree.from_dict(whole, name=self.name)
+        tree.attrs = {k: x for k, x in self.summary.model_dump().items() if isinstance(x, float)}
+        return tree
 
     def plot(self, *names: str) -> Any:
         """Return figures by their names, which a notebook shows.

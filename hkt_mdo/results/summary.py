@@ -24,6 +24,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
+from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.words import (
     Row,
     amounts,
@@ -245,24 +246,6 @@ class BranchEntry(_Entry):
         ends_here = "the branch of the result" if self.taken else ""
         note = joined("as the optimization begins", exceeds, ends_here)
         return Row(f"branch {self.name}", self.objective_J, "J", note)
-
-
-class StartEntry(_Entry):
-    """A start that was tried: its strategy, its end, and the limits that it exceeds there."""
-
-    strategy: str
-    branch: str = ""
-    objective: _Number = None
-    """Quasi-steady objective, J."""
-    excess: _Number = None
-    """Largest relative excess of a limit; None if there is none, or the rotor does not run."""
-    exceeds: list[str] = []
-    kept: bool = False
-    """Whether the optimization began with it."""
-    law: str = ""
-    """The control law under which it was tried."""
-    side: str = ""
-    """The branch of which it is the best, where limits make branches."""
 
 
 class PassEntry(_Entry):
@@ -500,7 +483,7 @@ class Summary(_Entry, Mapping[str, Any]):
     """Results of each scenario of the case."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
-    starts: list[StartEntry] | None = None
+    starts: list[StartRecord] | None = None
     """Outcomes of the starts that were tried, in quasi-steady operation."""
 
     rotor_radius_m: _Number = None

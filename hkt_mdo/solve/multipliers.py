@@ -35,7 +35,7 @@ class State:
     upper: np.ndarray
     """Upper bound of each value, inf where there is none, shape (n_rows,)."""
     rows: dict[str, slice]
-    """Rows of each constraint, by its name in the driver."""
+    """Rows of each constraint and design variable, by its name in the driver."""
 
     @classmethod
     def of(cls, driver: ReportingDriver) -> State:
@@ -56,16 +56,17 @@ class State:
         constraints, design = driver.get_constraint_values(), driver.get_design_var_values()
         bounds = driver._bounds("constraint", constraints), driver._bounds("design_var", design)
         lower, upper = map(np.concatenate, zip(*bounds, strict=True))
-        sizes = [value.size for value in constraints.values()]
+        values = [np.ravel(value) for value in (*constraints.values(), *design.values())]
+        sizes = [value.size for value in values]
         last = np.cumsum(sizes, dtype=int)
         rows = map(slice, last - sizes, last)
         return cls(
             float(objective[0]),
             float(objective[0] / unscaled[0]),
-            np.concatenate([*map(np.ravel, constraints.values()), *map(np.ravel, design.values())]),
+            np.concatenate(values),
             lower,
             upper,
-            dict(zip(driver._cons, rows, strict=True)),
+            dict(zip((*constraints, *design), rows, strict=True)),
         )
 
 

@@ -126,6 +126,20 @@ def test_tables_for_pandas_and_xarray(result_folder: Path, name: str) -> None:
         assert dataset[column].attrs["long_name"]
 
 
+def test_all_tables_are_one_tree(result_folder: Path, tmp_path: Path) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("netCDF4")
+    solution = Solution.load(result_folder)
+    solution.to_datatree().to_netcdf(tmp_path / "result.nc")
+    with xarray.open_datatree(tmp_path / "result.nc") as tree:
+        assert set(tree.children) == set(TABLES) - {"year"}
+        assert tree.attrs["energy_J"] == solution.energy
+        assert tree["simulation"]["thrust_N"].attrs["units"] == "N"
+        for name in tree.children:
+            for column, values in solution.table(name).items():
+                np.testing.assert_array_equal(tree[name][column], values)
+
+
 @pytest.mark.parametrize("package", ["pandas", "xarray"])
 def test_a_missing_package_is_reported(
     result_folder: Path, monkeypatch: pytest.MonkeyPatch, package: str
