@@ -54,7 +54,7 @@ MODULES += [long_record, limits, objectives, aggregates]
 """Modules of the package's own kinds, in the order in which a case's reference lists them."""
 
 INTERNAL: list[type] = [resource.DurationCurve, limits.TorqueLimit, limits.ForwardRotation]
-INTERNAL += [limits.DistanceFromStall]
+INTERNAL += [limits.DistanceFromStall, limits.TableEnd]
 """Classes there that no case names: they follow from other keys."""
 
 TAGS: dict[type[Section], str] = {

@@ -184,6 +184,11 @@ class Case(Section):
     """The kinds that cases of this class may name."""
 
     @property
+    def all_limits(self) -> tuple[Limit, ...]:
+        """The limits of the case, and those of its scenarios."""
+        return sum((each.limits.given for each in self.scenarios), self.limits.given)
+
+    @property
     def extensions(self) -> tuple[Extension, ...]:
         """Python files and classes that define kinds of this case's class."""
         return self.kinds.extensions

@@ -75,6 +75,11 @@ class Limit(Formula):
         return next((each for each in ("time", "span") if each in over), "design")
 
     @property
+    def key(self) -> str:
+        """Key of the case that gives it."""
+        return f"limits.{self.name}"
+
+    @property
     def caps_series(self) -> bool:
         """Whether it is an upper bound on a quantity over time."""
         return bool(self.place == "time" and np.isfinite(self.upper))
@@ -105,6 +110,7 @@ class Limit(Formula):
 class TorqueLimit(Limit, of="control_torque"):
     """The generator's torque: never driving the rotor, and at most `control.torque_limit`."""
 
+    key: ClassVar[str] = "control.torque_limit"  # type: ignore[misc]
     lower: ClassVar[float] = 0.0
 
     bound: float | None = None
@@ -152,6 +158,12 @@ class RotorSpeedLimit(Limit, of="rotor_speed"):
 
     bound: Annotated[float, Quantity("rad/s", gt=0)]
     """Largest rotor speed."""
+
+
+class TableEnd(RotorSpeedLimit):
+    """The speed at which the generator's table ends, rad/s."""
+
+    key: ClassVar[str] = "limits.rotor_speed (end of generator.table)"  # type: ignore[misc]
 
 
 class TipSpeedLimit(Limit):
@@ -274,6 +286,7 @@ class DesignBounds(Limit):
     """Lower and upper bound, in SI units."""
     bounded: ClassVar[bool] = True
     name = property(lambda self: self.quantity)  # type: ignore[assignment]
+    key = property(lambda self: f"design.{self.quantity}_bounds")
     inputs = property(lambda self: (self.quantity,))  # type: ignore[assignment]
     lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
     upper = property(lambda self: self.bounds[1])

@@ -21,6 +21,8 @@ from hkt_mdo.sections import ExistingFile, Quantity, refusal
 YEAR = 8766.0 * 3600.0
 """A year, s: 8766 hours."""
 POINTS = 5  # of a normal distribution of turbulence: exact for polynomials of the ninth degree
+PLACES, WEIGHTS = np.polynomial.hermite_e.hermegauss(POINTS)
+FARTHEST = float(PLACES[-1])  # of these points, in standard deviations
 FINE = 64  # points of Gauss's rule in a bin of a distribution
 TAIL = 1e-5  # share of the time above the fastest bin of a distribution, five minutes a year
 TIDE_STEP = 600.0  # s, at which a tide is sampled
@@ -85,9 +87,8 @@ class Speeds:
         """
         if not intensity:
             return self
-        places, weights = np.polynomial.hermite_e.hermegauss(POINTS)
-        speed = np.outer(self.speed, 1.0 + intensity * places).ravel()
-        share = np.outer(self.share, weights / weights.sum()).ravel()
+        speed = np.outer(self.speed, 1.0 + intensity * PLACES).ravel()
+        share = np.outer(self.share, WEIGHTS / WEIGHTS.sum()).ravel()
         order = np.argsort(speed, kind="stable")
         place = np.repeat(self.place, POINTS)
         found = Speeds(speed[order], share[order], place[order], self.mean, self.idle)
@@ -256,7 +257,7 @@ class Resource(Inflow):
         if found.speed.size > MOST_SPEEDS:
             problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
-        farthest = self.turbulence_intensity * np.polynomial.hermite_e.hermegauss(POINTS)[0][-1]
+        farthest = self.turbulence_intensity * FARTHEST
         return found.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
 
     @property

@@ -8,14 +8,14 @@ from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import compose, plain
 
 _FOLDER = Path(__file__).parent / "data"
-_SHIPPED, COLUMNS, SPELLINGS, PLAUSIBLE = (
+_SHIPPED, COLUMNS, SPELLINGS, PLAUSIBLE, REMEDIES = (
     plain(compose(read_text(_FOLDER / f"{name}.yaml", "table"), name))
-    for name in ("shipped", "columns", "units", "plausible")
+    for name in ("shipped", "columns", "units", "plausible", "remedies")
 )
 """COLUMNS: unit and meaning of the columns of tables, of a result and of its exports.
 
 SPELLINGS: those of the units of records. PLAUSIBLE: ranges of a case's values, with what to think
-of outside of them.
+of outside of them. REMEDIES: what to try where checks of a result fail.
 """
 
 POLAR_FAMILIES: dict[str, dict[str, float]] = _SHIPPED["polars"]

@@ -284,8 +284,7 @@ def not_modelled(case: Case) -> list[str]:
     list of str
         What no case has, and what this case does not ask for.
     """
-    limits = [*case.limits.given, *(x for part in case.scenarios for x in part.limits.given)]
-    weight = any(getattr(each, "weight", False) for each in limits)
-    depth = case.site.hub_depth or any(getattr(each, "depth", None) for each in limits)
+    weight = any(getattr(each, "weight", False) for each in case.all_limits)
+    depth = case.site.hub_depth or any(getattr(each, "depth", None) for each in case.all_limits)
     known = {"weight": weight, "depth": depth, "lossless": case.generator == type(case.generator)()}
     return rendered("not_modelled.txt", case=case, **known).splitlines()

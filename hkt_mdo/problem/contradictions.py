@@ -76,7 +76,7 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
     share = generator.largest_efficiency
     implied = [
         ("electrical_power", share * power, electrical, "W", "power"),
-        ("power", torque * speed, power, "W", "torque with limits.rotor_speed"),
+        ("power", torque * speed, power, "W", "rotor_speed with control.torque_limit"),
         ("tip_speed", speed * largest, tip, "m/s", "rotor_speed"),
         ("rotor_speed", tip / smallest, speed, "rad/s", "tip_speed"),
     ]

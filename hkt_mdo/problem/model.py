@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.turbine import Turbine
-from hkt_mdo.quantities import LOADS, STEADY
+from hkt_mdo.quantities import LOADS, RATES, STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
@@ -72,10 +72,10 @@ class Physics:
         return f"_{number}" if number else ""
 
     def limits_in(self, scenario: Scenario) -> tuple[Limit, ...]:
-        """Return the limits over time that hold in a scenario."""
-        if scenario.limits is not None:
-            return scenario.limits
-        return tuple(limit for limit in self.limits if limit.place == "time")
+        """Return the limits over time that hold in a scenario; a steady one has no rates."""
+        given = self.limits if scenario.limits is None else scenario.limits
+        found = (limit for limit in given if limit.place == "time")
+        return tuple(x for x in found if not (scenario.steady and x.series.keys() <= {*RATES}))
 
     @property
     def design_limits(self) -> tuple[Limit, ...]:

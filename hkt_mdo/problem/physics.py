@@ -18,6 +18,7 @@ from hkt_mdo.dynamics.limits import (
     Limit,
     PowerLimit,
     RotorSpeedLimit,
+    TableEnd,
     TorqueLimit,
 )
 from hkt_mdo.errors import InputError
@@ -58,7 +59,7 @@ def complete(case: Case) -> Case:
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
     if final == "auto":
-        rates = any(limit.is_of(RATES) for limit in case.limits.given)
+        rates = any(limit.is_of(RATES) for limit in case.all_limits)
         final = "free" if rates or case.control.is_feedback else "initial"
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
@@ -167,6 +168,14 @@ def physics(case: Case) -> Physics:
         found, messages = in_operation(each, control.cut_out, 2.0 * turbine.blade.rotor_radius)
         scenarios += found
         notes += messages
+    names = [each.name for each in scenarios]
+    for name in names:
+        if names.count(name) > 1:
+            problem = "is the name of a scenario and of a part of another one"
+            raise InputError(problem, "give the scenario another", key="scenarios", value=name)
+    if any(each.steady for each in whole):
+        text = "has no effect in a steady scenario: without time the torque has no rate"
+        notes += [f"{limit.key} {text}" for limit in case.all_limits if limit.is_of(RATES)]
     refuse_contradictions(case, shape, mean, fastest)
     flows = {message: None for each in whole for message in each.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
@@ -237,7 +246,7 @@ def _with_limits(
         if isinstance(limit, TorqueLimit) and limit.bound is not None:
             bound = limit.bound * constant / case.condition.torque_constant
             found[limit.name] = TorqueLimit(bound=bound)
-    found |= {limit.name: limit.on(shape.blade, case.rotor.blade_material) for limit in given}
+    found |= {limit.name: limit for limit in _given(case, shape, given)}
     return replace(scenario, limits=tuple(found.values()))
 
 
@@ -252,8 +261,7 @@ def _rotors(
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot compute."""
     flow = Hydrodynamics(_polar_in_condition(turbine, case))
-    given = [*case.limits.given, *(each for part in case.scenarios for each in part.limits.given)]
-    limited = {name: each for each in given for name in each.inputs if name in LOADS}
+    limited = {name: each for each in case.all_limits for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
     optimized = case.objective.is_of(LOADS)
     if (limited or optimized) and (direct or flow.follows_reynolds):
@@ -364,6 +372,14 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
     return Shape.designed(blade, points, bounds, radius_bounds, flow.several_sections)
 
 
+def _given(case: Case, shape: Shape, limits: Iterable[Limit]) -> Iterator[Limit]:
+    """Yield given limits for a case's blade, that of the speed within the generator's table."""
+    end, material = case.generator.fastest, case.rotor.blade_material
+    for limit in limits:
+        beyond = isinstance(limit, RotorSpeedLimit) and limit.upper > end
+        yield TableEnd(bound=end) if beyond else limit.on(shape.blade, material)
+
+
 def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
     """Return the limits of a case: torque and rotation, the design's bounds, and those it gives.
 
@@ -374,14 +390,12 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         bounds = {"set_angle": shape.bounds["twist"]}
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     bounds["hub_inertia"] = case.design.hub_inertia_bounds
-    given = [limit.on(shape.blade, case.rotor.blade_material) for limit in case.limits.given]
-    fastest = case.generator.fastest
-    if fastest < min((x.upper for x in given if isinstance(x, RotorSpeedLimit)), default=np.inf):
-        given = [x for x in given if not isinstance(x, RotorSpeedLimit)]
-        given.append(RotorSpeedLimit(bound=fastest))
+    given = {limit.name: limit for limit in _given(case, shape, case.limits.given)}
+    if np.isfinite(case.generator.fastest):
+        given.setdefault("rotor_speed", TableEnd(bound=case.generator.fastest))
     return (
         TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
         ForwardRotation(),
         *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *given,
+        *given.values(),
     )

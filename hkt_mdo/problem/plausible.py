@@ -51,7 +51,7 @@ def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
     if mixed and low <= sum(100.0 * x if x < 1.0 else x for x in weights) <= high:
         told = ", ".join(f"{each:g}" for each in weights)
         yield f"weights of the scenarios = {told} are shares and per cent: give all in one unit"
-    rated = any(limit.is_of(RATES) for limit in case.limits.given)
+    rated = any(limit.is_of(RATES) for limit in case.all_limits)
     if rated and case.control.chooses_torque and case.design.blade == "optimized":
         yield (
             "control.unknown = torque may end several per cent below the best under "

@@ -78,10 +78,14 @@ class Setup:
         return self.shares.get((limit.name, scenario.name), np.ones(scenario.segments))
 
     def share_at(self, limit: Limit, scenario: Scenario, nodes: np.ndarray) -> np.ndarray:
-        """Return the share of a limit required at some nodes: the smaller one of two segments."""
+        """Return the share of a limit required at some nodes: the smaller one of two segments.
+
+        The segments of a steady scenario share no node.
+        """
         share = self.share(limit, scenario)
         by_node = np.repeat(share, scenario.nodes_per_segment).reshape(scenario.segments, -1)
-        by_node[:-1, -1] = np.minimum(share[:-1], share[1:])
+        if not scenario.steady:
+            by_node[:-1, -1] = np.minimum(share[:-1], share[1:])
         return by_node.ravel()[nodes]
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import DesignBounds, Limit, TorqueLimit
-from hkt_mdo.dynamics.resource import Resource
+from hkt_mdo.dynamics.limits import DesignBounds, Limit
+from hkt_mdo.dynamics.resource import FARTHEST, Resource
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
@@ -101,9 +101,11 @@ def check_case(case: Case) -> CheckReport:
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}
+    durations = {own.name: own.duration for own in case.scenarios}
     for flow in found.flows:
         title = "Flow" if len(found.flows) == 1 else f"Flow of {flow.name}"
-        rows[title] = [*_flow(found, flow, case.phase.duration is None)]
+        given = durations.get(flow.name) or case.phase.duration
+        rows[title] = [*_flow(found, flow, given is None)]
     rows |= {
         "Control": [*_control(found)],
         "Starting blade": [*_start(found)],
@@ -246,19 +248,32 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
     area = np.pi * found.plant.blade.rotor_radius**2
-    passing = flow.average(power_scale(found.physics.density, 1.0, flow.speed)) / np.pi
+    density = found.physics.rotor_in(found.scenarios_of(flow)[0]).water_density
+    passing = flow.average(power_scale(density, 1.0, flow.speed)) / np.pi
     yield Row("kind", flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
     yield Row("mean speed", flow.mean, "m/s", digits=4)
     share = f"{100.0 * flow.deviation / flow.mean:.3g} % of the mean"
     yield Row("standard deviation", flow.deviation, "m/s", share, 3)
-    why = "a year" if isinstance(flow.kind, Resource) else why
+    if isinstance(flow.kind, Resource):
+        why = "a year"
+        yield Row("limits hold up to", flow.range[1], "m/s", _fastest(found, flow), 4)
     yield Row("time", duration(flow.duration), "", why)
     if len(found.flows) > 1:
         yield Row("share of time", flow.share)
     yield Row("changes", changes)
     yield Row("power through the rotor", passing * area, "W", "mean", 4)
     yield Row("power per square metre", passing, "W", "mean", 4)
+
+
+def _fastest(found: Findings, flow: Flow) -> str:
+    """Return what decides the fastest flow of a resource, at which limits hold."""
+    fastest, spread = flow.range[1], flow.kind.turbulence_intensity
+    if fastest == found.case.control.cut_out:
+        return "control.cut_out"
+    edge = "the edge of the last bin" if flow.kind.own_bins else "the fastest flow"
+    more = f" + {FARTHEST:.3g} x {100.0 * spread:.3g} % of turbulence" if spread else ""
+    return f"{edge}, {fastest / (1.0 + FARTHEST * spread):.4g} m/s{more}"
 
 
 def _sampled(flow: Flow) -> bool:
@@ -268,7 +283,7 @@ def _sampled(flow: Flow) -> bool:
 
 def _unresolved(found: Findings, flow: Flow) -> Rows:
     """Warn of a flow that the mesh does not resolve."""
-    scenarios = [found.physics.scenarios[place] for place in found.groups[flow.name]]
+    scenarios = found.scenarios_of(flow)
     lower = ", or a lower cutoff" if _sampled(flow) else ""
     error = max(float(np.sum(scenario.flow_errors)) for scenario in scenarios)
     if error > FLOW_ERROR:
@@ -395,10 +410,14 @@ def _not_turning(found: Findings) -> Row:
 def _optimization(found: Findings, package: str) -> Rows:
     """Yield the size of the problem; warn of segments that are too long."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
-    length, (unknowns, constraints) = phase.duration / phase.segments, problem_size(found)
-    nodes = sum(each.node_times.size for each in found.physics.scenarios)
-    segments = sum(scenario.segments for scenario in found.physics.scenarios)
-    periods, given = "", phase.segments * len(found.flows)
+    unknowns, constraints = problem_size(found)
+    scenarios = found.physics.scenarios
+    nodes = sum(each.node_times.size for each in scenarios)
+    segments = sum(each.segments for each in scenarios if not each.steady)
+    meshes = {each.group: each.mesh for each in scenarios if not each.steady}.values()
+    given = sum(mesh.segments for mesh in meshes)
+    lengths = np.array([mesh.duration / mesh.segments for mesh in meshes])
+    length, periods = np.max(lengths, initial=0.0), ""
     if segments > given:
         periods = f", divided into {segments} where the flow changes fast"
     elif found.cutoff:
@@ -414,9 +433,9 @@ def _optimization(found: Findings, package: str) -> Rows:
     torque = "at every node of the trajectory"
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
-    of = f"{min(segments, given)} of {measured(length, 's', 3)}{periods}"
+    of = f"{min(segments, given)} of {measured(lengths, 's', 3)}{periods}"
     mesh = f"{phase.transcription} of order {phase.order}, {nodes} nodes"
-    if all(each.steady for each in found.flows):
+    if not meshes:
         yield Row("speeds of the flow", str(nodes), "", "in equilibrium, without time")
     else:
         yield Row("segments", of, "", mesh)
@@ -434,14 +453,14 @@ def _bounds(found: Findings) -> Rows:
     units = in_case(point.blade)
     for limit in found.physics.design_limits:
         if isinstance(limit, DesignBounds):
-            key, (unit, scale) = f"design.{limit.name}_bounds", units[limit.name]
+            unit, scale = units[limit.name]
             low, high = (number(scale * end) for end in (limit.lower, limit.upper))
             value = measured(scale * limit.value_of(values), unit, 4)
             words = f"at least {low} and at most {high} {unit}".rstrip()
-            yield Row(key, words, "", f"{value} with the starting blade")
+            yield Row(limit.key, words, "", f"{value} with the starting blade")
             if np.max(limit.excess(values)) > KEPT:
                 text = f"broken at the start, {words}; {value} with the starting blade"
-                yield _warning(key, f"{text}: the run looks for a blade within them")
+                yield _warning(limit.key, f"{text}: the run looks for a blade within them")
 
 
 def _limits(found: Findings) -> Rows:
@@ -470,7 +489,6 @@ def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Ro
         endless = not np.isfinite(limit.upper) and limit.lower <= 0.0
         if isinstance(limit, DesignBounds) or endless:
             continue
-        key = "control.torque_limit" if isinstance(limit, TorqueLimit) else f"limits.{limit.name}"
         limited.add(limit.name)
         words, kept = _ends(limit), ""
         if found.running or limit.place != "time":
@@ -480,8 +498,8 @@ def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Ro
                 if broken.size == flow.size:
                     kept += f", in flows from {flow[broken].min():.4g} m/s"
                 text = f"broken at the start, {words}; {kept}: the run has to meet it"
-                yield _warning(key, text)
-        yield Row(key, words, "", kept)
+                yield _warning(limit.key, text)
+        yield Row(limit.key, words, "", kept)
     if found.running:
         for name, entry in loads.largest([values]).items():
             if name not in limited:

@@ -106,7 +106,7 @@ def _polar_curves(found: Findings) -> Iterator[dict[str, Any]]:
 
 
 def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
-    """Yield the flow speed over time, and the spectrum of one that changes."""
+    """Yield the flow speed over time, and the spectrum of one that changes over time."""
     thin = -(-flow.time.size // MOST_INSTANTS)
     panel = Panel("inflow speed (m/s)", "time (s)", levels={"mean": flow.mean})
     panel.curves.append(Curve(flow.time[::thin], flow.speed[::thin], "", COLORS[0]))
@@ -114,7 +114,7 @@ def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
     if low - (high - low) < rated_speed < high + (high - low):
         panel.levels["torque limit is met"] = rated_speed
     yield panel
-    if flow.deviation > 1e-9 * flow.mean:
+    if flow.deviation > 1e-9 * flow.mean and not flow.steady:
         yield spectrum_panel(*power_spectrum(flow.speed, float(flow.time[1])), flow.cutoff)
 
 

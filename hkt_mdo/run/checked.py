@@ -142,8 +142,9 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
 def first_remedy(physics: Physics) -> str:
     """Return the one thing to try first where an optimizer did not converge; often not known."""
     case, points = physics.case, physics.shape.points
-    stations = physics.blade.r.size
-    if physics.law.is_feedback and case.phase.transcription == "radau":  # has free last speeds
+    stations, moves = physics.blade.r.size, not all(each.steady for each in physics.scenarios)
+    radau = case.phase.transcription == "radau"  # has free last speeds
+    if moves and physics.law.is_feedback and radau:
         return "try phase.transcription=gauss-lobatto"
     if physics.shape.designs_chord and stations > POINTS + 1:
         free = [name for name, count in points.items() if count > POINTS + 1]
@@ -179,7 +180,7 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     in_flow = "any flow" if flow is None else f"a flow of {flow:.4g} m/s"
     at_start = f"by the best of them, in {in_flow}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
-    key = {"control_torque": "control.torque_limit"}.get(name, f"limits.{name}")
+    key = next(limit.key for limit in physics.all_limits if limit.name == name)
     law = "control.law: curve, which can keep more limits, " * (len(physics.law.gain_units) == 1)
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
     return NONE_FOUND.format(starts=starts, **about)
@@ -187,5 +188,5 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
 
 def _is_of(check: CheckEntry, limit: str) -> bool:
     """Tell whether a check is that of a limit."""
-    parts = ("at_nodes", "between_nodes", "bounds")
+    parts = ("at_nodes", "between_nodes", "in_equilibrium", "bounds")
     return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]

@@ -4,6 +4,7 @@ A result is a success only if the optimizer converged and an integration that sh
 curve nor collocation with it, the quasi-steady bound and every limit of the problem agree.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque
+from hkt_mdo.files.shipped import REMEDIES
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED
@@ -49,7 +51,6 @@ BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # two filters for all stations (docs/studies/memory.md)
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is checked
-OVER = "share by which the limit is exceeded,"
 CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
@@ -361,13 +362,14 @@ def _closed_loop(verifications):
 def _of_design_limit(ended, limit):
     """Return how far the design, or the whole result, exceeds a limit."""
     point, whole = ended.result.point, design_and_result(ended.verifications)
-    over = limit.excess(whole | designed(ended.physics, point))
+    over = limit.excess(designed(ended.physics, point) | whole)
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
     if limit.place == "span" and over.size == point.blade.r.size:
         where = f"r = {point.blade.r[worst]:.3f} m"
     # the energies are those of the integration
     most = ENERGY_ERROR if limit.is_of(names(over="result")) else NODE_VIOLATION
-    return f"{limit.name}_bounds", max(over[worst], 0.0), most, f"{OVER} at {where}"
+    word = f"share by which {limit.key} is exceeded, at {where}"
+    return f"{limit.name}_bounds", max(over[worst], 0.0), most, word
 
 
 def _of_limit(limit, verification, suffix):
@@ -376,11 +378,12 @@ def _of_limit(limit, verification, suffix):
     over, when = _largest(scenario, limit.excess(verification.at_nodes), time)
     # an optimization has loads from tables, which are no more exact
     most = BETWEEN if limit.is_of(LOADS) else NODE_VIOLATION
-    yield f"{limit.name}_at_nodes{suffix}", max(over, 0.0), most, f"{OVER} at {when}"
+    word = f"share by which {limit.key} is exceeded, at "
+    yield f"{limit.name}_at_nodes{suffix}", max(over, 0.0), most, word + when
     if limit.constrains(verification.physics.law):
         over, when = _largest(scenario, *verification.between_nodes(limit))
         name = "in_equilibrium" if scenario.steady else "between_nodes"
-        yield f"{limit.name}_{name}{suffix}", over, most_between(limit), f"{OVER} at {when}"
+        yield f"{limit.name}_{name}{suffix}", over, most_between(limit), word + when
 
 
 def most_between(limit: Limit) -> float:
@@ -442,65 +445,42 @@ def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
     return probe, np.max(errors, axis=0)
 
 
-FALSE_SOLUTION = (
-    "the collocation is too coarse or has converged to a false solution: try more phase.segments, "
-    "phase.transcription=gauss-lobatto, start.method=quasi_steady"
-)
-OTHER_EQUILIBRIUM = (
-    "the rotor has another, faster equilibrium there than the optimizer met: try a larger cut_in, "
-    "or another control.law"
-)
-FINER = "try more phase.segments and a smaller hydrodynamics.tolerance"
-SLOWER = "try a larger rotor.hub_inertia, or a flow that changes more slowly"
-TRY = {
-    "optimizer": "try hkt run --resume, the other driver.optimizer, or more driver.max_iterations",
-    "flow_error": "try more phase.segments",
-    "flow_missed": "try more phase.segments, a shorter phase.duration or a smoother flow",
-    "mesh_error": "try driver.optimizer=IPOPT, or more phase.segments",
-    "distance_from_stall": "try hydrodynamics.torque=curve, or start.method=quasi_steady",
-    "closed_loop": "try a larger control.proportional_gain",
-    "closed_loop_with_memory": "try a larger rotor.hub_inertia, or another control.law",
-    **dict.fromkeys(("wake_in_tables", "two_filters_energy", "two_filters_speed"), SLOWER),
-    "wake_induction_turns": "try start.method=quasi_steady, or inflow_dynamics: quasi_steady",
-    "generator_table": "extend the table",
-    "loads_resolved": "give rotor.station_count=40 in place of rotor.stations",
-    "stored_energy": (
-        "the captured energy includes energy stored in the rotor: try objective=generator, or "
-        "under open loop phase.final_speed=initial"
-    ),
-    "rotor_keeps_turning": (
-        "try a larger control.torque_limit, start.method=quasi_steady, or of a year a larger cut_in"
-    ),
-    **dict.fromkeys(("energy_error", "max_speed_error", "objective_error"), FALSE_SOLUTION),
-    "surrogate_error": "try a smaller hydrodynamics.tolerance, or hydrodynamics.torque=direct",
-    "energy_below_start": FALSE_SOLUTION,
-    "behind_open_loop": "try start.from with a result of law: rated",
-    **dict.fromkeys(("energy_over_bound", "energy_over_certificate"), FINER),
-}
-
-
-def explain_all(checks: list[CheckEntry], first: str = "") -> str:
+def explain_all(checks: list[CheckEntry], physics: Physics, first: str = "") -> str:
     """Return the failed checks as text, with one remedy if the optimizer failed; else nothing."""
     failed = [check for check in checks if not check.passed]
     if not failed or failed[0].name != "optimizer":
-        return "; ".join(explain(check) for check in failed)
+        return "; ".join(explain(check, physics) for check in failed)
     others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
-    text = explain(failed[0], first)
-    false = any(check.name == "max_speed_error" for check in failed[1:])
-    why = f" ({FALSE_SOLUTION})" if false else ""
+    text = explain(failed[0], physics, first)
+    false = (check for check in failed[1:] if check.name == "max_speed_error")
+    why = "".join(f" ({_remedy(check, physics)})" for check in false)
     return f"{text}; also refused: {', '.join(others)}{why}" if others else text
 
 
-def explain(check: CheckEntry, first: str = "") -> str:
+def explain(check: CheckEntry, physics: Physics, first: str = "") -> str:
     """Return the failed check, its place and what to try; `first`: if the optimizer failed."""
-    name = check.name.partition(" (")[0]
-    between = "try more phase.segments" if name.endswith("_between_nodes") else ""
-    remedy = TRY.get(name) or between or "try a smaller driver.tolerance"
-    if remedy is FALSE_SOLUTION and " a flow of " in (check.detail or ""):  # of a steady scenario
-        remedy = OTHER_EQUILIBRIUM
+    name, remedy = check.name.partition(" (")[0], first or _remedy(check, physics)
     if name == "optimizer":
-        return f"the optimizer did not converge: {check.detail} ({first or remedy})"
+        return f"the optimizer did not converge: {check.detail} ({remedy})"
     if name == "rotor_keeps_turning":
         return f"{check.detail} ({remedy})"
     where = f", {check.detail}" if check.detail else ""
     return f"{check.name} = {check.value:.3g} exceeds {check.limit:g}{where} ({remedy})"
+
+
+def _remedy(check: CheckEntry, physics: Physics) -> str:
+    """Return what to try where a check fails, without what the case has already."""
+    name, _, of = check.name.rstrip(")").partition(" (")
+    known, end = REMEDIES["moving"], "_".join(name.split("_")[-2:])
+    found = known.get(name) or known.get(end, known["others"])
+    if all(each.steady for each in physics.scenarios if of in ("", each.name)):
+        found = REMEDIES["steady"].get(name, found)
+    why = f"{found[0]} " if found[0].endswith(":") else ""
+    *others, last = (x for x in found[bool(why) :] if not _has(physics.case, x))
+    return f"{why}try {', '.join([*others, f'or {last}' if others else last])}"
+
+
+def _has(case, suggestion: str) -> bool:
+    """Tell whether a case has the value that a suggestion gives a key."""
+    given = re.match(r"([\w.]+)=([\w-]+)", suggestion)
+    return given is not None and attrgetter(given[1])(case) == given[2]

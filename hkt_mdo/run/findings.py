@@ -98,15 +98,17 @@ class Flow:
     share : float
         Its share of time.
     inflow : Inflow
-        The flow over time; of a steady scenario its duration curve, in operation.
+        The flow over time; of a steady scenario a duration curve.
     steady : bool
         Whether it has no time.
     kind : Inflow
         What the case gives.
     duration : float
         How long it lasts, s.
-    time, speed : ndarray, shape (n,)
-        Even instants, s, and the flow speed then, m/s.
+    time, speed, weights : ndarray, shape (n,)
+        Even instants, s, the flow speed then, m/s, and its share of the time, but for a factor. Of
+        a steady scenario the speeds in operation, those of reversed flow after the others, and the
+        times for which there are these and the ones before.
     range : ndarray, shape (2,)
         Lowest and highest speed, m/s, then and at the samples of the meshes.
     mean, deviation : float
@@ -122,18 +124,23 @@ class Flow:
         self.kind = getattr(first, "resource", first.inflow)
         self.duration = first.mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
-        instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
-        ends = first.edges[[0, -1]] if self.steady else (0.0, self.duration)
-        self.time = np.linspace(*ends, instants)
-        self.speed = np.asarray(self.inflow.speed_at(self.time))
-        parts = [self.speed, *(self.inflow.speed_at(each.samples) for each in scenarios)]
-        self.range = np.array([min(map(np.min, parts)), max(map(np.max, parts))])
+        met = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
+        if self.steady:
+            self.weights = np.concatenate([each.sample_weights for each in scenarios])
+            self.time, self.speed = np.cumsum(self.weights), met
+        else:
+            instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
+            self.time = np.linspace(0.0, self.duration, instants)
+            self.speed = np.asarray(self.inflow.speed_at(self.time))
+            self.weights = np.pad(np.ones(instants - 2), 1, constant_values=0.5)
+        both = np.append(self.speed, met)
+        self.range = np.array([np.min(both), np.max(both)])
         self.mean = self.average(self.speed)
         self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
 
     def average(self, values: np.ndarray) -> float:
         """Return the mean over time of values at the instants."""
-        return float(np.trapezoid(values, self.time) / np.ptp(self.time))
+        return float(np.average(values, weights=self.weights))
 
 
 class Findings:
@@ -231,6 +238,10 @@ class Findings:
         flow = np.array([[self.slowest], [self.fastest]]) * cosine
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
+
+    def scenarios_of(self, flow: Flow) -> list[Scenario]:
+        """Return the scenarios of a flow: several where it has intervals or two directions."""
+        return [self.physics.scenarios[place] for place in self.groups[flow.name]]
 
     def average(self, of: Callable[[Flow], float]) -> float:
         """Return the mean of something of each flow, by their shares of time."""

@@ -43,19 +43,21 @@ def place(known: Known, at: int) -> dict[str, float]:
 
 
 def over_span(
-    rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]
+    blade: Blade, several: list[tuple[RotorModel, Known]]
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Return radii (m) and values along the blade of the stress, of the suction and of the moment.
 
+    `several` has trajectories, each with the rotor in its water and condition.
     `stress` (Pa) and `flapwise_moment` (N*m) are those of the time when the blade has its largest
     stress, `cavitation` that of the time of the largest suction, by the surface which has more;
-    it is known at the stations only. Loads that the model lacks are left out.
+    it is known at the stations only. Loads that the models lack are left out.
     """
-    found, several = {}, list(trajectories)
+    found = {}
     for name in ("stress", "cavitation"):
-        if name not in rotor.load_names:
+        have = [pair for pair in several if name in pair[1]]
+        if not have:
             continue
-        known = max(several, key=lambda known, name=name: np.max(known[name]))  # type: ignore[misc]
+        rotor, known = max(have, key=lambda pair: np.max(pair[1][name]))
         worst = int(np.argmax(known[name]))
         flow = float(known["inflow_speed"][worst])
         ratio = max(float(known["tip_speed_ratio"][worst]), SLOWEST_RATIO)
@@ -73,11 +75,10 @@ def over_span(
     return found
 
 
-def placed(rotor: RotorModel, blade: Blade, trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
+def placed(blade: Blade, several: list[tuple[RotorModel, Known]]) -> dict[str, LoadEntry]:
     """Return `largest`, with the places along the blade of the loads of `over_span`."""
-    several = list(trajectories)
-    found = largest(several)
-    for name, (r, values) in over_span(rotor, blade, several).items():
+    found = largest(known for _, known in several)
+    for name, (r, values) in over_span(blade, several).items():
         if name in found:
             where = {"r_m": float(r[np.argmax(values)])}
             found[name] = found[name].model_copy(update=where)

@@ -207,7 +207,8 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
         start = with_memory(state.first, measured(state.first, start))
     end = best = optimize(state, start)
-    message, held, prices = explain_all(end.checks, first_remedy(end.physics)), "", {}
+    message = explain_all(end.checks, end.physics, first_remedy(end.physics))
+    held, prices = "", {}
     if message:
         best, held = best_of(state, end)
         if held:

@@ -412,9 +412,8 @@ def _limit(pairs, several):
 
 def _loads(verifications):
     """Return the largest loads along some integrations, when and where along the blade."""
-    simulated = [verification.simulated for verification in verifications]
-    first = verifications[0]
-    found = loads.placed(first.rotor, first.plant.blade, simulated)
+    several = [(each.rotor, each.simulated) for each in verifications]
+    found = loads.placed(verifications[0].plant.blade, several)
     return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
 
 
@@ -462,7 +461,7 @@ def write_tables(out: Path, finished: Checked) -> None:
             if name == "simulation":  # open loop repeats the trajectory, at every node
                 rows = rows[_shown(rows)]
             write_csv(out / f"{name}{suffix}.csv", table, rows)
-        span = loads.over_span(verifications[0].rotor, blade, simulated)
+        span = loads.over_span(blade, [(each.rotor, each.simulated) for each in verifications])
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if isinstance(verifications[0], SteadyVerification):
             bins = a_year.table(verifications)

@@ -20,7 +20,7 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.problem.evaluation import split
+from hkt_mdo.problem.evaluation import excesses, objective_at, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
@@ -305,7 +305,19 @@ class Search:
                 if operation.running and problem.recovers(scaled_gains, operation):
                     break
             point = replace(point, gains=scaled_gains, operation=operation)
+        if self.physics.law.is_feedback:
+            point = self._evaluated(point)
         return self._noted(self.physics.law.law, point)
+
+    def _evaluated(self, point: StartingPoint) -> StartingPoint:
+        """Return a point with the objective and the excess of its operation in the whole flow."""
+        own = replace(self.physics, objective=self.physics.start_objective)
+        limited = [limit.name for limit in self._schedules.limits]
+        over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
+        exceeds = tuple(name for name, x in over.items() if x > KEPT_EXCESS)
+        excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
+        objective = objective_at(own, point) + own.price_of(point.blade)
+        return replace(point, objective=objective, excess=excess, exceeds=exceeds)
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
         """Return the end of an optimization under a law, noted."""

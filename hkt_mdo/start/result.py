@@ -8,6 +8,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import gain_bounds
+from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.blade import Blade
 
@@ -38,11 +39,13 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
     where = {"key": "start.from", "value": folder}
     try:
         solution = Solution.load(folder, extensions=physics.case.extensions)
+        rotor, fluid = solution.case.rotor, solution.case.fluid
+        count = rotor.blade_count or build_turbine(rotor, fluid, 1.0).blade.blade_count
     except InputError as error:
         remedy = "give the folder of a finished run"
         raise InputError(f"is no result that can be read ({error})", remedy, **where) from error
     summary = solution.summary
-    count, own = solution.case.rotor.blade_count, physics.blade.blade_count
+    own = physics.blade.blade_count
     if count != own:
         problem = f"has {count} blades, the case has {own}"
         remedy = f"give a result with rotor.blade_count = {own}"

@@ -221,7 +221,7 @@ class Run:
         known = SimulatedDesign(physics, *about).simulated
         limits = physics.limits_in(physics.scenarios[0])
         found = {each.name: _told(each, known) for each in limits if not each.bounded}
-        for name, load in placed(physics.rotor, plant.blade, [known]).items():
+        for name, load in placed(plant.blade, [(physics.rotor, known)]).items():
             remark = unasked(name, load.value, physics.case) or "not limited"
             own = found.get(name, Told(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})

@@ -246,12 +246,12 @@ REFUSALS = [
     ("flow_missed", "feedback", unseen_gust, 0.3 / 1.68, ["t = 3 and 4 s", "phase.segments"]),
     ("mesh_error", "open_loop", other_mesh, 2e-5, ["finer mesh", "phase.segments"]),
     ("stored_energy", "feedback", wound_up, 0.02, ["in equilibrium", "objective=generator"]),
-    ("distance_from_stall", "feedback", near_stall, 1.0, ["slowed rotor", "start.method"]),
+    ("distance_from_stall", "feedback", near_stall, 1.0, ["slowed rotor", "control.law"]),
     ("surrogate_error", "feedback", wrong_curve, 2e-3, ["at tip speed ratio", "hydrodynamics"]),
     ("energy_over_bound", "feedback", lower_bound_of_the_energy, 0.07, ["bound", "phase.segments"]),
     ("energy_over_certificate", "open_loop", smaller_generator, 0.0324, ["certificate"]),
-    ("energy_below_start", "feedback", better_start, 4e-3, ["at the start", "start.method"]),
-    ("energy_below_start", "open_loop", better_start, 3.9e-3, ["at the start", "start.method"]),
+    ("energy_below_start", "feedback", better_start, 4e-3, ["at the start", "phase.segments"]),
+    ("energy_below_start", "open_loop", better_start, 3.9e-3, ["at the start", "phase.segments"]),
     ("chord_bounds", "feedback", thinner_station, 1e-4, ["r = 1.0", "driver.tolerance"]),
     ("twist_bounds", "feedback", twisted_station, 1e-4, ["r = 0.290 m", "driver.tolerance"]),
     ("radius_bounds", "feedback", larger_rotor, 1e-4, ["at the radius", "driver.tolerance"]),
@@ -276,7 +276,7 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
     (refused,) = (check for check in doctor(solved).by_name.values() if not check.passed)
     assert refused.name == name
     assert refused.value == pytest.approx(value, rel=0.1)
-    said = explain(refused)
+    said = explain(refused, solved.physics)
     assert all(word in said for word in words), said
     assert "try " in said
     if name not in ("optimizer", "rotor_keeps_turning"):
@@ -321,7 +321,7 @@ def test_two_filters_that_are_not_those_of_all_stations_are_refused(feedback, na
     (refused,) = (check for check in whole.by_name.values() if not check.passed)
     assert refused.name == name
     assert refused.value == pytest.approx(value, rel=1e-6)
-    assert "more slowly" in explain(refused)
+    assert "more slowly" in explain(refused, feedback.physics)
 
 
 @pytest.mark.parametrize(
@@ -469,4 +469,4 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     doctored = replace(second, trajectory={**second.trajectory, "rotor_speed": nodes})
     refused = replace(solved, verifications=(first, doctored))
     assert refused.failed() == ["max_speed_error (step)"]
-    assert "phase.segments" in explain(refused.by_name["max_speed_error (step)"])
+    assert "phase.segments" in explain(refused.by_name["max_speed_error (step)"], solved.physics)

@@ -71,7 +71,7 @@ def test_the_span_is_that_of_the_worst_instants():
     world = physics(load_case(PLAIN))
     known = trajectory(world)
     weaker = known | {name: 0.9 * known[name] for name in world.rotor.load_names}
-    found = loads.over_span(world.rotor, world.blade, [weaker, known])
+    found = loads.over_span(world.blade, [(world.rotor, weaker), (world.rotor, known)])
     assert set(found) == {"stress", "flapwise_moment", "cavitation"}
     for name in ("stress", "cavitation"):
         r, values = found[name]
@@ -104,7 +104,7 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
             expected = pressure(world, known, at) * load.largest[0]
             assert known[name][at] == pytest.approx(expected, rel=1e-9)
     assert loads.tip_deflection(world.rotor, world.blade, [known]) is None
-    found = loads.over_span(world.rotor, world.blade, [known])
+    found = loads.over_span(world.blade, [(world.rotor, known)])
     assert set(found) == {"stress", "flapwise_moment"}
     assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)
 
