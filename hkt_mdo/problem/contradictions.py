@@ -68,10 +68,9 @@ def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
 def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
     """Yield the limits without effect: whenever certain other limits hold, these hold too."""
     limits, generator = _bounds(case), case.generator
-    torque, power, electrical, speed, tip = (
-        limits.get(name, np.inf)
-        for name in ("torque", "power", "electrical_power", "rotor_speed", "tip_speed")
-    )
+    names = "power", "electrical_power", "rotor_speed", "tip_speed"
+    power, electrical, speed, tip = (limits.get(name, np.inf) for name in names)
+    torque = case.control.torque_limit or np.inf
     smallest, largest = _radii(shape)
     share = generator.largest_efficiency
     implied = [
@@ -92,9 +91,7 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
 
 def _bounds(case: Case) -> dict[str, float]:
     """Return the upper bounds of the case's limits over time, in SI units, by name."""
-    found = {limit.name: limit.upper for limit in case.limits.given if limit.place == "time"}
-    torque = case.control.torque_limit
-    return found | ({"torque": torque} if torque is not None else {})
+    return {limit.name: limit.upper for limit in case.limits.given if limit.place == "time"}
 
 
 def _radii(shape: Shape) -> tuple[float, float]:

@@ -242,13 +242,13 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
-    yield from _unresolved(found, flow)
+    yield from _unresolved(flow)
     why = "as the case says"
     if by_default:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
     area = np.pi * found.plant.blade.rotor_radius**2
-    density = found.physics.rotor_in(found.scenarios_of(flow)[0]).water_density
+    density = found.physics.rotor_in(flow.scenarios[0]).water_density
     passing = flow.average(power_scale(density, 1.0, flow.speed)) / np.pi
     yield Row("kind", flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
@@ -281,19 +281,18 @@ def _sampled(flow: Flow) -> bool:
     return any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
 
 
-def _unresolved(found: Findings, flow: Flow) -> Rows:
+def _unresolved(flow: Flow) -> Rows:
     """Warn of a flow that the mesh does not resolve."""
-    scenarios = found.scenarios_of(flow)
     lower = ", or a lower cutoff" if _sampled(flow) else ""
-    error = max(float(np.sum(scenario.flow_errors)) for scenario in scenarios)
+    error = max(float(np.sum(scenario.flow_errors)) for scenario in flow.scenarios)
     if error > FLOW_ERROR:
-        segments = sum(scenario.segments for scenario in scenarios)
+        segments = sum(scenario.segments for scenario in flow.scenarios)
         yield _warning(
             "phase.duration",
             f"{segments} segments leave the integral of v³ uncertain by {error:.1g}, more than "
             f"{FLOW_ERROR:g}: give a shorter phase.duration{lower}",
         )
-    missed = max(float(np.max(scenario.flow_missed)) for scenario in scenarios)
+    missed = max(float(np.max(scenario.flow_missed)) for scenario in flow.scenarios)
     if missed > FLOW_MISSED:
         yield _warning(
             "inflow",
@@ -330,14 +329,13 @@ def _control(found: Findings) -> Rows:
     smooth = f"approached smoothly (smoothing {control.smoothing:g})" if law.is_feedback else ""
     yield Row("torque limit", limit or "none", "N*m", smooth if limit else "", 4)
     if limit is not None and not found.above_rated:
-        fastest = found.fastest
-        _, torque = found.at_best(fastest)
+        _, torque = found.at_best(found.fastest)
         yield _warning(
             "control.torque_limit",
             f"{measured(limit, 'N*m', 4)} is more than the torque of the flow: at its best tip "
             "speed ratio the starting blade has "
             f"{measured(torque, 'N*m', 4)} in the fastest flow, "
-            f"{fastest:.4g} m/s",
+            f"{found.fastest:.4g} m/s",
         )
     if law.is_feedback:
         gains, own = law.starting_gains(), law.starting_gains() is None
@@ -411,10 +409,10 @@ def _optimization(found: Findings, package: str) -> Rows:
     """Yield the size of the problem; warn of segments that are too long."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
     unknowns, constraints = problem_size(found)
-    scenarios = found.physics.scenarios
-    nodes = sum(each.node_times.size for each in scenarios)
-    segments = sum(each.segments for each in scenarios if not each.steady)
-    meshes = {each.group: each.mesh for each in scenarios if not each.steady}.values()
+    nodes = sum(each.node_times.size for each in found.physics.scenarios)
+    moving = [flow for flow in found.flows if not flow.steady]
+    meshes = [flow.scenarios[0].mesh for flow in moving]
+    segments = sum(each.segments for flow in moving for each in flow.scenarios)
     given = sum(mesh.segments for mesh in meshes)
     lengths = np.array([mesh.duration / mesh.segments for mesh in meshes])
     length, periods = np.max(lengths, initial=0.0), ""
@@ -468,12 +466,11 @@ def _limits(found: Findings) -> Rows:
 
     In quasi-steady operation under the control law; warn of limits that are broken.
     """
-    for name, (first, *_) in found.groups.items():
-        scenario, values = found.physics.scenarios[first], found.at_start[name]
-        limits = *found.physics.limits_in(scenario), *found.physics.design_limits
-        for row in _of_scenario(found, limits, values):
-            several = len(found.groups) > 1
-            yield replace(row, label=f"{name}: {row.label}") if several else row
+    for flow in found.flows:
+        limits = *found.physics.limits_in(flow.scenarios[0]), *found.physics.design_limits
+        for row in _of_scenario(found, limits, found.at_start[flow.name]):
+            several = len(found.flows) > 1
+            yield replace(row, label=f"{flow.name}: {row.label}") if several else row
     rotor, blade = found.physics.rotor, found.start.blade
     if found.running and not rotor.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())

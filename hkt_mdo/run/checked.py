@@ -141,16 +141,11 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
 
 def first_remedy(physics: Physics) -> str:
     """Return the one thing to try first where an optimizer did not converge; often not known."""
-    case, points = physics.case, physics.shape.points
-    stations, moves = physics.blade.r.size, not all(each.steady for each in physics.scenarios)
-    radau = case.phase.transcription == "radau"  # has free last speeds
-    if moves and physics.law.is_feedback and radau:
-        return "try phase.transcription=gauss-lobatto"
-    if physics.shape.designs_chord and stations > POINTS + 1:
-        free = [name for name, count in points.items() if count > POINTS + 1]
-        if free:
-            return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
-    return "try start.method: quasi_steady" if case.start.method == "blade" else ""
+    points = physics.shape.points
+    free = [name for name, count in points.items() if count > POINTS + 1]
+    if free and physics.shape.designs_chord and physics.blade.r.size > POINTS + 1:
+        return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
+    return ""
 
 
 def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:

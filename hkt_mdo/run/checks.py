@@ -362,7 +362,7 @@ def _closed_loop(verifications):
 def _of_design_limit(ended, limit):
     """Return how far the design, or the whole result, exceeds a limit."""
     point, whole = ended.result.point, design_and_result(ended.verifications)
-    over = limit.excess(designed(ended.physics, point) | whole)
+    over = limit.excess(whole | designed(ended.physics, point))
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
     if limit.place == "span" and over.size == point.blade.r.size:
         where = f"r = {point.blade.r[worst]:.3f} m"
@@ -396,7 +396,7 @@ def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:
     return {
         "chord": point.blade.chord,
         "twist": point.blade.twist,
-        "thickness": point.blade.thickness,
+        "thickness": physics.rotor.thickness_of(point.blade),
         "set_angle": physics.shape.control(point.blade).get("twist", np.empty(0)),
         "radius": np.array([point.blade.rotor_radius]),
         "hub_inertia": np.array([point.blade.hub_inertia]),

@@ -95,6 +95,8 @@ class Flow:
     ----------
     name : str
         Name of the scenario.
+    scenarios : sequence of Scenario
+        Its intervals or directions; one where it has none.
     share : float
         Its share of time.
     inflow : Inflow
@@ -119,8 +121,8 @@ class Flow:
 
     def __init__(self, name: str, scenarios: Sequence[Scenario], share: float):
         first = scenarios[0]
-        self.name, self.share, self.inflow = name, share, first.inflow
-        self.steady = first.steady
+        self.name, self.scenarios, self.share = name, scenarios, share
+        self.inflow, self.steady = first.inflow, first.steady
         self.kind = getattr(first, "resource", first.inflow)
         self.duration = first.mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
@@ -165,10 +167,9 @@ class Findings:
     def __init__(self, physics: Physics):
         case, blade = physics.case, physics.blade
         self.physics, self.case = physics, case
-        self.groups = physics.groups
         self.flows = [
             Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
-            for name, places in self.groups.items()
+            for name, places in physics.groups.items()
         ]
         self.mean = self.average(lambda flow: flow.mean)
         self.cutoff = max(flow.cutoff for flow in self.flows)
@@ -204,7 +205,7 @@ class Findings:
                 quantity: np.concatenate([several[i][quantity] for i in (first, *others)])
                 for quantity in several[first].keys() & set(OVER_TIME)
             }
-            for name, (first, *others) in self.groups.items()
+            for name, (first, *others) in physics.groups.items()
         }
         most = max(energy_bound(physics, self.best), 1e-9)
         self.captured = float(self.start.operation.energy / most)
@@ -238,10 +239,6 @@ class Findings:
         flow = np.array([[self.slowest], [self.fastest]]) * cosine
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
-
-    def scenarios_of(self, flow: Flow) -> list[Scenario]:
-        """Return the scenarios of a flow: several where it has intervals or two directions."""
-        return [self.physics.scenarios[place] for place in self.groups[flow.name]]
 
     def average(self, of: Callable[[Flow], float]) -> float:
         """Return the mean of something of each flow, by their shares of time."""
