@@ -431,12 +431,12 @@ def _optimization(found: Findings, package: str) -> Rows:
     torque = "at every node of the trajectory"
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
-    of = f"{min(segments, given)} of {measured(lengths, 's', 3)}{periods}"
-    mesh = f"{phase.transcription} of order {phase.order}, {nodes} nodes"
-    if not meshes:
-        yield Row("speeds of the flow", str(nodes), "", "in equilibrium, without time")
-    else:
+    if moving:
+        of = f"{min(segments, given)} of {measured(lengths, 's', 3)}{periods}"
+        mesh = f"{phase.transcription} of order {phase.order}, {nodes} nodes"
         yield Row("segments", of, "", mesh)
+    else:
+        yield Row("speeds of the flow", str(nodes), "", "in equilibrium, without time")
     yield Row("unknowns", _sizes(unknowns))
     yield Row("constraints", _sizes(constraints))
     yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")

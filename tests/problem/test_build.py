@@ -140,6 +140,15 @@ def test_a_limit_is_narrowed_at_both_ends_where_it_is_exceeded_between_nodes():
     np.testing.assert_allclose(bounds["upper"].ravel(), 700.0 - narrowed)
 
 
+def test_a_limit_is_narrowed_at_one_speed_of_a_steady_scenario():
+    flow = {"profile": "histogram", "speeds": [1.0, 1.1, 1.2], "hours": [1, 1, 1]}
+    world = physics(load_case({"resource": flow, "control": "quadratic"}))
+    each, limit = world.scenarios[0], world.limits[0]
+    kept = np.linspace(0.9, 1.0, each.segments)
+    setup = Setup(None, None, shares={(limit.name, each.name): kept})
+    np.testing.assert_array_equal(setup.share_at(limit, each, each.distinct_nodes), kept)
+
+
 # Two scenarios ------------------------------------------------------------------------------------
 
 

@@ -14,7 +14,7 @@ from hkt_mdo.dynamics.limits import (
     TorqueRateLimit,
 )
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.words import texts
 from tests.conftest import NINE, checked
 
@@ -80,6 +80,28 @@ def test_partials_against_complex_step(limit, given):
     size = next(iter(given.values())).size
     component = FormulaComp(formula=limit, size=size, n_stations=size)
     checked(component, 1e-14, 1e-12, **given)
+
+
+@pytest.mark.parametrize(("own", "end"), [(20.0, 8.0), (5.0, 5.0), (None, 8.0)])
+def test_a_limit_of_the_speed_is_within_the_generator_s_table(own, end, tmp_path):
+    path, rows = tmp_path / "table.csv", "9,1,0.8\n9,8,0.8\n900,1,0.9\n900,8,0.9\n"
+    path.write_text("torque_Nm,speed_rad_s,efficiency\n" + rows)
+    case = CASE | {"generator": {"table": str(path)}}
+    scenarios = [{"inflow": "sine", "limits": {"rotor_speed": own}}]
+    world = physics(load_case(case | {"scenarios": scenarios}))
+    (limit,) = (x for x in world.limits_in(world.scenarios[0]) if x.name == "rotor_speed")
+    assert limit.upper == end
+    assert ("generator.table" in limit.key) == (end == 8.0)
+
+
+def test_a_limited_rate_of_a_scenario_is_one_of_the_case():
+    rate, steady = {"limits": {"torque_rate": 30}}, {"inflow": "sine", "steady": True}
+    case = load_case(CASE | {"scenarios": [{"inflow": "sine"} | rate, steady | rate]})
+    assert complete(case).phase.final_speed == "free"
+    world = physics(case)
+    names = [[limit.name for limit in world.limits_in(each)] for each in world.scenarios]
+    assert ["torque_rate" in each for each in names] == [True, False]  # at rest it has none
+    assert any("no effect in a steady scenario" in text for text in world.messages)
 
 
 # Contradictions and limits of no effect -----------------------------------------------------------

@@ -5,6 +5,7 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.certificate import BestPower, Certificate
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import power_scale
@@ -101,3 +102,11 @@ def test_short_intervals_are_standstill_too():
     still = 60.0 - 20.0 * (1.0 - 2.0 * share)
     assert f"standstill for {still:.4g} s of 60 s" in told
     assert f"in 1 interval; 1 interval more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in told
+
+
+def test_the_name_of_an_interval_is_that_of_no_other_scenario():
+    slow = {"name": "a_interval_1", "inflow": {"profile": "constant", "speed": 1.0}}
+    scenarios = [{"name": "a", "inflow": "sine"}, slow]
+    case = {"control": {"law": "quadratic", "cut_out": 1.6}, "scenarios": scenarios}
+    with pytest.raises(InputError, match="scenarios = a_interval_1: is the name"):
+        physics(load_case(case))

@@ -204,6 +204,17 @@ def test_a_gust_of_seconds_in_a_season_is_reported() -> None:
     assert any("limits.thrust" in text and "broken" in text for text in warnings(report))
 
 
+def test_a_year_in_both_directions_is_told() -> None:
+    polar = CASES.parent / "hkt_mdo/files/data/naca63815_polar_Re1e6.csv"
+    flow = {"profile": "histogram", "speeds": [1, 1.5, -2, -2.5], "hours": [1, 1, 1, 1]}
+    flow |= {"reversal": "backwards", "reversed_polar": str(polar), "turbulence_intensity": 0.1}
+    report = check_case(load_case({"resource": flow, "control": "quadratic"}))
+    (flow,) = report.findings.flows
+    assert flow.mean == pytest.approx(1.75)
+    assert report.findings.fastest == flow.range[1] == pytest.approx(2.75 * (1.0 + 0.1 * 2.856970))
+    assert "the edge of the last bin, 2.75 m/s + 2.86 x 10 %" in rows(report, "Flow")
+
+
 def test_limits_and_loads_of_the_starting_blade() -> None:
     """Held to the quantities of the start: what is broken, what is kept, what is not limited."""
     limits = "limits={power: 5 kW, thrust: 20 kN, stress: 100 MPa, rotor_speed: 9 rad/s}"

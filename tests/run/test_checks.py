@@ -6,12 +6,13 @@ from typing import Annotated, ClassVar
 import numpy as np
 import pytest
 
-from hkt_mdo.case import Phase
+from hkt_mdo.case import Phase, load_case
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
 from hkt_mdo.dynamics.limits import Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.dynamics.wide_laws import CurveFeedback
 from hkt_mdo.problem.evaluation import broken_limits, on_start
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
@@ -401,6 +402,30 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
     assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
     assert told(1.1 * steepest, 0.5) == ""  # the start does
+
+
+class Thickness(Limit, of="thickness"):
+    """Largest thickness over chord."""
+
+    bound: Annotated[float, Quantity(gt=0)]
+
+
+def test_a_thickness_that_is_not_designed_is_that_of_the_sections(feedback):
+    assert with_limit(feedback, Thickness(bound=0.1)).failed() == ["thickness_bounds"]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("objective_error", "control.cut_out"), ("distance_from_stall", "rotor.reynolds=invariant")],
+)
+def test_advice_is_what_the_case_can_follow(name, words):
+    year = {"profile": "histogram", "speeds": [1.0, 1.2], "hours": [1, 1]}
+    rotor = {"polar": "naca63815", "reynolds": "local"}
+    case = load_case({"resource": year, "rotor": rotor, "control": "quadratic"})
+    check = CheckEntry(name=name, value=1.0, limit=0.1, passed=False, detail="")
+    said = explain(check, physics(case))
+    assert words in said
+    assert not any(key in said for key in ("phase.", "start.method", "torque=curve"))
 
 
 class LargestInertia(Limit):

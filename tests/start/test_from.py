@@ -92,6 +92,13 @@ def test_it_is_interpolated_over_the_stations_of_the_case(result):
     assert np.max(np.abs(blade.chord - expected)) < 0.02 * np.max(expected)
 
 
+def test_the_count_of_blades_may_be_that_of_the_files(result, tmp_path):
+    file = tmp_path / "blade.csv"
+    file.write_text("r_m,chord_m,twist_deg\n0.3,0.12,20\n0.9,0.1,8\n1.3,0.08,3\n")
+    rotor = {"blade": str(file), "radius": 1.4}
+    assert design_of_result(world(result(rotor=rotor), rotor=rotor))[0][0].blade_count == 3
+
+
 def test_its_radius_is_taken_where_that_is_designed(result):
     folder = result(rotor={"radius": "1.6 m"})
     fixed, free = world(folder), world(folder, design={"radius_bounds": [1.2, 1.5]})

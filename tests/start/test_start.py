@@ -50,6 +50,8 @@ def test_a_fixed_blade_is_kept():
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     gain = 0.5 * case.density * np.pi * radius**5 * best.power_coefficient
     assert start.gains[0] == pytest.approx(gain / best.tip_speed_ratio**3, rel=0.02)
+    as_it_is = find_start(world("quadratic", 700.0), best, improve=False)
+    assert as_it_is.objective == pytest.approx(as_it_is.operation.energy)  # not the open loop's
 
 
 @pytest.mark.parametrize("bounds", [(0.0, 1.0), (30.0, 40.0)])
