@@ -1,7 +1,8 @@
 """The evaluation of an operation without time: its quantities, limits and objective.
 
-The operation of a starting point is quasi-steady: at every sample of the flow the generator torque
-balances that of the flow.
+That of a starting point is the rotor's speed at the samples of the flow. It is quasi-steady: the
+generator's torque balances that of the flow. Under a static law it is the law's own, also of a
+rotor in motion.
 """
 
 from __future__ import annotations

@@ -108,5 +108,5 @@ def test_the_name_of_an_interval_is_that_of_no_other_scenario():
     slow = {"name": "a_interval_1", "inflow": {"profile": "constant", "speed": 1.0}}
     scenarios = [{"name": "a", "inflow": "sine"}, slow]
     case = {"control": {"law": "quadratic", "cut_out": 1.6}, "scenarios": scenarios}
-    with pytest.raises(InputError, match="scenarios = a_interval_1: is the name"):
+    with pytest.raises(InputError, match="scenarios = 'a_interval_1': is the name"):
         physics(load_case(case))
