@@ -101,11 +101,11 @@ def check_case(case: Case) -> CheckReport:
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}
-    durations = {own.name: own.duration for own in case.scenarios}
+    given = {own.name for own in case.scenarios if own.duration}
     for flow in found.flows:
         title = "Flow" if len(found.flows) == 1 else f"Flow of {flow.name}"
-        given = durations.get(flow.name) or case.phase.duration
-        rows[title] = [*_flow(found, flow, given is None)]
+        by_default = case.phase.duration is None and flow.name not in given
+        rows[title] = [*_flow(found, flow, by_default)]
     rows |= {
         "Control": [*_control(found)],
         "Starting blade": [*_start(found)],

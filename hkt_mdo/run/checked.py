@@ -13,7 +13,6 @@ from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.quantities import RATES
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.run.checks import BELOW_START, Checked
 from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.state import RunState
@@ -137,15 +136,6 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
         if known.rank > best.rank:
             best, held = known, words
     return best, held
-
-
-def first_remedy(physics: Physics) -> str:
-    """Return the one thing to try first where an optimizer did not converge; often not known."""
-    points = physics.shape.points
-    free = [name for name, count in points.items() if count > POINTS + 1]
-    if free and physics.shape.designs_chord and physics.blade.r.size > POINTS + 1:
-        return "try " + " and ".join(f"design.{name}_points: {POINTS}" for name in free)
-    return ""
 
 
 def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:

@@ -26,6 +26,7 @@ from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.band import FACTORS
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.rotor.shape import POINTS
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run import loads
@@ -151,6 +152,11 @@ def _largest(scenario, values, time) -> tuple[float, str]:
     """Return the largest of some values over time (s) in a scenario, and when that is, in words."""
     at = int(np.argmax(values))
     return float(values[at]), scenario.when(time[at])
+
+
+def _worst(verifications, name) -> tuple[float, str]:
+    """Return the largest value of a quantity along the integrations, and when that is, in words."""
+    return max(_largest(x.scenario, getattr(x, name), x.simulation.time) for x in verifications)
 
 
 def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float, str]]:
@@ -340,10 +346,7 @@ def _stored(physics, verification) -> float:
 
 def _recovery(physics, verifications):
     """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
-    share, when = max(
-        _largest(each.scenario, each.short_of_recovery, each.simulation.time)
-        for each in verifications
-    )
+    share, when = _worst(verifications, "short_of_recovery")
     word = f"missing share of the least torque that recovers a slowed rotor, at {when}"
     # without a torque curve no distance is required, only that the rotor recovers
     if np.isfinite(share):
@@ -352,9 +355,7 @@ def _recovery(physics, verifications):
 
 def _closed_loop(verifications):
     """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
-    value, when = max(
-        _largest(each.scenario, each.growth, each.simulation.time) for each in verifications
-    )
+    value, when = _worst(verifications, "growth")
     word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
     return "closed_loop", value, 0.0, word
 
@@ -445,21 +446,21 @@ def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
     return probe, np.max(errors, axis=0)
 
 
-def explain_all(checks: list[CheckEntry], physics: Physics, first: str = "") -> str:
+def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
     """Return the failed checks as text, with one remedy if the optimizer failed; else nothing."""
     failed = [check for check in checks if not check.passed]
     if not failed or failed[0].name != "optimizer":
         return "; ".join(explain(check, physics) for check in failed)
     others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
-    text = explain(failed[0], physics, first)
+    text = explain(failed[0], physics)
     false = (check for check in failed[1:] if check.name == "max_speed_error")
     why = "".join(f" ({_remedy(check, physics)})" for check in false)
     return f"{text}; also refused: {', '.join(others)}{why}" if others else text
 
 
-def explain(check: CheckEntry, physics: Physics, first: str = "") -> str:
-    """Return the failed check, its place and what to try; `first`: if the optimizer failed."""
-    name, remedy = check.name.partition(" (")[0], first or _remedy(check, physics)
+def explain(check: CheckEntry, physics: Physics) -> str:
+    """Return the failed check, its place and what to try."""
+    name, remedy = check.name.partition(" (")[0], _remedy(check, physics)
     if name == "optimizer":
         return f"the optimizer did not converge: {check.detail} ({remedy})"
     if name == "rotor_keeps_turning":
@@ -475,6 +476,9 @@ def _remedy(check: CheckEntry, physics: Physics) -> str:
     found = known.get(name) or known.get(end, known["others"])
     if all(each.steady for each in physics.scenarios if of in ("", each.name)):
         found = REMEDIES["steady"].get(name, found)
+    many = [key for key, count in physics.shape.points.items() if count > POINTS + 1]
+    if name == "optimizer" and many and physics.blade.r.size > POINTS + 1:
+        return "try " + " and ".join(f"design.{key}_points: {POINTS}" for key in many)
     why = f"{found[0]} " if found[0].endswith(":") else ""
     *others, last = (x for x in found[bool(why) :] if not _has(physics.case, x))
     return f"{why}try {', '.join([*others, f'or {last}' if others else last])}"

@@ -135,8 +135,7 @@ class Flow:
             self.time = np.linspace(0.0, self.duration, instants)
             self.speed = np.asarray(self.inflow.speed_at(self.time))
             self.weights = np.pad(np.ones(instants - 2), 1, constant_values=0.5)
-        both = np.append(self.speed, met)
-        self.range = np.array([np.min(both), np.max(both)])
+        self.range = np.quantile(np.append(self.speed, met), [0.0, 1.0])
         self.mean = self.average(self.speed)
         self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
 
@@ -218,7 +217,8 @@ class Findings:
         """Set speed and time constant of the starting blade in the mean flow."""
         physics, gains = self.physics, self.start.gains
         law = physics.law.beginning_with(gains) if physics.law.is_feedback else physics.law
-        flow = Scenario(ConstantInflow(speed=self.mean), physics.scenarios[0].mesh)
+        first = physics.scenarios[0]
+        flow = Scenario(ConstantInflow(speed=self.mean), first.mesh, name=first.group)
         constant = replace(physics, law=law, scenarios=(flow,))
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None

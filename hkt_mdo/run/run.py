@@ -30,7 +30,7 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.run.checked import best_of, first_remedy, measured, none_found
+from hkt_mdo.run.checked import best_of, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.iterate import read_iterate
@@ -207,8 +207,7 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
         start = with_memory(state.first, measured(state.first, start))
     end = best = optimize(state, start)
-    message = explain_all(end.checks, end.physics, first_remedy(end.physics))
-    held, prices = "", {}
+    message, held, prices = explain_all(end.checks, end.physics), "", {}
     if message:
         best, held = best_of(state, end)
         if held:

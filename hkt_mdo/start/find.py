@@ -305,9 +305,7 @@ class Search:
                 if operation.running and problem.recovers(scaled_gains, operation):
                     break
             point = replace(point, gains=scaled_gains, operation=operation)
-        if self.physics.law.is_feedback:
-            point = self._evaluated(point)
-        return self._noted(self.physics.law.law, point)
+        return self._noted(self.physics.law.law, self._evaluated(point))
 
     def _evaluated(self, point: StartingPoint) -> StartingPoint:
         """Return a point with the objective and the excess of its operation in the whole flow."""
