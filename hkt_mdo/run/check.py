@@ -272,8 +272,9 @@ def _fastest(found: Findings, flow: Flow) -> str:
     if fastest == found.case.control.cut_out:
         return "control.cut_out"
     edge = "the edge of the last bin" if flow.kind.own_bins else "the fastest flow"
-    more = f" + {FARTHEST:.3g} x {100.0 * spread:.3g} % of turbulence" if spread else ""
-    return f"{edge}, {fastest / (1.0 + FARTHEST * spread):.4g} m/s{more}"
+    turbulence = f"{FARTHEST:.3g} x {100.0 * spread:.3g} % of turbulence"
+    slower = fastest / (1.0 + FARTHEST * spread)
+    return f"{edge}, {slower:.4g} m/s + {turbulence}" if spread else edge
 
 
 def _sampled(flow: Flow) -> bool:

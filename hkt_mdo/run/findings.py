@@ -109,8 +109,8 @@ class Flow:
         How long it lasts, s.
     time, speed, weights : ndarray, shape (n,)
         Even instants, s, the flow speed then, m/s, and its share of the time, but for a factor. Of
-        a steady scenario the speeds in operation, those of reversed flow after the others, and the
-        times for which there are these and the ones before.
+        a steady scenario the speeds in operation, those of reversed flow after the others, each in
+        the middle of its time.
     range : ndarray, shape (2,)
         Lowest and highest speed, m/s, then and at the samples of the meshes.
     mean, deviation : float
@@ -129,7 +129,7 @@ class Flow:
         met = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
         if self.steady:
             self.weights = np.concatenate([each.sample_weights for each in scenarios])
-            self.time, self.speed = np.cumsum(self.weights), met
+            self.time, self.speed = np.cumsum(self.weights) - 0.5 * self.weights, met
         else:
             instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
             self.time = np.linspace(0.0, self.duration, instants)
