@@ -86,12 +86,11 @@ def test_partials_against_complex_step(limit, given):
 def test_a_limit_of_the_speed_is_within_the_generator_s_table(own, end, tmp_path):
     path, rows = tmp_path / "table.csv", "9,1,0.8\n9,8,0.8\n900,1,0.9\n900,8,0.9\n"
     path.write_text("torque_Nm,speed_rad_s,efficiency\n" + rows)
-    case = CASE | {"generator": {"table": str(path)}}
-    scenarios = [{"inflow": "sine", "limits": {"rotor_speed": own}}]
-    world = physics(load_case(case | {"scenarios": scenarios}))
+    flow = {"inflow": "sine", "limits": {"rotor_speed": own}}
+    case = CASE | {"generator": {"table": str(path)}, "scenarios": [flow]}
+    world = physics(load_case(case))
     (limit,) = (x for x in world.limits_in(world.scenarios[0]) if x.name == "rotor_speed")
-    assert limit.upper == end
-    assert ("generator.table" in limit.key) == (end == 8.0)
+    assert (limit.upper, "generator.table" in limit.key) == (end, end == 8.0)
 
 
 def test_a_limited_rate_of_a_scenario_is_one_of_the_case():
