@@ -206,7 +206,8 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
 
 
 def test_sections_need_an_outline(solution: Solution) -> None:
-    rotor = solution.case.rotor.model_copy(update={"polar": "naca4415", "outline": None})
+    changed = {"polar": "naca4415", "reynolds_number": 2e5, "outline": None}
+    rotor = solution.case.rotor.model_copy(update=changed)
     alone = replace(solution, case=solution.case.model_copy(update={"rotor": rotor}))
     with pytest.raises(InputError, match=r"rotor\.outline"):
         sections(alone, [0.5])
