@@ -58,21 +58,20 @@ def report_resource(
     rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
     section = {"profile": "histogram", "file": "resource.csv"}
-    contents = {"resource.csv": table, "case.yaml": _yaml(section)}
+    texts = {"resource.csv": table, "case.yaml": _yaml(section)}
     lines = [*samples.messages, *_statistics(speed, share), *_length(samples, bool(asked))]
     panels = {"resource": resource_panels(speed, share, samples)}
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        contents["tide.yaml"] = _yaml(tide.section)
+        texts["tide.yaml"] = _yaml(tide.section)
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
-    written = write_new({out / name: text.encode() for name, text in contents.items()}, force)
-    drawn = {
-        name: style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
-        for name, each in panels.items()
-    }
-    files = [path.name for path in (*written, *style.save(drawn, out))]
+    contents = {out / name: text.encode() for name, text in texts.items()}
+    for name, each in panels.items():
+        figure = style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
+        contents[out / f"{name}.png"] = style.png(figure)
+    files = [path.name for path in write_new(contents, force)]
     return [*lines, f"Written: {out}: {', '.join(files)}"]
 
 

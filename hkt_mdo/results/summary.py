@@ -659,11 +659,12 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
-        gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
+        gap = self.certified_gap
+        gap = None if gap is None else f"gap up to {max(100.0 * gap, 0.0):.2g} %"
         captured = self.objective is None or self.objective.kind == "captured"
         other = "" if captured else "of the captured energy, which is not the objective"
         known = "does not include limits other than that of the torque" if case.limits.given else ""
-        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", joined(other, known))
+        yield Row("certificate", gap, "", joined(other, known))
 
     def _losses(self) -> str:
         """Return the energy that the generator loses, and its share, as text."""
@@ -687,8 +688,10 @@ class Summary(_Entry, Mapping[str, Any]):
         at_peak = f"at tip speed ratio {peak}"
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
         limit = (self.limits or {}).get("control_torque")
-        if limit is None or case.control.torque_limit is None:
-            yield Row("largest generator torque", torque, "N*m", "no limit")
+        given = case.control.torque_limit
+        if limit is None or given is None:
+            note = "no limit" if given is None else f"limit {measured(given, 'N*m')}"
+            yield Row("largest generator torque", torque, "N*m", note)
         else:
             yield limit.row("control_torque")
         if case.design.radius_bounds is not None:

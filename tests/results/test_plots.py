@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
 from hkt_mdo.results.figures import figure_of, figures, save_figures
+from hkt_mdo.results.panel import COLORS, Curve, Panel
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution
 
@@ -192,6 +193,29 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     assert "cut-out 2.5 m/s" in legend_texts(drawn)
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
+
+
+def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solution) -> None:
+    keys = "generator.shaft_friction=20", "condition.torque_constant=1.1"
+    worn = replace(solution, case=solution.case.with_overrides(*keys))
+    curve, law, radius = steady.steady_curve(worn), solution.case.control, 1.4
+    speed, flow = curve["rotor_speed_rad_s"][-20:], curve["inflow_speed_m_s"][-20:]
+    table = solution.coefficients
+    power = np.interp(
+        radius * speed / flow, table["tip_speed_ratio"], table["power_coefficient"]
+    )
+    torque = 500.0 * np.pi * radius**2 * flow**3 * power / speed
+    own = 1.1 * law.torque(speed, np.array([solution.gain]))
+    np.testing.assert_allclose(torque - 20.0, own, rtol=3e-3)
+    np.testing.assert_allclose(curve["generator_power_W"][-20:], own * speed, rtol=3e-3)
+
+
+def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
+    x, y = np.array([1.0, 2.0]), np.ones(2)
+    bars = [Curve(x, y, f"run {index}", COLORS[index], index, "bar") for index in (1, 3)]
+    drawn = style.draw(Panel("energy", "speed", bars))
+    centres = [each.get_x() + 0.5 * each.get_width() for each in drawn.patches]
+    assert centres == pytest.approx([0.75, 1.75, 1.25, 2.25])
 
 
 def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Path) -> None:
