@@ -108,7 +108,7 @@ def test_gaps_are_left_out_and_nonsense_is_refused(tmp_path):
     record = RecordResource(file=str(path))
     assert record.samples.speed.size == 40
     assert "10 missing" in record.messages[0]
-    assert "gaps are 19 % of the time, the longest 0.0417 days" in record.messages[0]
+    assert "gaps are 19 % of the time, the longest 60 minutes" in record.messages[0]
     path.write_text("time_s,speed_m_s\n" + "\n".join([*rows, "10,1"]))
     with pytest.raises(InputError, match="give dates with their zone"):
         RecordResource(file=str(path)).messages  # noqa: B018
@@ -194,6 +194,14 @@ def test_a_record_too_short_is_refused_with_the_length_it_needs(known):
     assert "K2" not in constituents(samples).names
     with pytest.raises(InputError, match="no constituent"):
         constituents(samples, ["M99"])
+
+
+def test_a_short_record_is_told_in_readable_units(tmp_path, capsys):
+    rows = "".join(f"{60 * i},{1.0 + 0.01 * i}\n" for i in range(20))
+    (tmp_path / "v.csv").write_text(f"time_s,speed_m_s\n{rows}")
+    assert main(["resource", str(tmp_path / "v.csv"), "--out", str(tmp_path / "out")]) == 0
+    assert "20 samples over 19 minutes" in capsys.readouterr().out
+    assert (tmp_path / "out" / "case.yaml").read_text().startswith("# The record has 19 minutes")
 
 
 def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
