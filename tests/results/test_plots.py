@@ -196,14 +196,12 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
 
 
 def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solution) -> None:
-    curves = []
-    for friction in (0, 20):
-        keys = f"generator.shaft_friction={friction}", "condition.torque_constant=1.1"
-        worn = replace(solution, case=solution.case.with_overrides(*keys))
-        curves.append(steady.steady_curve(worn))
-        law = 1.1 * worn.case.control.torque(curves[-1]["rotor_speed_rad_s"], worn.gain)
-        np.testing.assert_allclose(curves[-1]["control_torque_Nm"], law, rtol=3e-3)
-    assert curves[1]["rotor_speed_rad_s"][-1] < 0.99 * curves[0]["rotor_speed_rad_s"][-1]
+    keys = "condition.torque_constant=1.1", "generator.shaft_friction="
+    new, worn = (solution.case.with_overrides(keys[0], f"{keys[1]}{x}") for x in (0, 20))
+    new, worn = (steady.steady_curve(replace(solution, case=each)) for each in (new, worn))
+    law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
+    np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)
+    assert worn["rotor_speed_rad_s"][-1] < 0.99 * new["rotor_speed_rad_s"][-1]
 
 
 def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
