@@ -19,14 +19,13 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import page_data
-from study_common import markdown_table, percent, with_blade
+from study_common import markdown_table, percent, run_nested, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
 from hkt_mdo.studies.uncertainty import Design, Sensor, fly_noisy
 
@@ -109,9 +108,7 @@ def main():
 
     def run(plan):
         cases = {out / "/".join(key).replace(" ", "_"): case for key, case in plan.items()}
-        found = run_batch(
-            cases, arguments.jobs, partial(print, flush=True), records=False, pass_on=True
-        )
+        found = run_nested(cases, arguments.jobs, partial(print, flush=True))
         return dict(zip(plan, found.values(), strict=True))
 
     pairs = product(arguments.flows, arguments.limits)

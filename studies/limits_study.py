@@ -13,12 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import page_data
-from study_common import NINE, markdown_table, percent, with_blade
+from study_common import NINE, markdown_table, percent, run_nested, with_blade
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
 from hkt_mdo.results.words import measured
-from hkt_mdo.run.batch import run_batch
 
 ROOT = Path(__file__).parent.parent
 LIMITS = ("power", "rotor_speed", "thrust", "stress", "cavitation", "all")
@@ -62,9 +61,7 @@ def main():
 
     def run(plan):
         cases = {out / name: case for name, case in plan.items()}
-        return run_batch(
-            cases, arguments.jobs, partial(print, flush=True), records=False, pass_on=True
-        )
+        return run_nested(cases, arguments.jobs, partial(print, flush=True))
 
     runs = {
         name: load_case(ROOT / "cases" / file, changes)

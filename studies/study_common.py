@@ -2,7 +2,8 @@
 
 import base64
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,11 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate, shipped_cases, shipped_rotor
 from hkt_mdo.pages import rendered
 from hkt_mdo.problem.turbine import build_turbine
+from hkt_mdo.results.nesting import dominated
+from hkt_mdo.results.solution import Solution
+from hkt_mdo.run.batch import improved, run_batch
+from hkt_mdo.run.engine import in_processes, why_failed
+from hkt_mdo.run.run import run_case
 
 LAWS = ("oloc", "linear", "quadratic")
 SCENARIOS = ("step", "sine", "sine_limited")
@@ -93,6 +99,50 @@ def with_blade(case: Case, chord: Iterable[float], twist: Iterable[float], desig
     if design:
         changed["design"] = case.design.model_copy(update={"blade": design})
     return case.model_copy(update=changed)
+
+
+def run_nested(
+    cases: Mapping[Path, Case], jobs: int | None, done: Callable[[Path, str], None]
+) -> dict[Path, Solution | None]:
+    """Run every case into its folder, and again where another result shows that it can be better.
+
+    A case that allows a better result of another one (`hkt_mdo.results.nesting`) is run from the
+    best of those; the better of both results stays. What is better then may be better for others
+    too; a case is run again from each at most once.
+
+    Parameters
+    ----------
+    cases, jobs, done
+        As of `run_batch`.
+
+    Returns
+    -------
+    dict of (Solution or None)
+        As of `run_batch`.
+    """
+    found = run_batch(cases, jobs, done, records=False)
+    run = partial(run_case, force=True, figures=False, records=False)
+    tried: set[tuple[Path, Path]] = set()
+    folders = {found[folder].folder: folder for folder in cases if found[folder]}
+    while True:
+        known = dominated(filter(None, found.values()))
+        pairs = {folders[each.result.folder]: each.by.folder for each in known}
+        pairs = {key: value for key, value in pairs.items() if (key, value) not in tried}
+        if not pairs:
+            return found
+        tried |= {*pairs.items()}
+
+        def ended(folder, future):
+            try:
+                better = future.result()
+            except Exception as error:  # the result that there was stays
+                done(folder, why_failed(error))
+                return
+            found[folder] = better or found[folder]
+            done(folder, "better from another's design" if better else "not better")
+
+        again = {x: partial(improved, found[x], cases[x], pairs[x], run) for x in pairs}
+        in_processes(again.items(), jobs, ended)
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy as np
 import yaml
 from pydantic import Field, Strict, model_validator
 
+from hkt_mdo.case.document import unit_at
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
@@ -22,7 +24,7 @@ from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.messages import validated
-from hkt_mdo.sections import Section, refusal
+from hkt_mdo.sections import Quantity, Section, refusal
 
 SWEEP = "sweep.yaml"
 """Where a sweep's folder has what was asked."""
@@ -96,7 +98,7 @@ class Axis(Section):
         (low, unit), (high, _) = self.ends
         log = self.spacing == "log"
         numbers = (low * (high / low) ** x if log else low + (high - low) * x for x in shares)
-        plain = [float(f"{number:.12g}") for number in numbers]
+        plain = [json.loads(f"{number:.12g}") for number in numbers]  # whole ones as integers
         return [f"{number!r} {unit}" for number in plain] if unit else plain
 
     def share(self, value: Any) -> float:
@@ -154,6 +156,11 @@ class Sweep(Section):
         return [key for key, axis in self.over.items() if not (axis.values or axis.count)]
 
     @property
+    def columns(self) -> list[str]:
+        """The keys' columns in the table, in which two outcomes are called objective and start."""
+        return [f"case.{key}" if key in ("objective", "start") else key for key in self.over]
+
+    @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each key of a grid, and of the samples last, if there are any."""
         counts = [len(x.values) if x.values else x.count for x in self.over.values()]
@@ -196,6 +203,23 @@ class Sweep(Section):
         """Return the case of a point. Raises InputError where that has no case."""
         changes = [f"{key}={json.dumps(value)}" for key, value in (self.set_ | point).items()]
         return load_case(self.case, changes, extensions=extensions)
+
+    def row_at(self, point: Point, case: Case | None) -> Point:
+        """Return the values of a point, of a case or none, in the table: SI units, or texts."""
+        data = {} if case is None else case.model_dump(mode="json")
+        found: Point = {}
+        for name, (key, given) in zip(self.columns, point.items(), strict=True):
+            value: Any = data
+            for part in key.split("."):
+                value = value.get(part) if isinstance(value, dict) else None
+            bound = value.get("bound") if isinstance(value, dict) else value
+            if case is None:
+                with suppress(ValueError):  # a name or a section
+                    bound = Quantity(unit_at(key) or None).read(given)
+            plain = isinstance(bound, int | float) and not isinstance(bound, bool)
+            text = given if isinstance(given, str | int | float) else json.dumps(given)
+            found[name] = bound if plain else text
+        return found
 
     def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:
         """Try values of lists and ends of ranges, each beside the first values of the others.

@@ -9,7 +9,7 @@ import yaml
 
 from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
-from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
+from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.files.yaml_text import Dumper
@@ -58,21 +58,23 @@ def report_resource(
     rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
     section = {"profile": "histogram", "file": "resource.csv"}
-    contents = {"resource.csv": table, "case.yaml": _yaml(section)}
+    texts, length = {"resource.csv": table, "case.yaml": _yaml(section)}, samples.time[-1]
+    if length < 0.98 * YEAR:
+        note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
+        texts["case.yaml"] = note + texts["case.yaml"]
     lines = [*samples.messages, *_statistics(speed, share), *_length(samples, bool(asked))]
     panels = {"resource": resource_panels(speed, share, samples)}
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        contents["tide.yaml"] = _yaml(tide.section)
+        texts["tide.yaml"] = _yaml(tide.section)
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
-    written = write_new({out / name: text.encode() for name, text in contents.items()}, force)
-    drawn = {
-        name: style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
-        for name, each in panels.items()
-    }
-    files = [path.name for path in (*written, *style.save(drawn, out))]
+    contents = {out / name: text.encode() for name, text in texts.items()}
+    for name, each in panels.items():
+        figure = style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
+        contents[out / f"{name}.png"] = style.png(figure)
+    files = [path.name for path in write_new(contents, force)]
     return [*lines, f"Written: {out}: {', '.join(files)}"]
 
 
@@ -100,14 +102,15 @@ def _statistics(speed, share) -> Iterator[str]:
 
 def _length(samples: FlowSamples, tidal: bool) -> Iterator[str]:
     """Yield the uncertainty that follows from the length of the record."""
-    scatter, days = samples.scatter(np.abs(samples.speed) ** 3), samples.time[-1] / 86400.0
+    scatter, length = samples.scatter(np.abs(samples.speed) ** 3), samples.time[-1]
     text, block = "unknown, less than 3", f"blocks of {samples.block / 86400.0:.5g} days"
     if scatter is not None:
         text = f"{100.0 * scatter:.2g} %, by the scatter of"
     what = "standard uncertainty of the mean cubed speed by the length of the record"
     yield f"{what}: {text} {block}"
-    if tidal and days < DAYS_201:
-        yield f"{days:.4g} days of a tide: IEC TS 62600-201 asks for {DAYS_201:g} days at least"
+    if tidal and length < DAYS_201 * 86400.0:
+        least = f"IEC TS 62600-201 asks for {DAYS_201:g} days at least"
+        yield f"{span_words(length)} of a tide: {least}"
 
 
 def _of_tide(tide: Tide) -> Iterator[str]:

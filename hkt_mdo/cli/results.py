@@ -152,6 +152,10 @@ def compare(
     finished = [each for each in solutions if each.finished]
     if len({each.case.objective.kind for each in finished}) > 1:
         echo("note: the objectives differ: results are in the order given", err=for_program)
+    flow = {"inflow", "resource", "scenarios"}
+    if len({each.case.model_dump_json(include=flow) for each in finished}) > 1:
+        note = "note: the flows differ: objectives and loads are not of the same conditions"
+        echo(note, err=for_program)
     for line in dominated(finished):
         echo(f"note: {line}", err=for_program)
     for each in solutions:
@@ -265,7 +269,9 @@ def simulate(
     if for_program:
         parts.print_records(records(told), as_json)
     elif rows := [entry.row(name) for name, entry in largest(told).items()]:
-        parts.print_tables({"Largest values" + several * f" of {len(told)} simulations": rows})
+        quiet = " without noise" if noise else ""
+        over = f" of {len(told)} simulations" if several else ""
+        parts.print_tables({f"Largest values{quiet}{over}": rows})
     for path in write(out, told) if out is not None else ():
         echo(str(path), err=for_program)
     broken = [limit_words(name) for name, x in largest(told).items() if x.kept is False]

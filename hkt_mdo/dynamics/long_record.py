@@ -27,6 +27,13 @@ POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's 
 _ANGLE = {"speed_unit": "m/s", "component": None, "area": None}  # degrees are read as a speed
 
 
+def span_words(seconds: float) -> str:
+    """Return a length of time in the largest unit of which it has two at least."""
+    sizes = {"years": YEAR, "days": 86400.0, "hours": 3600.0, "minutes": 60.0, "s": 1.0}
+    unit = next((name for name, size in sizes.items() if seconds >= 2.0 * size), "s")
+    return f"{seconds / sizes[unit]:.3g} {unit}"
+
+
 @dataclass(frozen=True, eq=False)
 class FlowSamples:
     """Samples of a flow without gaps.
@@ -181,13 +188,13 @@ class RecordResource(RecordFile, Resource):
         time, speed = raw.time[good], raw.speed[good]
         length, steps = time[-1] - time[0], np.diff(time)
         years, needed = length / YEAR, YEARS_301 if least == 0.0 else YEARS_201
-        first = f"{Path(self.file).name}: {count} samples over {years:.3g} years"
+        first = f"{Path(self.file).name}: {count} samples over {span_words(length)}"
         if count < good.size:
             first += f", {good.size - count} missing"
         missing = steps[steps > 1.5 * np.median(steps)] - np.median(steps)
         if missing.size:
             share = f"{100.0 * np.sum(missing) / length:.2g} % of the time"
-            first += f"; gaps are {share}, the longest {np.max(missing) / 86400.0:.3g} days"
+            first += f"; gaps are {share}, the longest {span_words(np.max(missing))}"
             first += ": the flow in them counts as that of the samples"
         if years < 0.98 * needed:
             part = "301" if least == 0.0 else "201"

@@ -132,7 +132,7 @@ class Outer(Format, ABC):
         """
         thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
         words = {
-            "outlines": outline_names(design.solution),  # refuses where there are none
+            "outlines": outline_names(design.solution, design.turbine),  # refuses if none
             "provenance": "\n".join(provenance(design.solution)),
             "options": self,
             "blade": design.blade,

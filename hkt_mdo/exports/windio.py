@@ -17,7 +17,7 @@ from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
-from hkt_mdo.rotor.airfoil import Polar, PolarFamily
+from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -82,7 +82,7 @@ class Windio(Format):
 def _comments(design: Design) -> str:
     """Return comments on values for which the schema has no key."""
     try:
-        outlines = f"Coordinates are those of {outline_names(design.solution)}."
+        outlines = f"Coordinates are those of {outline_names(design.solution, design.turbine)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
     words = {
@@ -172,12 +172,11 @@ def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
 
 def _reynolds(design: Design) -> list[float]:
     """Return the Reynolds numbers of the polars; where none is known, one of the operation."""
-    rotor, physics, blade = design.physics.case.rotor, design.physics, design.blade
+    turbine, physics, blade = design.turbine, design.physics, design.blade
     if isinstance(physics.rotor.polar, LocalReynolds):
         return np.exp(physics.rotor.polar.log_reynolds).tolist()
-    files = [each.polar for each in rotor.sections] or [rotor.polar or ""]
-    known = {number for file in files if file for number in PolarFamily.from_file(file).reynolds}
-    number = rotor.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
+    known = {number for each in turbine.sections for number in each.polars.reynolds}
+    number = turbine.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
     if not np.isfinite(number):
         best = physics.rotor.best_operation(blade).tip_speed_ratio
         flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)

@@ -22,8 +22,7 @@ _AERODYN = re.compile(
     r"|^!.*AirfoilInfo",
     _FLAGS,
 )
-_AIRFOIL_TOOLS = re.compile(r"^Reynolds number,([^,\n]*)$(?=.*^Alpha,Cl,Cd,)", _FLAGS | re.DOTALL)
-_XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for", re.IGNORECASE)
+_XFOIL = re.compile(r"\A\s*(XFOIL|xflr5)\b|Calculated polar for|^Reynolds number,", _FLAGS)
 
 
 def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
@@ -75,8 +74,6 @@ def _read_file(path: Path) -> list[PolarTable]:
         return read_airfoil(text, path)
     if OLD_COUNT.search(text):
         return read_old_airfoil(text, path)
-    if _AIRFOIL_TOOLS.search(text):
-        return _read_airfoil_tools(text, path)
     return _read_xfoil(text, path) if _XFOIL.search(text) else _read_csv(text, path)
 
 
@@ -104,25 +101,13 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     return polars
 
 
-def _read_airfoil_tools(text: str, path: Path) -> list[PolarTable]:
-    """Return the polar of a CSV file of airfoiltools.com: lines about it, a header, rows."""
-    reynolds, names, rows = None, [], []
-    for line, content in numbered_lines(text):
-        cells = [cell.strip() for cell in content.lower().split(",")]
-        if names and content.strip():
-            rows.append((line, cells))
-        elif cells[0] == "reynolds number":
-            key = f"line {line}, Reynolds number"
-            reynolds = read_reynolds(cells[1], path, key)
-        elif cells[:3] == ["alpha", "cl", "cd"]:
-            names = cells
-    return [polar_of_rows(rows, names, reynolds, path)]
-
-
 # XFOIL --------------------------------------------------------------------------------------------
 
-_XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:", re.IGNORECASE)
-_XFOIL_REYNOLDS = re.compile(r"\bRe\s*=\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)")
+# airfoiltools.com writes commas between cells
+_XFOIL_BEGIN = re.compile(r"Calculated polar for\s*:|^Reynolds number,", re.IGNORECASE)
+_XFOIL_REYNOLDS = re.compile(
+    r"(?:\bRe\s*=|^Reynolds number\s)\s*([^\s=]+?)(?:\s*[eE]\s*([+-]?\d{1,3}))?(?=\s|$)"
+)
 _XFOIL_REMEDY = "give the file as XFOIL's PACC has written it"
 
 
@@ -145,7 +130,8 @@ def _read_xfoil_polar(
 ) -> PolarTable:
     """Return one polar of numbered lines."""
     reynolds, names, rows = None, [], []
-    for number, line in part:
+    for number, text in part:
+        line = text.replace(",", " ")
         words = re.sub(r"(?i)\b(top|bot) (xtr|itr)\b", r"\1_\2", line).split()
         if names:
             if _XFOIL.match(line):

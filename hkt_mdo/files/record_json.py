@@ -87,6 +87,9 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     _, times, values, _, unit = series[columns.index(names[1])]
     if noaa and not options.speed_unit:
         unit = NOAA[names[1]]
+    if len(times) != len(values):
+        problem = f"has {len(times)} times and {len(values)} values"
+        raise InputError(problem, "give a value for each time", file=path, key=names[1])
     rows = zip(count(1), map(str, times), map(str, values), strict=False)
     raw = parse_rows(rows, names, path, "row")
     epoch = "" if raw.dated or options.time_unit else _epoch_unit(raw.time)

@@ -57,7 +57,7 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
     for each in labelled:
         try:
             design = each.solution.design()
-            outline_names(each.solution)  # refuses where the polars have no outline of their own
+            outline_names(each.solution, design.turbine)  # refuses polars without an outline
             start, kind = _start(design), SOLIDS[len(labelled) > FEW]
             name = each.label or ("blade" if start is None else "optimized blade")
             found.append(_body(design, kind, name, each.color()))

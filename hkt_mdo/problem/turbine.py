@@ -48,6 +48,10 @@ class Turbine(NamedTuple):
     blends: tuple[tuple[str, str, float], ...] = ()
     """The two sections that each station lies between, by name, and the share of the second; one
     entry for a blade of one section, none where the thickness is designed."""
+    sections: tuple["_Section", ...] = ()
+    """The different sections of the case, or of the blade's file."""
+    reynolds_number: float | None = None
+    """At which polars of several are read; None: the case does not say."""
 
     def along_span(self, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
         """Return what belongs to the outlines at some radii.
@@ -80,6 +84,7 @@ class _Section(NamedTuple):
     """One section: polars by Reynolds number, thickness, area over chord squared, and outline.
 
     wall is that of a hollow section, None for a solid one. moments None: those of outline and wall.
+    name is what the polars are called, and shape the outline: empty where another one's is taken.
     """
 
     polars: PolarFamily
@@ -88,6 +93,8 @@ class _Section(NamedTuple):
     outline: Outline
     wall: float | None = None
     moments: SecondMoments | None = None
+    name: str = ""
+    shape: str = ""
 
 
 def build_turbine(
@@ -138,12 +145,14 @@ def build_turbine(
     named, notes = _named_sections(rotor, table)
     rotor, chosen = _with_reynolds(rotor, named)
     messages = (*messages, *notes, *chosen)
+    about = {"sections": tuple(named.values()), "reynolds_number": rotor.reynolds_number}
     if design is not None and design.thickness_points:
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
         blade = replace(blade, thickness=thickness)
         outlines = tuple(named[name].outline for name in _in_order(named))
-        return Turbine(blade, polar, area, thickness, structure, (*read, *messages), outlines)
+        notes = *read, *messages
+        return Turbine(blade, polar, area, thickness, structure, notes, outlines, **about)
     sections, blended, blends = _sections(rotor, table, named)
     families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
@@ -156,7 +165,7 @@ def build_turbine(
     area, thickness = map(_together, (area, thickness))
     structure = _structure(rotor, sections)
     outlines, notes = tuple(each.outline for each in sections), (*read, *messages, *blended)
-    return Turbine(blade, polar, area, thickness, structure, notes, outlines, blends)
+    return Turbine(blade, polar, area, thickness, structure, notes, outlines, blends, **about)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -375,24 +384,28 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             problem, remedy = "gives neither outline nor thickness", "give one of them"
             raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
         outline = None if entry.outline is None else Outline.from_file(entry.outline)
-        parts = from_file(entry.polar), outline, entry.thickness, entry
+        shape = entry.outline or rotor.outline or ""
+        parts = from_file(entry.polar), outline, entry.thickness, entry, entry.polar, shape
         named[entry.name or str(number + 1)] = parts
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
-            named[each.name] = (PolarFamily.from_tables(each.polars), outline, each.thickness, None)
+            shape = rotor.outline or (rotor.blade if outline else "")
+            polars = PolarFamily.from_tables(each.polars)
+            named[each.name] = polars, outline, each.thickness, None, each.name, shape
         several = sorted({name for pair in table.section or () for name in pair[:2]})
         if not named and several:
             problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
-    named = named or {"": (from_file(rotor.polar or POLAR), None, None, None)}
+    name, shape = rotor.polar or POLAR, rotor.outline or ("" if rotor.polar else OUTLINE)
+    named = named or {"": (from_file(name), None, None, None, name, shape)}
     sections = [_section(rotor, *parts) for parts in named.values()]
     notes = [note for each in sections for note in each.polars.messages]
-    shape = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
+    other = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
     own = rotor.outline is None and rotor.polar and Path(rotor.polar).is_file()
     notes += [
-        f"section {name or rotor.polar}: without an outline; mass and stress are by that of {shape}"
+        f"section {name or rotor.polar}: without an outline; mass and stress are by that of {other}"
         for name, (_, outline, *_) in named.items()
         if outline is None and (name or own)
     ]
@@ -404,7 +417,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
 
 
-def _section(rotor, polars, outline, thickness, entry) -> _Section:
+def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Section:
     """Return a section with the wall, area and second moments that the case gives, if any.
 
     One without an outline has the rotor's, stretched to its thickness.
@@ -420,7 +433,7 @@ def _section(rotor, polars, outline, thickness, entry) -> _Section:
     if area is None:
         area = solid if wall is None else material_section(own, wall)[0]
     moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
-    return _Section(polars, thickness, area, own, wall, moments)
+    return _Section(polars, thickness, area, own, wall, moments, name, shape)
 
 
 def _alike(sections) -> list[_Section]:

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.blade import read_blade
 from hkt_mdo.results.solution import Solution
 
 STACKING = 0.25
@@ -35,13 +35,13 @@ def sections(solution: Solution, places: Sequence[float]) -> np.ndarray:
     InputError
         If the run did not finish, or a file or an outline is missing or broken.
     """
-    outline_names(solution)  # refuses where there is none
     table, case = solution.blade, solution.case
     if "chord_m" not in table:
         raise InputError("holds no blade", "run the case again", file=solution.folder)
     from hkt_mdo.problem.turbine import build_turbine
 
     turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design)  # outlines know no flow
+    outline_names(solution, turbine)  # refuses where there is none
     if turbine.blade.r.size != table["r_m"].size:
         raise InputError(
             "has other stations than its files", "run the case again", file=solution.folder
@@ -59,7 +59,7 @@ def sections(solution: Solution, places: Sequence[float]) -> np.ndarray:
     return np.interp(r, table["r_m"], table["chord_m"])[:, None, None] * plane
 
 
-def outline_names(solution: Solution) -> str:
+def outline_names(solution: Solution, turbine: Any) -> str:
     """Return what the case calls its outlines.
 
     A case may have polars of its own without the outlines that belong to them. The program then
@@ -69,6 +69,8 @@ def outline_names(solution: Solution) -> str:
     ----------
     solution : Solution
         The result.
+    turbine : Turbine
+        The turbine of its case.
 
     Returns
     -------
@@ -80,21 +82,11 @@ def outline_names(solution: Solution) -> str:
     InputError
         If a section has no outline.
     """
-    from hkt_mdo.problem.turbine import OUTLINE
-
-    rotor, key = solution.case.rotor, ""
-    names = [each.outline or rotor.outline for each in rotor.sections]
-    if None in names:
-        key = f"rotor.sections[{names.index(None)}].outline"
-    elif not names and rotor.outline is None and rotor.polar is not None:
-        key = "rotor.outline"
-    elif not names and rotor.outline is None and rotor.chord is None:
-        own = read_blade(rotor.blade).sections
-        key = "rotor.outline" if any(each.outline_x is None for each in own) else ""
-        names = [rotor.blade] if own else []
-    if key:
-        problem = "is not given: stl, step and sections need it, since polars have no shape"
-        remedy = "give the outline in the case and run it again"
-        raise InputError(problem, remedy, file=solution.folder, key=key)
-    names = names or [rotor.outline or OUTLINE]
-    return ", ".join(Path(name).name for name in dict.fromkeys(filter(None, names)))
+    several = solution.case.rotor.sections
+    for number, each in enumerate(turbine.sections):
+        if not each.shape:
+            key = f"rotor.sections[{number}].outline" if several else "rotor.outline"
+            problem = "is not given: stl, step and sections need it, since polars have no shape"
+            remedy = "give the outline in the case and run it again"
+            raise InputError(problem, remedy, file=solution.folder, key=key)
+    return ", ".join(dict.fromkeys(Path(each.shape).name for each in turbine.sections))

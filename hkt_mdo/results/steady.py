@@ -67,7 +67,8 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
         Columns as in `simulation`, shape (n_flows,); empty where the curve is not known. The thrust
         is there if the power curve has its coefficient.
     """
-    law, curve, gain = solution.case.control, solution.coefficients, solution.gain
+    case, curve, gain = solution.case, solution.coefficients, solution.gain
+    law = case.control.applied(case.condition.torque_constant)
     radius, table = solution.summary.rotor_radius_m, solution.simulation or solution.trajectory
     if not isinstance(law, FeedbackLaw) or law.states or not (curve and table and radius):
         return {}
@@ -75,9 +76,9 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
         return {}
     ratio, most = curve["tip_speed_ratio"], law.cut_out or np.max(table["inflow_speed_m_s"])
     flow = most * np.linspace(1.0 / FLOWS, 1.0, FLOWS)[:, None]
-    pressure = 0.5 * solution.case.fluid.density * np.pi * radius**2 * flow**2
+    pressure = 0.5 * case.fluid.density * np.pi * radius**2 * flow**2
     speed = ratio * flow / radius
-    torque = pressure * radius * curve["power_coefficient"] / ratio
+    torque = pressure * radius * curve["power_coefficient"] / ratio - case.generator.friction(speed)
     surplus = torque - law.torque(speed, np.atleast_1d(gain))
     crosses = (surplus[:, :-1] >= 0.0) & (surplus[:, 1:] < 0.0)
     runs = np.any(crosses, axis=1)

@@ -128,7 +128,8 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
     rows = list(dict.fromkeys(str(each.y[0]) for each in bars))[::-1]
     _draw_bars(bars, rows, ax)
     for curve in panel.curves if not bars else ():
-        _draw_curve(curve, ax, sum(each.kind == "bar" for each in panel.curves))
+        ranks = sorted({each.index or 0 for each in panel.curves if each.kind == "bar"})
+        _draw_curve(curve, ax, ranks)
         if curve.shade is not None:
             ax.figure.colorbar(ax.collections[-1], ax=ax, label=panel.shades)
     for span in panel.spans:
@@ -164,8 +165,8 @@ def legend_name(name: str) -> str:
     return " " + name if name.startswith("_") else name or "_"
 
 
-def _draw_curve(curve: Curve, ax: Axes, n_bars: int) -> None:
-    """Draw a curve; of several groups of bars, one beside the other."""
+def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:
+    """Draw a curve; bars of the results with these indices stand one beside the other."""
     index, label = curve.index or 0, legend_name(curve.name)
     if curve.kind == "runs":
         look = {"color": curve.color} if curve.shade is None else {"c": curve.shade, "s": 60}
@@ -174,8 +175,8 @@ def _draw_curve(curve: Curve, ax: Axes, n_bars: int) -> None:
         look = {"color": curve.color, "alpha": 0.2, "linewidth": 0}
         ax.fill_between(curve.x, curve.low, curve.y, label=label, **look)
     elif curve.kind == "bar":
-        step = float(np.min(np.diff(curve.x), initial=0.1)) / n_bars
-        at, look = curve.x + step * (index - 0.5 * (n_bars - 1)), bar(index)
+        step = float(np.min(np.diff(curve.x), initial=0.1)) / len(ranks)
+        at, look = curve.x + step * (ranks.index(index) - 0.5 * (len(ranks) - 1)), bar(index)
         look["color"] = curve.color
         ax.bar(at, curve.y, width=0.9 * step, label=label, **look)
     else:

@@ -172,7 +172,8 @@ class MemoryEntry(_Entry):
     (docs/dynamic_inflow.md): `growth` (1/s) is the largest real part at any of them,
     `frozen_growth` that in an unchanged wake. `tau1_s` is the wake's time constant where the growth
     is largest.
-    Time and flow are those of the first instant that is unstable, or of the least stable one.
+    Time (null in steady flows) and flow are those of the first instant that is unstable, or of the
+    least stable one.
     `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
     null: at none. `stiffness` (N m s/rad) is what a controller of the speed must add to the torque
     of an open loop, as a slope over the speed, to hold it in an unchanged wake.
@@ -206,10 +207,10 @@ class MemoryEntry(_Entry):
             held = f"{measured(self.stiffness, 'N*m*s/rad', 3)} times the difference of speed"
             heavy += f", or with a controller that adds more than {held}"
         share = f"{round(100.0 * (self.share_of_instants or 0.0))} % of the instants"
+        when = "" if self.time_s is None else f"from t = {self.time_s:.2f} s "
         return (
-            f"UNSTABLE from t = {self.time_s or 0.0:.2f} s at v = {self.inflow_speed or 0.0:.3g} "
-            f"m/s, at {share}: the rotor may run away before its wake changes (tau1 = "
-            f"{measured(self.tau1_s, 's', 3)}); {heavy}"
+            f"UNSTABLE {when}at v = {self.inflow_speed or 0.0:.3g} m/s, at {share}: the rotor may "
+            f"run away before its wake changes (tau1 = {measured(self.tau1_s, 's', 3)}); {heavy}"
         )
 
 
@@ -353,14 +354,14 @@ class YearEntry(_Entry):
         yield Row("annual energy", f"{gross} kWh{both}", note=note)
         if lost:
             yield Row("annual energy, net", f"{measured(net, '', 6)} kWh{both}", note=lost)
-        most = f"of the largest power, {measured(self.rated_power_W, 'W')}"
+        most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
         yield Row("capacity factor", factor, note=most, digits=4)
         yield Row(
             "hours of operation",
             f"{measured(self.operation_h, '', 5)} h",
             note=joined(
                 f"standstill {measured(self.standstill_h, '', 4)} h",
-                f"at the largest power {measured(self.rated_h, '', 4)} h",
+                f"at the largest electrical power {measured(self.rated_h, '', 4)} h",
                 *(
                     f"at the limit {n} {measured(x, '', 4)} h"
                     for n, x in self.limits_h.items()
@@ -659,11 +660,12 @@ class Summary(_Entry, Mapping[str, Any]):
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
             yield from self.objective.rows(self.scenarios or {})
-        gap = None if self.certified_gap is None else max(100.0 * self.certified_gap, 0.0)
+        gap = self.certified_gap
+        gap = None if gap is None else f"gap up to {max(100.0 * gap, 0.0):.2g} %"
         captured = self.objective is None or self.objective.kind == "captured"
         other = "" if captured else "of the captured energy, which is not the objective"
         known = "does not include limits other than that of the torque" if case.limits.given else ""
-        yield Row("certificate", gap and f"gap up to {gap:.2g} %", "", joined(other, known))
+        yield Row("certificate", gap, "", joined(other, known))
 
     def _losses(self) -> str:
         """Return the energy that the generator loses, and its share, as text."""
@@ -687,10 +689,13 @@ class Summary(_Entry, Mapping[str, Any]):
         at_peak = f"at tip speed ratio {peak}"
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
         limit = (self.limits or {}).get("control_torque")
-        if limit is None or case.control.torque_limit is None:
-            yield Row("largest generator torque", torque, "N*m", "no limit")
+        given = case.control.torque_limit
+        if limit is None or given is None:
+            note = "no limit" if given is None else f"limit {measured(given, 'N*m')}"
+            yield Row("largest generator torque", torque, "N*m", note)
         else:
             yield limit.row("control_torque")
+        yield Row("stations", self.chord_m and len(self.chord_m))
         if case.design.radius_bounds is not None:
             yield Row("tip radius", self.tip_radius_m, "m", digits=4)
         if case.design.set_angle_bounds:

@@ -94,7 +94,7 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
 
         files[folder / "table.parquet"] = DataFrame(columns).to_parquet(None)
     write_files(files)
-    grid, shape, keys = folder / "grid.nc", sweep.shape, list(sweep.over)
+    grid, shape, keys = folder / "grid.nc", sweep.shape, sweep.columns
     grid.unlink(missing_ok=True)
     if not sweep.sampled and len(rows) == sweep.size and all(map(find_spec, ("xarray", "netCDF4"))):
         from xarray import Dataset
@@ -157,7 +157,7 @@ class SweepTable:
         sweep = load_sweep(folder / SWEEP, check=False)
         text = read_text(folder / TABLE, "table of a sweep", MAX_BYTES)
         header, *rows = list(csv.reader(io.StringIO(text))) or [[]]
-        if not rows or {*map(len, rows)} != {len(header)} or not {*sweep.over} <= {*header}:
+        if not rows or {*map(len, rows)} != {len(header)} or not {*sweep.columns} <= {*header}:
             remedy = "run the same hkt sweep command again, which writes the table anew"
             raise InputError("is not the table of this sweep", remedy, file=folder / TABLE)
         columns = dict(zip(header, map(_column, zip(*rows, strict=True)), strict=True))
@@ -177,12 +177,13 @@ class SweepTable:
     @property
     def objective(self) -> np.ndarray:
         """The objective of each run, NaN for none, shape (n_runs,)."""
-        return self.columns["objective"].astype(float)
+        known = self.columns.get("objective", np.array(""))  # of no result none
+        return known if known.dtype.kind == "f" else np.full(self.columns["state"].size, np.nan)
 
     @property
     def maximize(self) -> bool:
         """Whether the objective is to be large."""
-        return "smaller" not in self.columns["better"]
+        return "smaller" not in self.columns.get("better", ())
 
     def shown(self, name: str) -> tuple[np.ndarray, str]:
         """Return a column of numbers as people read it, shape (n_runs,), and its label.
@@ -216,7 +217,7 @@ class SweepTable:
     @property
     def numeric(self) -> list[str]:
         """The keys of the sweep whose values are numbers."""
-        return [key for key in self.sweep.over if self.columns[key].dtype.kind == "f"]
+        return [key for key in self.sweep.columns if self.columns[key].dtype.kind == "f"]
 
     @property
     def cost(self) -> str:

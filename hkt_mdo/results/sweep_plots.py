@@ -16,9 +16,11 @@ from hkt_mdo.results.sweep import SweepTable
 
 def sweep_charts(table: SweepTable) -> dict[str, Panel]:
     """Return front and map of a sweep, as far as it has their data; points link to their pages."""
+    if not table.verified.any():
+        return {}
     made = {"front": _front} if table.cost else {}
     made |= {"map": _map} if len(table.numeric) > 1 else {}
-    return {name: make(table) for name, make in made.items() if table.verified.any()}
+    return {name: make(table) for name, make in made.items()}
 
 
 def _front(table: SweepTable) -> Panel:
@@ -57,10 +59,12 @@ def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
     The colour is that of the objective.
     """
     ax, good = ax or style.new_axes(), np.flatnonzero(table.verified)
-    names = [*table.sweep.over, *(x for x in _OUTCOMES if x in table.columns)]
+    names = [*table.sweep.columns, *(x for x in _OUTCOMES if x in table.columns)]
     heights, labels = [], []
     for name in names:
         column = table.columns[name][good]
+        if {*map(str, column)} <= {"", "nan"}:
+            continue
         if column.dtype.kind == "f":
             shown, name = table.shown(name)
             column = shown[good]
@@ -77,7 +81,7 @@ def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
     for shade, place in zip(shades, order, strict=True):
         ax.plot([each[place] for each in heights], color=colormaps["viridis"](shade), alpha=0.6)
     ax = style.finish(ax, "", "from least to largest (-)")
-    ax.set_xticks(range(len(names)), labels, fontsize=style.FONT_SIZE - 2)
+    ax.set_xticks(range(len(labels)), labels, fontsize=style.FONT_SIZE - 2)
     return ax
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import complete
-from hkt_mdo.results.nesting import dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.engine import in_processes, why_failed
@@ -21,7 +20,6 @@ def run_batch(
     jobs: int | None = None,
     done: Callable[[Path, str], None] = lambda folder, word: None,
     records: bool = True,
-    pass_on: bool = False,
     figures: bool | Iterable[str] = False,
 ) -> dict[Path, Solution | None]:
     """Run every case into its folder and return the solutions, None where a case could not be run.
@@ -31,8 +29,6 @@ def run_batch(
     done(folder, word) is called whenever a case ends, with "reused", "ok", "failed" or the error;
     `records` tells whether to keep each run's databases and N2 diagram, some megabytes a run, and
     `figures` which figures to draw, as `run_case` takes it.
-    With `pass_on`, a case that allows a better result of another one (`hkt_mdo.results.nesting`) is
-    run again from that one's design, and the better of both results stays.
     """
     run = partial(run_case, force=True, figures=figures, records=records)
     found, waiting = {}, {}
@@ -51,37 +47,7 @@ def run_batch(
             done(folder, why_failed(error))
 
     in_processes(waiting.items(), jobs, ended)
-    if pass_on:
-        _pass_on(found, cases, jobs, done, run)
     return found
-
-
-def _pass_on(found, cases, jobs, done, run) -> None:
-    """Run every case again that allows a better result of another one, from the best of those.
-
-    What is better then may be better for others too; a case is run again from each at most once.
-    """
-    tried: set[tuple[Path, Path]] = set()
-    folders = {found[folder].folder: folder for folder in cases if found[folder]}
-    while True:
-        known = dominated(filter(None, found.values()))
-        pairs = {folders[each.result.folder]: each.by.folder for each in known}
-        pairs = {key: value for key, value in pairs.items() if (key, value) not in tried}
-        if not pairs:
-            return
-        tried |= {*pairs.items()}
-
-        def ended(folder, future):
-            try:
-                better = future.result()
-            except Exception as error:  # the result that there was stays
-                done(folder, why_failed(error))
-                return
-            found[folder] = better or found[folder]
-            done(folder, "better from another's design" if better else "not better")
-
-        again = {x: partial(improved, found[x], cases[x], pairs[x], run) for x in pairs}
-        in_processes(again.items(), jobs, ended)
 
 
 def passed_on(case: Case, source: str) -> Case:

@@ -9,8 +9,6 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import DesignBounds, Limit
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
-from hkt_mdo.files.blade import read_blade
-from hkt_mdo.files.polar import read_polars
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.model import Physics
@@ -18,7 +16,6 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
-from hkt_mdo.problem.turbine import POLAR
 from hkt_mdo.results.words import (
     Row,
     amounts,
@@ -189,14 +186,13 @@ def _kind(rotor) -> str:
 
 def _stations(found: Findings) -> Rows:
     """Yield angles and Reynolds numbers of the stations; warn, or note, beyond the tables."""
-    rotor = found.case.rotor
+    turbine = found.physics.turbine
     for share, message in found.stations.messages("starting blade"):
         yield _warning("rotor.polar", message, "warning" if share > LIGHT else "note")
-    polars = _polars(rotor)
-    numbers = {table.reynolds for tables in polars.values() for table in tables} - {None}
+    numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
     known = powers(list(numbers)) if numbers else "a Reynolds number that the file does not contain"
-    if len(numbers) > 1 and rotor.reynolds_number:
-        known += f", taken at {powers(rotor.reynolds_number)}"
+    if len(numbers) > 1 and turbine.reynolds_number:
+        known += f", taken at {powers(turbine.reynolds_number)}"
     how = "at every speed"
     if isinstance(found.plant.polar, LocalReynolds):
         how, (low, high) = "which follow them", np.exp(found.plant.polar.log_reynolds[[0, -1]])
@@ -210,29 +206,19 @@ def _stations(found: Findings) -> Rows:
                 f"polars' tables run from {powers((low, high))}: outside them the nearest is used",
             )
     elif numbers:
-        used = rotor.reynolds_number or float(np.exp(np.mean(np.log([*numbers]))))
+        used = turbine.reynolds_number or float(np.exp(np.mean(np.log([*numbers]))))
         outer = found.stations.blade.r >= OUTER * found.stations.blade.r[-1]
         usual = float(np.exp(np.mean(np.log(found.reynolds[:, outer]))))
         if not 1.0 / FAR_REYNOLDS < usual / used < FAR_REYNOLDS:
             text = f"the polars are those of Re {powers(used)}, and the outer stations have "
             text += f"{powers(usual)}: drag and stall may differ"
             yield _warning("rotor.polar", text, "note")
-    yield Row("sections", ", ".join(polars))
-    thickness = 100.0 * np.asarray(found.physics.turbine.thickness)
+    yield Row("sections", ", ".join({Path(each.name).name: "" for each in turbine.sections}))
+    thickness = 100.0 * np.asarray(turbine.thickness)
     yield Row("thickness", thickness, "%", "of the chord", 3)
     yield Row("angles of attack", np.rad2deg(found.stations.met), "deg", "along the blade", 3)
     note = f"along the blade; polars for {known}, {how}"
     yield Row("Reynolds numbers", powers(found.reynolds), "", note)
-
-
-def _polars(rotor) -> dict[str, tuple]:
-    """Return the tables of the rotor's polars, by name of polar or section."""
-    if not rotor.sections and rotor.polar is None and rotor.chord is None:
-        own = {part.name: part.polars for part in read_blade(rotor.blade).sections}
-        if own:
-            return own
-    sources = [section.polar for section in rotor.sections] or [rotor.polar or POLAR]
-    return {Path(source).name: read_polars(source) for source in sources}
 
 
 def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:

@@ -62,7 +62,7 @@ def stability(
             continue
         series = run.time, run.rotor_speed, run.inflow_speed, *run.states
         along.append((verification.plant.with_memory(tau1), verification.controller, series))
-    return _verdict(along)
+    return _verdict(verifications[0].physics, along)
 
 
 def stability_of(result: Optimized) -> MemoryEntry | None:
@@ -75,7 +75,7 @@ def stability_of(result: Optimized) -> MemoryEntry | None:
         plant = result.plant_in(scenario)
         controller = result.controller_in(scenario, plant, nodes)
         along.append((plant, controller, [nodes[name] for name in names]))
-    return _verdict(along)
+    return _verdict(physics, along)
 
 
 def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
@@ -149,7 +149,7 @@ def _at_start(physics, start):
         plant = plant_of(physics, rotor, start.blade, inertia)
         controller = FeedbackTorque(physics.law_in(scenario), start.gains)
         along.append((plant, controller, [known[name] for name in names]))
-    return _verdict(along), along
+    return _verdict(physics, along), along
 
 
 def _followed(physics, start, along) -> StartingPoint:
@@ -174,7 +174,7 @@ def _followed(physics, start, along) -> StartingPoint:
     return replace(start, operation=replace(start.operation, **found))
 
 
-def _verdict(along):
+def _verdict(physics, along):
     """Return the verdict along some series of time, rotor speed, flow and the law's states."""
     parts, share = [], max(INSTANTS // max(len(along), 1), 5)
     for plant, controller, (time, speed, flow, *states) in along:
@@ -201,7 +201,7 @@ def _verdict(along):
         frozen_growth=float(np.max(frozen)),
         stiffness=max(float(np.max(answer)), 0.0) if replayed else None,
         tau1_s=float(slow[np.argmax(growth)]),
-        time_s=float(time[first]),
+        time_s=None if all(x.steady for x in physics.scenarios) else float(time[first]),
         inflow_speed=float(flow[first]),
         share_of_instants=float(np.mean(unstable)),
         inertia_kg_m2=parts[0][0].inertia,

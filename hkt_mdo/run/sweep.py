@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -98,13 +97,13 @@ class _Plan:
                 case = self.sweep.case_at(point, self.extensions)
             except InputError as error:
                 name = f"none-{len(self.points)}"
-                self.points.append((_values(point, None), name))
+                self.points.append((self.sweep.row_at(point, None), name))
                 self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
             name = _name(case)
             case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
-            self.points.append((_values(point, case), name))
+            self.points.append((self.sweep.row_at(point, case), name))
             if name in self.rows:  # the same case at another point
                 self.total -= 1
                 continue
@@ -197,18 +196,3 @@ def _row(solution: Solution, case: Case) -> Row:
 def _name(case: Case) -> str:
     """Return the name of a case's run: a digest of all that it says but its name."""
     return hashlib.sha256(case.model_dump_json(exclude={"name"}).encode()).hexdigest()[:16]
-
-
-def _values(point: Point, case: Case | None) -> Row:
-    """Return the values of a point as the table has them: numbers in SI units, or texts."""
-    data = {} if case is None else case.model_dump(mode="json")
-    found: Row = {}
-    for key, given in point.items():
-        value: Any = data
-        for part in key.split("."):
-            value = value.get(part) if isinstance(value, dict) else None
-        bound = value.get("bound") if isinstance(value, dict) else value
-        plain = isinstance(bound, int | float) and not isinstance(bound, bool)
-        text = given if isinstance(given, str | int | float) else json.dumps(given)
-        found[key] = bound if plain else text
-    return found

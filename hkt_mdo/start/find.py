@@ -250,7 +250,8 @@ class Search:
                     found.append(self._optimum(self._begin(each, branch)))
             followed = set()
             for each in some if follows else ():
-                guide = self._optimum(self._scheduled(each.blade, branch), self._open_loop)
+                guide = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
+                guide = self._optimum(guide, self._open_loop)
                 if (digits := f"{guide.objective:.6g}") not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].worth[0]:

@@ -61,7 +61,10 @@ class Told(LimitEntry):
         if self.limit is not None:
             share = f"{100.0 * (self.share or 0.0):.2f} %, {'kept' if self.kept else 'BROKEN'}"
             note = f"limit {measured(self.limit, self.unit)}, {share}"
-        return Row(limit_words(name), self.value, self.unit, joined(note, self.place))
+        value, unit = self.value, self.unit
+        if unit == "s":  # an instant
+            value, unit = f"from t = {measured(value, unit)}", ""
+        return Row(limit_words(name), value, unit, joined(note, self.place))
 
 
 def _told(limit: Limit, known: dict[str, Any]) -> Told:
@@ -173,7 +176,7 @@ class Run:
         if energy.size:
             mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
             change = 100.0 * (mean / quiet.energy - 1.0)
-            told = f"energy of the others: mean {mean / 1e3:.3f} kJ, standard deviation "
+            told = f"captured energy of the others: mean {mean / 1e3:.3f} kJ, standard deviation "
             told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
             told += f"({change:+.3f} % of the run without noise)"
         return [
@@ -303,7 +306,10 @@ class Run:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         pairs = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
-        energies = joined(*texts[: 2 if self.design.physics.case.generator.lossless else 3])
+        generator, run = self.design.physics.case.generator, self.simulation
+        if (off := generator.beyond_table(run.control_torque, run.rotor_speed)) > 0.0:
+            texts[2] += f" (extrapolated, up to {100.0 * off:.2g} % beyond generator.table)"
+        energies = joined(*texts[: 2 if generator.lossless else 3])
         return f"{energies}; rotor at {measured(self.simulation.rotor_speed, 'rad/s', 4)}"
 
     @property

@@ -299,6 +299,15 @@ def test_compare_ranks_by_the_objective_and_cuts_no_name(tmp_path, result_folder
     assert Path("there/operation.png").stat().st_size > 1000
 
 
+def test_compare_tells_stations_and_that_flows_differ(result_folder, tmp_path, capsys):
+    shutil.copytree(result_folder, tmp_path / "other")
+    case = Solution.load(result_folder).case.with_overrides("inflow={profile: constant, speed: 1}")
+    (tmp_path / "other" / "case.yaml").write_text(case.to_yaml())
+    assert main(["compare", str(result_folder), "other"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"\n *stations +9 +9 *\n[^~]*note: the flows differ", out)
+
+
 def test_compare_ranks_by_mean_power_where_durations_differ(tmp_path, result_folder, capsys):
     for name, seconds, joules in (("long", 20, 3.0e5), ("short", 10, 2.0e5)):
         shutil.copytree(result_folder, tmp_path / name)

@@ -31,6 +31,8 @@ def test_simulate_reports_mean_spread_and_worst(simulated):
     printed = simulated("quadratic", *arguments)
     assert "rotor stopped in 0 of 3 runs" in printed
     assert "low-pass of 0.5 Hz" in printed
+    assert "Largest values without noise" in printed
+    assert "captured energy of the others: mean" in printed
     told = r"mean ([\d.]+) kJ, standard deviation ([\d.]+) kJ, worst ([\d.]+)"
     mean, spread, worst = map(float, re.search(told, printed).groups())
     assert worst <= mean

@@ -108,7 +108,7 @@ def test_gaps_are_left_out_and_nonsense_is_refused(tmp_path):
     record = RecordResource(file=str(path))
     assert record.samples.speed.size == 40
     assert "10 missing" in record.messages[0]
-    assert "gaps are 19 % of the time, the longest 0.0417 days" in record.messages[0]
+    assert "gaps are 19 % of the time, the longest 60 minutes" in record.messages[0]
     path.write_text("time_s,speed_m_s\n" + "\n".join([*rows, "10,1"]))
     with pytest.raises(InputError, match="give dates with their zone"):
         RecordResource(file=str(path)).messages  # noqa: B018
@@ -196,6 +196,14 @@ def test_a_record_too_short_is_refused_with_the_length_it_needs(known):
         constituents(samples, ["M99"])
 
 
+def test_a_short_record_is_told_in_readable_units(tmp_path, capsys):
+    rows = "".join(f"{60 * i},{1.0 + 0.01 * i}\n" for i in range(20))
+    (tmp_path / "v.csv").write_text(f"time_s,speed_m_s\n{rows}")
+    assert main(["resource", str(tmp_path / "v.csv"), "--out", str(tmp_path / "out")]) == 0
+    assert "20 samples over 19 minutes" in capsys.readouterr().out
+    assert (tmp_path / "out" / "case.yaml").read_text().startswith("# The record has 19 minutes")
+
+
 def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
     keys = [f"--set={key}={value}" for key, value in TANANA.items() if key != "file"]
     assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 0
@@ -211,5 +219,8 @@ def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
     again, hours = found.occurrence()
     np.testing.assert_allclose(again, mean, rtol=1e-9)
     np.testing.assert_allclose(hours, share, rtol=1e-8)
-    assert (tmp_path / "out" / "resource.png").stat().st_size > 10_000
+    figure = tmp_path / "out" / "resource.png"
+    assert figure.stat().st_size > 10_000
+    for name in ("resource.csv", "case.yaml"):
+        (tmp_path / "out" / name).unlink()  # nothing is left to be replaced but the figure
     assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 2

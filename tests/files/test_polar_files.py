@@ -188,7 +188,7 @@ def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(tmp_path)
 
 def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
     text = AIRFOIL_TOOLS.replace("number,50000", "number,fast")
-    with pytest.raises(InputError, match=r"line 4, Reynolds number = 'fast': is no Reynolds"):
+    with pytest.raises(InputError, match=r"line 4, Re = 'fast': is no Reynolds"):
         read_polars(write(tmp_path, text))
 
 

@@ -460,6 +460,12 @@ def test_json_of_noaa_and_usgs(tmp_path, form):
     assert told(record, "rows sorted by time") == (form == "unsorted")
 
 
+def test_json_with_more_times_than_rows_is_refused(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(JSON["split"] | {"index": [*DATES, "2030-01-01"]}))
+    assert "times and" in refused(read_record, path, speed_column="s", speed_unit="cm/s")
+
+
 @pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("us", 1e-6), ("ns", 1e-9)])
 def test_json_times_are_in_the_unit_of_a_plausible_year(tmp_path, unit, seconds):
     """As pandas' to_json writes them by its option date_unit."""

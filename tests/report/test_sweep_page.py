@@ -3,12 +3,14 @@
 import csv
 from itertools import product
 
+import numpy as np
 import pytest
 
 from hkt_mdo.case.sweep import SWEEP, load_sweep
 from hkt_mdo.cli import main
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.sweep import row_of, write_table
+from hkt_mdo.results.sweep import SweepTable, row_of, write_table
+from hkt_mdo.results.sweep_plots import plot_parallel
 from tests.conftest import make_result
 from tests.report.test_browser import browser, start  # noqa: F401 - fixtures
 
@@ -44,6 +46,12 @@ def test_the_table_has_a_grid_too(folder):
         rows = list(csv.DictReader(file))
     assert frame["mass_kg"].tolist()[:3] == [float(row["mass_kg"]) for row in rows[:3]]
     assert frame["state"].tolist() == [row["state"] for row in rows]
+
+
+def test_an_outcome_that_no_run_has_is_left_out(folder):
+    table = SweepTable.load(folder)
+    table.columns["mass_kg"][:] = np.nan
+    assert not any("mass" in x.get_text() for x in plot_parallel(table).get_xticklabels())
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
 from hkt_mdo.results.figures import figure_of, figures, save_figures
+from hkt_mdo.results.panel import COLORS, Curve, Panel
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution
 
@@ -194,6 +195,23 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
 
 
+def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solution) -> None:
+    keys = "condition.torque_constant=1.1", "generator.shaft_friction="
+    new, worn = (solution.case.with_overrides(keys[0], f"{keys[1]}{x}") for x in (0, 20))
+    new, worn = (steady.steady_curve(replace(solution, case=each)) for each in (new, worn))
+    law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
+    np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)
+    assert worn["rotor_speed_rad_s"][-1] < 0.99 * new["rotor_speed_rad_s"][-1]
+
+
+def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
+    x, y = np.array([1.0, 2.0]), np.ones(2)
+    bars = [Curve(x, y, f"run {index}", COLORS[index], index, "bar") for index in (1, 3)]
+    drawn = style.draw(Panel("energy", "speed", bars))
+    centres = [each.get_x() + 0.5 * each.get_width() for each in drawn.patches]
+    assert centres == pytest.approx([0.975, 1.975, 1.025, 2.025])
+
+
 def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Path) -> None:
     free = steady.steady_curve(Solution.load(result_folder))
     bound = float(np.interp(1.45, free["inflow_speed_m_s"], free["generator_power_W"]))
@@ -206,7 +224,8 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
 
 
 def test_sections_need_an_outline(solution: Solution) -> None:
-    rotor = solution.case.rotor.model_copy(update={"polar": "naca4415", "outline": None})
+    changed = {"polar": "naca4415", "reynolds_number": 2e5, "outline": None}
+    rotor = solution.case.rotor.model_copy(update=changed)
     alone = replace(solution, case=solution.case.model_copy(update={"rotor": rotor}))
     with pytest.raises(InputError, match=r"rotor\.outline"):
         sections(alone, [0.5])

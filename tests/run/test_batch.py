@@ -11,7 +11,7 @@ from hkt_mdo.results.nesting import allows, dominated
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import begun, finished_result, run_batch
 from hkt_mdo.run.digest import digest
-from tests.conftest import NINE, edit_summary
+from tests.conftest import edit_summary
 from tests.exports.made import made
 
 CASE = """
@@ -206,28 +206,3 @@ def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):
     (found,) = dominated([refused, other])
     assert "was refused" in str(found)
     assert str(other.folder) in str(found)
-
-
-@pytest.mark.slow
-def test_a_batch_passes_a_better_design_on(tmp_path):
-    """From the given blade alone a law ends far below what the search for a start finds."""
-    short = ["phase.duration=15", "phase.segments=15", f"rotor.stations={NINE}"]
-    searched = load_case("power_quadratic", [*short, "control.torque_limit=650"])
-    local = searched.with_overrides("start.method=blade")
-    cases = {tmp_path / "searched": searched, tmp_path / "local": local}
-    first = run_batch(cases, 2, records=False)
-    told = []
-    about = {"records": False, "pass_on": True}
-    second = run_batch(cases, 2, lambda folder, word: told.append(word), **about)
-    assert dominated(second.values()) == []
-    for folder, each in second.items():
-        before, after = (x.summary.objective.simulated for x in (first[folder], each))
-        assert each.success
-        assert after >= before or not first[folder].success
-    if dominated(first.values()):
-        assert "better from another's design" in told
-    assert told.count("reused") == 2
-    # what was begun from another's design is the case's result
-    again = []
-    run_batch(cases, 2, lambda folder, word: again.append(word), records=False)
-    assert again == ["reused"] * 2

@@ -184,6 +184,30 @@ def test_a_bad_case_is_a_row(here, tmp_path):
     assert table.columns["control"][0] == '{"law": "open_loop", "torque_limit": 600}'
 
 
+def test_keys_of_numbers_stay_numbers_and_outcomes_have_columns_of_their_own(here, tmp_path):
+    over = "{objective: [captured, electrical], phase.segments: {from: 10, to: 20, count: 2}, "
+    over += "phase.duration: [9 s], control: [{law: open_loop, torque_limit: 700}, "
+    over += "{law: quadratic, torque_limit: 700}], phase.final_speed: [free, initial]}"
+    rows = run_sweep(sweep_of(tmp_path, over, ""), tmp_path / "out", run=stand_in.run)
+    assert [row["state"] for row in rows] == [*["verified"] * 3, "error"] * 4
+    assert [row["phase.duration"] for row in rows] == [9.0] * 16
+    table = SweepTable.load(tmp_path / "out")
+    assert table.numeric == ["phase.segments", "phase.duration"]
+    assert table.columns["case.objective"].tolist() == ["captured"] * 8 + ["electrical"] * 8
+    assert table.objective[table.verified].tolist() == [700.0] * 12
+
+
+@pytest.mark.parametrize("column", ["", "objective,"])
+def test_a_sweep_without_a_result_has_a_report_and_no_figures(here, tmp_path, column, capsys):
+    run_sweep(sweep_of(tmp_path, "{rotor.radius: [1.2, 1.5]}"), tmp_path / "out", run=None)
+    header, *lines = (tmp_path / "out" / "table.csv").read_text().splitlines()
+    lines = [column + header, *("," * bool(column) + x for x in lines)]
+    (tmp_path / "out" / "table.csv").write_text("\n".join(lines))
+    assert main(["report", str(tmp_path / "out")]) == 0
+    assert main(["plot", str(tmp_path / "out")]) == 2
+    assert "has no verified run to draw" in capsys.readouterr().err
+
+
 def test_a_neighbour_wins_only_with_a_better_result(here, tmp_path, monkeypatch):
     """From the neighbour's design the stand-in's objective is better by 1 per cent, or worse."""
     monkeypatch.setattr(stand_in, "FACTORS", {700.0: 1.01, 500.0: 0.99})

@@ -35,6 +35,7 @@ def test_without_limits_the_best_power_of_the_speed_is_the_second():
     _, found = start("power_law")
     assert found.gains[1] == pytest.approx(2.0, abs=0.02)
     assert below("power_law") < 1e-6
+    assert all(record.strategy for record in found.starts)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ import pytest
 import hkt_mdo
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.limits import Limit, ThrustLimit, TorqueLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
@@ -177,7 +178,8 @@ def test_strict_ends_with_3_where_a_limit_is_broken(folder, open_loop, capsys):
     assert told.err == "error: not kept: thrust\n"
     assert main(["simulate", str(open_loop.solution.folder), "--flow", "C", "--strict"]) == 3
     told = capsys.readouterr()
-    assert "generates no more: the simulation ends there" in " ".join(told.out.split())
+    stops = r"rotor stops from t = [\d.]+ s, generates no more: the simulation ends there"
+    assert re.search(stops, " ".join(told.out.split()))
     assert told.err == "error: not kept: rotor stops\n"
 
 
@@ -260,6 +262,15 @@ def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
     worst = max(runs, key=lambda seed: runs[seed]["thrust"]["share"])
     row = re.search("thrust  .*?root", printed, re.DOTALL)[0]
     assert f"in seed {worst}" in " ".join(row.split())
+
+
+def test_an_efficiency_beyond_the_generators_table_is_told(quadratic, tmp_path):
+    table, rows = tmp_path / "table.csv", "0,0,0.9\n0,200,0.9\n400,0,0.9\n400,200,0.9\n"
+    table.write_text(f"torque_Nm,speed_rpm,efficiency\n{rows}")
+    physics = quadratic.physics
+    case = physics.case.model_copy(update={"generator": Generator(table=str(table))})
+    run = Run(replace(quadratic, physics=replace(physics, case=case)), ConstantInflow(speed=1.6))
+    assert "electrical (extrapolated, up to 59 % beyond generator.table)" in run.outcome
 
 
 def test_of_several_runs_the_most_used_limit_is_reported(quadratic):
