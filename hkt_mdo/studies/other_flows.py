@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import BETWEEN, Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text
@@ -238,13 +238,15 @@ class Run:
             remark = "below half of the least tip speed ratio of the design's own flow"
             found["rotor stalls"] = Told(value=time, unit="s", kept=False, remark=remark)
         if (away := self.runs_away) is not None:
-            remark = "more than 20 % faster than without memory"
+            remark = "more than 20 % faster than without memory until then"
             found["rotor runs away"] = Told(value=away, unit="s", kept=False, remark=remark)
         return found
 
     @cached_property
     def runs_away(self) -> float | None:
-        """When the rotor is first much faster than it would be without memory, s, if ever.
+        """When the rotor is first much faster than it was without memory until then, s, if ever.
+
+        Where the flow falls, a wake with memory keeps a rotor fast for a while, which is no danger.
 
         Returns
         -------
@@ -255,7 +257,8 @@ class Run:
             return None
         quiet, time = self.without.simulation, self.simulation.time
         time = time[time <= quiet.time[-1]]
-        fast = self.simulation.speed_at(time) > RUN_AWAY * quiet.speed_at(time)
+        most = np.maximum.accumulate(quiet.speed_at(time))
+        fast = self.simulation.speed_at(time) > RUN_AWAY * most
         return float(time[np.argmax(fast)]) if np.any(fast) else None
 
     @property
@@ -307,7 +310,7 @@ class Run:
         pairs = ("captured", "generated", "electrical"), self.energies.values()
         texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
         generator, run = self.design.physics.case.generator, self.simulation
-        if (off := generator.beyond_table(run.control_torque, run.rotor_speed)) > 0.0:
+        if (off := generator.beyond_table(run.control_torque, run.rotor_speed)) > BETWEEN:
             texts[2] += f" (extrapolated, up to {100.0 * off:.2g} % beyond generator.table)"
         energies = joined(*texts[: 2 if generator.lossless else 3])
         return f"{energies}; rotor at {measured(self.simulation.rotor_speed, 'rad/s', 4)}"
