@@ -68,6 +68,27 @@ _BOUNDS = (
 """By the field of a bound: its condition in words, and its key in a JSON schema."""
 
 
+def is_unit(text: str) -> bool:
+    """Tell whether OpenMDAO knows a unit.
+
+    Parameters
+    ----------
+    text : str
+        The unit, such as ``N*m``.
+
+    Returns
+    -------
+    bool
+        False for a text that cannot be evaluated as a unit, too.
+    """
+    from openmdao.utils import units
+
+    try:
+        return bool(units.valid_units(text))
+    except Exception:  # the unit is evaluated: any error means that it is none
+        return False
+
+
 @dataclass(frozen=True)
 class Quantity:
     """A physical quantity: its unit and range, as the annotation of a float.
@@ -141,15 +162,13 @@ class Quantity:
         unit = _NEWTON_METRE.sub(r"\1N*m", unit)
         if len(unit) > _LONGEST_UNIT:
             raise self._refuse(f"has too long a unit; this key is in {self.unit}")
+        if not is_unit(unit):
+            meant = re.sub(r"([A-Za-z])([2-9])", r"\1**\2", unit.replace("kgm", "kg*m"))
+            guess = f" (did you mean {meant}?)" if is_unit(meant) else ""
+            raise self._refuse(f"has the unknown unit {unit}{guess}; this key is in {self.unit}")
 
         from openmdao.utils import units  # type: ignore[import-untyped]
 
-        try:
-            valid = units.valid_units(unit)
-        except Exception:  # the unit is evaluated: any error means that it is none
-            valid = False
-        if not valid:
-            raise self._refuse(f"has the unknown unit {unit}; this key is in {self.unit}")
         try:
             return float(units.convert_units(number, unit, self.unit))
         except TypeError:

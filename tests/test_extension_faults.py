@@ -13,6 +13,7 @@ from openmdao.utils import cs_safe
 from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, load_case
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.cli import main
+from hkt_mdo.dynamics.flows import SineInflow
 
 HEAD = """
 from typing import Annotated, ClassVar, Literal
@@ -200,3 +201,30 @@ def test_a_quantity_as_it_is_has_its_own_unit():
 
     with pytest.raises(InputError, match="has the unit t, and mass is in kg; write unit = 'kg'"):
         load_case({"inflow": "sine", "control": "linear"}, extensions=[Tonnes])
+
+
+@pytest.mark.parametrize("static", [False, True])
+def test_a_function_from_elsewhere_is_guarded(static):
+    def formula(*values):
+        return values[-1][0] * np.abs(values[-2])
+
+    class Taken(FeedbackLaw):
+        law: Literal["taken"] = "taken"
+        gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
+        demand = staticmethod(formula) if static else formula
+
+    law = load_case({"inflow": "sine", "control": "taken"}, extensions=[Taken]).control
+    with pytest.raises(InputError, match=r"Taken\.demand: has a derivative by"):
+        law.torque(np.array([2.0]), np.array([5.0]))
+    (text,) = law.held(np.array([0.0]))
+    assert text.startswith("gain_0 of the law taken begins at 0 and is not designed")
+    with pytest.raises(InputError, match=r"IndexError.*; correct the method$"):
+        law.torque_by_speed(np.array([2.0]), np.array([]))
+
+
+def test_a_negative_frequency_is_refused():
+    class Ripple(SineInflow):
+        highest_frequency: ClassVar[float] = -1.0
+
+    with pytest.raises(InputError, match="is negative; give it in Hz"):
+        Ripple().check(5.0)

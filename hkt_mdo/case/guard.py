@@ -4,11 +4,12 @@ An error in a method or property of an extension, or a result that no formula ma
 `InputError` that names the class, its file, the method and what is wrong.
 """
 
+import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cached_property, wraps
+from functools import cache, cached_property, wraps
 from inspect import signature
 from traceback import extract_tb
 from types import FunctionType
@@ -31,6 +32,7 @@ COMPLEX = (
     "drop the imaginary part; write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of "
     "openmdao.utils.cs_safe"
 )
+CORRECT = "correct the method"
 EACH = "compute the value at each instant from what is known at that instant, without sums or means"
 SLOPES: dict[str, tuple[str, ...]] = {
     **{"demand": (), "rates": (), "speed_at": (), "rate": (), "rows": ("shares",)},
@@ -51,6 +53,7 @@ def any_values() -> Iterator[None]:
         _FINITE.reset(token)
 
 
+@cache
 def guard(kind: Any, source: str) -> Any:
     """Guard the methods and properties of a kind that are an extension's own; return the kind.
 
@@ -70,9 +73,9 @@ def guard(kind: Any, source: str) -> Any:
             if name.startswith("_") or name in seen:
                 continue
             seen.add(name)
-            how = _HOW.get(type(value))
-            if how and callable(of := how[0](value)) and not hasattr(of, "__wrapped__"):
-                made = how[1](_guard(of, file, f"{kind.__name__}.{name}"))
+            how = _HOW.get(type(value), _OTHER if name in SLOPES else None)
+            if how and callable(of := how[0](value)):
+                made = how[1](_guard(of, name, file, f"{kind.__name__}.{name}"))
                 setattr(kind, name, made)
                 if isinstance(made, cached_property):
                     made.__set_name__(kind, name)
@@ -85,9 +88,11 @@ _HOW: dict[type, tuple[Callable, Callable]] = {
     cached_property: (lambda value: value.func, cached_property),
 }
 """By type of an attribute: the function that is guarded, and what wraps the guarded one again."""
+_OTHER = (lambda value: lambda _, *args, **named: value(*args, **named), lambda method: method)
+"""The same of a static method, or of anything else that is called in place of a method."""
 
 
-def _guard(method: Callable, file: str, place: str) -> Callable:
+def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
     """Return a method of an extension whose errors and bad results are reported with its place."""
     left = [True] * POINTS
 
@@ -101,18 +106,18 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
         except Exception as error:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
-            remedy = COMPLEX if any(map(np.iscomplexobj, given)) else "correct the method"
+            remedy = _remedy(error) if any(map(np.iscomplexobj, given)) else CORRECT
             problem = f"raises {one_line(error)}{line}"
             raise InputError(problem, remedy, file=file, key=place) from error
-        shape = _shape(self, method.__name__, args, quantities)
-        if shape is not None and not (result is None and method.__name__ in MAY_BE_NONE):
-            infinite = method.__name__ in MAY_BE_INFINITE
+        shape = _shape(self, name, args, quantities)
+        if shape is not None and not (result is None and name in MAY_BE_NONE):
+            infinite = name in MAY_BE_INFINITE
             problem, result = _checked(result, shape, given, infinite)
             if problem:
-                raise InputError(problem, "correct the method", file=file, key=place)
-        if left and method.__name__ in SLOPES and not any(map(np.iscomplexobj, given)):
+                raise InputError(problem, CORRECT, file=file, key=place)
+        if left and name in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
-            problem, remedy = _wrong_slope(method, self, args, quantities)
+            problem, remedy = _wrong_slope(method, name, self, args, quantities)
             if problem:
                 raise InputError(problem, remedy, file=file, key=place)
         return result
@@ -120,13 +125,13 @@ def _guard(method: Callable, file: str, place: str) -> Callable:
     return told
 
 
-def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> tuple[str, str]:
+def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict) -> tuple[str, str]:
     """Return by which argument a derivative is wrong, and the remedy; empty if by none.
 
     That by complex step lies between the differences to both sides, which are apart at a kink. By a
     quantity over time a formula has it at every instant by itself.
     """
-    names, given = [*signature(method).parameters][1:], dict(enumerate(args)) | quantities
+    names, given = [*signature(method).parameters][1:] or [of], dict(enumerate(args)) | named
 
     def at(key: Any, value: Any) -> np.ndarray:
         moved = given | {key: value}
@@ -136,7 +141,7 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
     for key, value in given.items():
         name = key if isinstance(key, str) else names[min(key, len(names) - 1)]
         size = np.abs(value)
-        if name in SLOPES[method.__name__] or size.dtype.kind not in "iuf" or not size.size:
+        if name in SLOPES[of] or size.dtype.kind not in "iuf" or not size.size:
             continue
         step = MOVE * np.maximum(size, 1e-3 * np.max(size) or 1.0)
         try:
@@ -148,7 +153,7 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
                 if np.any(first[first.size > 1 :]):
                     return f"mixes instants: its value at one depends on {name} at another", EACH
         except Exception as error:
-            return f"raises {one_line(error)} for a complex {name}", COMPLEX
+            return f"raises {one_line(error)} for a complex {name}", _remedy(error)
         sides = np.stack((here - lower, upper - here))
         noise = OFF * np.max(np.abs(sides), axis=0) + SMALL * np.max(np.abs(here), initial=0.0)
         off = np.maximum(np.min(sides, axis=0) - slope, slope - np.max(sides, axis=0)) - noise
@@ -159,6 +164,11 @@ def _wrong_slope(method: Callable, kind: Any, args: tuple, quantities: dict) -> 
             told = "{:.4g} by complex step and {:.4g} by differences".format(*both)
             return f"has a derivative by {name} of {told}", COMPLEX
     return "", ""
+
+
+def _remedy(error: Exception) -> str:
+    """Return the remedy of an error of a method that was given complex numbers."""
+    return COMPLEX if re.search("complex|ufunc|real", str(error)) else CORRECT
 
 
 def one_line(error: BaseException) -> str:

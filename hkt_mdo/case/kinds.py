@@ -14,12 +14,14 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cache
 from hashlib import sha256
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 from traceback import extract_tb
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, Literal, get_args
 
 from pydantic import Field, create_model
@@ -46,7 +48,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.errors import InputError, show
-from hkt_mdo.sections import Quantity, Section
+from hkt_mdo.sections import Quantity, Section, is_unit
 
 ENTRY_POINTS = "hkt_mdo.extensions"
 MODULES: list[ModuleType] = [laws, wide_laws, tracking, flows, records, sampled, resource]
@@ -112,6 +114,7 @@ def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
         yield "has no name", f'write {tag}: ClassVar[str] = "a_name"'
     if tag == "name" and (not re.fullmatch("[a-zA-Z]\\w*", name) or name in _TAKEN):
         yield f"has the name {name}, which no key can have", "give it another"
+    yield from _flaws_of_names(kind)
     for method, base in _FORMULAS.items():
         if issubclass(kind, base) and getattr(kind, method) is getattr(base, method):
             yield f"has no method {method}", f"write {method} as in docs/dev/architecture.md"
@@ -120,26 +123,49 @@ def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
     yield from _flaws_of_units(kind)
     if any(_tag(each) == tag and kind_name(each) == name for each in known):
         yield f"has the name {name} of another kind", f"give its {tag} another"
+    if issubclass(kind, FeedbackLaw) and (isinstance(kind.gain_units, str) or not kind.gain_units):
+        problem = "names no gains, a tuple with the unit of each"
+        yield problem, 'write gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",), or others'
+
+
+def _flaws_of_names(kind: Any) -> Iterator[tuple[str, str]]:
+    """Yield which names of a class are misspelt, and which of its properties are methods."""
+    base: Any = next(x for x in kind.__mro__ if x.__module__.partition(".")[0] == "hkt_mdo")
+    known = [name for name in dir(base) if not name.startswith("_")]
+    for name in sorted({*dir(kind), *kind.model_fields} - {*dir(base), *base.model_fields}):
+        for near in get_close_matches(name, known, n=1, cutoff=0.9):
+            yield f"has {name}, and {base.__name__} has {near}", f"write {near}, or rename it"
+    for name in known:
+        if isinstance(getattr(kind, name), FunctionType) and not callable(getattr(base, name)):
+            yield f"has a method {name}, which must be a value", f"write @property above {name}"
 
 
 def _flaws_of_units(kind: Any) -> Iterator[tuple[str, str]]:
-    """Yield which units of a class OpenMDAO does not know, and whether a quantity has another."""
-    from openmdao.utils import units  # type: ignore[import-untyped]
-
-    about = (each for field in kind.model_fields.values() for each in field.metadata)
-    given = [each.unit for each in about if isinstance(each, Quantity)]
+    """Yield which units of a class are unknown, or not those of the quantities they belong to."""
+    given = {key: [*_units(x.rebuild_annotation())] for key, x in kind.model_fields.items()}
     own, gains = getattr(kind, "unit", None), getattr(kind, "gain_units", ())
     # where they are properties they depend on the case
-    given += [own] * isinstance(own, str) + [*gains] * isinstance(gains, tuple)
-    for unit in filter(None, given):
-        if not (isinstance(unit, str) and units.valid_units(unit)):
+    stated = {"unit": [] if isinstance(own, property) else [own or None]}
+    stated["gain_units"] = [*gains] if isinstance(gains, tuple | list) else []
+    for unit in filter(None, chain(*given.values(), *stated.values())):
+        if not (isinstance(unit, str) and is_unit(unit)):
             remedy = "write one such as m/s, N*m or kg*m**2, or None for a plain number"
             yield f"has the unknown unit {show(unit)}", remedy
+    for key, name in (("bound", "unit"), ("gain", "gain_units")):
+        for unit, other in zip(given.get(key, ()), stated[name], strict=False):
+            if unit != other:
+                yield f"has {key} in {unit}, and {name} = {other}", "give both the same unit"
     if issubclass(kind, Limit) and kind.value is Formula.value and isinstance(kind.inputs, tuple):
         own = quantities.QUANTITIES[kind.inputs[0]].unit
-        if kind.unit != own:
+        if (kind.unit or None) != own:
             problem = f"has the unit {kind.unit}, and {kind.inputs[0]} is in {own}"
             yield problem, f"write unit = {own!r}, or a method value that converts it"
+
+
+def _units(annotation: Any) -> Iterator[str | None]:
+    """Yield the units of the quantities in an annotation."""
+    for each in get_args(annotation):
+        yield from (each.unit,) if isinstance(each, Quantity) else _units(each)
 
 
 def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
@@ -167,7 +193,9 @@ def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
 def _tagged(kind: Any) -> Any:
     """Return a class like another, whose name is a field that a case may give; limits need none."""
     tag, name = _tag(kind), kind_name(kind)
-    if tag in ("", "name") or not name or tag in kind.model_fields:
+    if tag in ("", "name") or not name:
+        return kind
+    if tag in kind.model_fields and kind.model_fields[tag].annotation is not str:
         return kind
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the name that becomes a field
@@ -185,7 +213,8 @@ def kind_name(kind: Any) -> str:
     """Return the name by which a case calls a kind; empty for one without a name."""
     tag = _tag(kind)
     field = kind.model_fields.get(tag) if tag else None
-    names = get_args(field.annotation) if field else (getattr(kind, tag or "_", None),)
+    own = getattr(kind, tag or "_", None)
+    names = (*get_args(field.annotation), field.default) if field else (own,)
     return next((name for name in names if isinstance(name, str)), "")
 
 

@@ -395,6 +395,9 @@ class Case(Section):
         if _is_splined(data["design"]) or _is_limited(data):
             own.pop("stations", None)
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
+        # a limit of an extension that the case does not use need not be there when it is read
+        known, limits = {kind_name(each) for each in BUILT_IN.of(Limit)}, data["limits"]
+        data["limits"] = {key: x for key, x in limits.items() if x is not None or key in known}
         data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
         return data, own
 

@@ -73,7 +73,9 @@ class Inflow(Section):
     @property
     def features(self) -> tuple[tuple[float, float, float], ...]:
         """Time spans with the shortest period in each, (from, to, period) in s."""
-        cutoff = self.highest_frequency
+        if (cutoff := self.highest_frequency or 0.0) < 0.0:
+            place = {"key": f"{type(self).__name__}.highest_frequency", "value": cutoff}
+            raise InputError("is negative", "give it in Hz, or None for a steady flow", **place)
         return ((-np.inf, np.inf, 1.0 / cutoff),) if cutoff else ()
 
     @property

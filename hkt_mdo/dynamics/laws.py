@@ -89,6 +89,18 @@ class Law(Section):
         """Return the gains that the case gives for the start; None: the search chooses them."""
         return np.empty(0)
 
+    def held(self, gains):
+        """Yield a warning of each gain that the default `fit` of a law begins at zero.
+
+        No optimization changes a gain of zero.
+        """
+        fit = getattr(type(self), "fit", None)
+        if fit is FeedbackLaw.fit and self.starting_gains() is None:
+            why = "the default fit is for laws that are linear in their gains; write fit or "
+            for number in np.flatnonzero(gains == 0.0):
+                text = f"gain_{number} of the law {self.law} begins at 0 and is not designed"
+                yield f"{text}: {why}starting_gains"
+
     def sizes(self, gains):
         """Return the typical change of each gain, positive, (n_gains,)."""
         return np.abs(gains)

@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.sections import Quantity
+from hkt_mdo.sections import Quantity, refusal
 
 BETWEEN = 1e-4  # relative excess between the nodes at which a limit still counts as kept
 ALLOWABLE = "allowable"  # in place of a number: the allowable stress of the material
@@ -55,8 +55,11 @@ class Limit(Formula):
     @classmethod
     def _bare_bound(cls, data: Any) -> Any:
         """Take a number or text for the field `bound`."""
-        bare = "bound" in cls.model_fields and isinstance(data, str | int | float)
-        return {"bound": data} if bare and not isinstance(data, bool) else data
+        if isinstance(data, bool) or not isinstance(data, str | int | float):
+            return data
+        if "bound" not in cls.model_fields:
+            raise refusal("has no field bound", f"give its keys: {', '.join(cls.model_fields)}")
+        return {"bound": data}
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:

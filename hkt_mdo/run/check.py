@@ -191,7 +191,7 @@ def _stations(found: Findings) -> Rows:
         yield _warning("rotor.polar", message, "warning" if share > LIGHT else "note")
     numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
     known = powers(list(numbers)) if numbers else "a Reynolds number that the file does not contain"
-    if len(numbers) > 1 and turbine.reynolds_number:
+    if len(numbers) > 1 and turbine.reynolds_number and found.case.rotor.reynolds == "invariant":
         known += f", taken at {powers(turbine.reynolds_number)}"
     how = "at every speed"
     if isinstance(found.plant.polar, LocalReynolds):
@@ -328,6 +328,7 @@ def _control(found: Findings) -> Rows:
         gains, own = law.starting_gains(), law.starting_gains() is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
+        yield from (_warning("control", text) for text in law.held(found.start.gains))
         if found.running and found.captured < WASTED:
             key = f"a gain{_within_bounds(found)}" if own else measured(gains, "", 4)
             yield _warning(

@@ -75,7 +75,7 @@ def summarize(
     shadow_prices
         Those of `hkt_mdo.run.shadow_prices`.
     """
-    outcome = finished.result.outcome
+    outcome, gains = finished.result.outcome, finished.start.gains
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     if len(scenarios) > 1 and finished.physics.objective.is_rate:
         _decide(finished.physics, scenarios)
@@ -103,7 +103,7 @@ def summarize(
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
-        "doubts": list(finished.physics.warnings),
+        "doubts": [*finished.physics.warnings, *finished.physics.law.held(gains)],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))

@@ -5,7 +5,7 @@ import sys
 import types
 from importlib import metadata
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import pytest
 
@@ -28,6 +28,7 @@ class Plain(FeedbackLaw):
 
     law: Literal["plain"] = "plain"
     """The control law."""
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m",)
 
     def demand(self, speed, gains):
         return 0.0 * speed
@@ -103,9 +104,12 @@ def test_an_installed_package_that_is_broken_is_reported(install, value, told):
 
 
 ACCEL = "tip_acceleration"
-HEAD = "from typing import ClassVar, Literal\n"
-HEAD += "from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective\n"
+HEAD = "from typing import Annotated, ClassVar, Literal\n"
+HEAD += "from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective, Quantity\n"
 NONE = "lambda *_: 0"
+LAW, FLOW = f"law: str = 'a'; demand = {NONE}", f"profile: str = 'a'; speed_at = {NONE}"
+GAIN = "gain: Annotated[float, Quantity('kN*m')] | None = None"
+BOUND = "bound: Annotated[float, Quantity('kN')]"
 FORMLESS = "class A(FeedbackLaw):\n    law: Literal['mine'] = 'mine'\n"
 
 
@@ -114,7 +118,6 @@ FORMLESS = "class A(FeedbackLaw):\n    law: Literal['mine'] = 'mine'\n"
     [
         ("", "defines no kind; write a subclass of FeedbackLaw, Inflow, Limit, Obj"),
         (f"{HEAD}class Base(FeedbackLaw):\n    pass\n", "defines no kind"),
-        (f"{HEAD}class A(FeedbackLaw):\n    law: str = 'mine'\n", "subclass of .* with its name"),
         (f"{HEAD}{FORMLESS}", "A: has no method demand; write demand as in docs/dev/arch"),
         ("a = 1\n\nb = a / 0\n", "line 3: cannot be run: ZeroDivisionError: division by"),
         ("import json\njson.loads('{')\n", "line 2: cannot be run: JSONDecodeError"),
@@ -157,7 +160,7 @@ def test_what_is_no_extension_is_reported(extension, told, tmp_path):
     ("base", "body", "told"),
     [
         ("Limit", "pass", "has no name"),
-        ("Inflow", "profile: str = 'any'", "has no name; write profile: ClassVar"),
+        ("Inflow", "profile: str", "has no name; write profile: ClassVar"),
         ("FeedbackLaw", f"law: Literal['linear'] = 'linear'; demand = {NONE}", "name linear of"),
         ("Limit", "name: ClassVar = 'given'", "has the name given, which no key can have"),
         ("FeedbackLaw", "law: ClassVar[str] = 'a'", "has no method demand; write demand as in"),
@@ -167,6 +170,30 @@ def test_what_is_no_extension_is_reported(extension, told, tmp_path):
         ("Objective", "inputs: ClassVar = ('thrust',)", "has neither a rate over time nor a"),
         ("Objective", f"inputs: ClassVar = ('thrust',); value = {NONE}", "a quantity over time"),
         ("Aggregate", "measure: ClassVar[str] = 'none'", "has no method value"),
+        ("FeedbackLaw", LAW, "names no gains, .*; write gain_units: "),
+        ("FeedbackLaw", f"{LAW}; gain_units = ('N*m')", "names no gains"),
+        (
+            "FeedbackLaw",
+            f"{LAW}; starting_gain = {NONE}",
+            "has starting_gain, .*; write starting_gai",
+        ),
+        (
+            "FeedbackLaw",
+            f"{LAW}; gain_units = ('N*m',); {GAIN}",
+            "has gain in kN.m, and gain_units",
+        ),
+        (
+            "Inflow",
+            f"{FLOW}; higest_frequency: float = 1.0",
+            "has higest_frequency, .*; write highest_f",
+        ),
+        (
+            "Inflow",
+            f"{FLOW}; highest_frequency = {NONE}",
+            "has a method highest_frequency, which m",
+        ),
+        ("Limit", f"inputs = ('thrust',); unit = 'N'; {BOUND}", "has bound in kN, and unit = N"),
+        ("Limit", "inputs = ('thrust',); unit = '-'", "unknown unit '-'; .* None for a plain numb"),
     ],
 )
 def test_what_is_no_kind_is_reported(base, body, told):
@@ -192,6 +219,12 @@ def test_nothing_is_left_of_an_extension():
     assert case_class(known_kinds()) is Case
     assert read_case(MINIMAL) != read_case(MINIMAL, extensions=[FILE])
     assert with_it == read_case(OWN, extensions=[FILE])
+
+
+def test_a_case_is_read_without_the_limits_that_it_does_not_use():
+    text = read_case(MINIMAL, extensions=[FILE]).to_yaml()
+    assert ACCEL not in text
+    assert read_case(text).to_yaml() == text
 
 
 def test_a_limit_is_its_bound_or_a_section():

@@ -43,6 +43,7 @@ def test_units_are_converted_however_they_are_written(unit):
 REFUSED = {
     "which does not convert to m": ["3 kg", "3 m^2", "3 m m"],
     "has the unknown unit": ["3 foo", "3 m s foo"],
+    r"m2 \(did you mean m\*\*2\?\)": ["3 m2"],
     "is a text without a unit": ["3"],
     # 3 m/s s could be 3 m/s*s or 3 m/(s*s)
     "must be a number, or a number and a unit": ["m", "3 m/s s", "1 400 mm", "3 * m", "3 m^ 2"],
