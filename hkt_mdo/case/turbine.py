@@ -33,7 +33,8 @@ _File = Annotated[str, AfterValidator(_find_file)]
 MOST_DRAW, MOST_SPREAD = 3.0, 0.3  # standard deviations; largest one, so that none is negative
 _Outline = Annotated[_File | None, AfterValidator(_outline_of_polar), Field(validate_default=True)]
 _Station = Annotated[float, Quantity(gt=0, lt=1)]
-
+_IN_PLACE = {"station_count": {"stations"}, "polar": {"sections"}, "sections": {"polar", "outline"}}
+"""By a key of a rotor that is given: the keys of a shipped blade that it replaces."""
 
 _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
 
@@ -179,17 +180,9 @@ class Rotor(Section):
         if not isinstance(data, dict):
             return data
         own = shipped_rotor(data.get("blade", cls.model_fields["blade"].default))
-        if data.get("station_count") is not None or data.get("stations") is not None:
-            own.pop("stations", None)
-        if data.get("polar") is not None:
-            own.pop("sections", None)
-        if data.get("sections"):
-            for key in ("polar", "outline"):
-                own.pop(key, None)
-        given = {key: value for key, value in data.items() if value is not None}
-        if not data.get("sections"):
-            given.pop("sections", None)
-        return own | given
+        given = {key: x for key, x in data.items() if x is not None and (key != "sections" or x)}
+        without = {each for key in given for each in _IN_PLACE.get(key, ())}
+        return {key: x for key, x in own.items() if key not in without} | given
 
     @property
     def blade_material(self) -> Material:
@@ -201,9 +194,10 @@ class Rotor(Section):
     @model_validator(mode="after")
     def _check_stations(self) -> Rotor:
         stations = self.stations or ()
-        if stations and self.station_count is not None:
-            problem, remedy = "is given together with rotor.stations", "give one of the two"
-            raise refusal(problem, remedy, key="station_count", value=self.station_count)
+        for name, other in (("polar", "sections"), ("station_count", "stations")):
+            if getattr(self, name) is not None and getattr(self, other):
+                problem, remedy = f"is given together with rotor.{other}", "give one of the two"
+                raise refusal(problem, remedy, key=name, value=getattr(self, name))
         for index, (inner, outer) in enumerate(pairwise(stations), start=1):
             if not inner < outer:
                 problem = f"stands after {inner:g}: stations must increase"

@@ -398,16 +398,17 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
-    name, shape = rotor.polar or POLAR, rotor.outline or ("" if rotor.polar else OUTLINE)
-    named = named or {"": (from_file(name), None, None, None, name, shape)}
+    polar, shape = rotor.polar or POLAR, rotor.outline or ("" if rotor.polar else OUTLINE)
+    named = named or {"": (from_file(polar), None, None, None, polar, shape)}
     sections = [_section(rotor, *parts) for parts in named.values()]
     notes = [note for each in sections for note in each.polars.messages]
     other = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
-    own = rotor.outline is None and rotor.polar and Path(rotor.polar).is_file()
+    if "" in named and rotor.polar is None:
+        notes.append(f"no rotor.polar is given: lift and drag are assumed to be those of {POLAR}")
     notes += [
-        f"section {name or rotor.polar}: without an outline; mass and stress are by that of {other}"
+        f"section {name or polar}: without an outline; mass and stress are by that of {other}"
         for name, (_, outline, *_) in named.items()
-        if outline is None and (name or own)
+        if outline is None and (name or rotor.outline is None)
     ]
     notes += [
         f"{each.outline}: outline from the coordinates that it names or holds (NumCoords)"

@@ -55,7 +55,7 @@ class LocalReynolds:
         if numbers.size < 2:
             raise InputError(
                 "needs polars at two or more Reynolds numbers",
-                "give such polars, or rotor.reynolds: invariant",
+                "give a CSV file with the column reynolds, or rotor.reynolds: invariant",
                 key="rotor.reynolds",
                 value="local",
             )

@@ -71,6 +71,7 @@ def test_rows_between_hub_and_tip_are_the_stations(turbine):
     assert (found.blade.hub_radius, found.blade.blade_count) == (0.125, 3)
     assert np.rad2deg(found.blade.cone) == pytest.approx(3.0)
     assert any("1 of 4 rows lie at hub or tip" in line for line in found.messages)
+    assert any("no rotor.polar is given: lift and" in line for line in found.messages)
 
 
 def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
