@@ -139,9 +139,11 @@ def validated(
     errors = [
         e for e in found if e["type"] != "too_short" or len(e["input"]) < e["ctx"]["min_length"]
     ]
-    key, problem, remedy, value = _words(errors[0], root)
-    if len(errors) > 1:
-        remedy = f"{remedy} (and {len(errors) - 1} more)"
+    errors.sort(key=lambda each: each["type"] != "extra_forbidden")  # often the cause of others
+    (key, problem, remedy, value), *more = (_words(each, root) for each in errors)
+    if more:
+        told = "; ".join(f"{each[0]} {each[1]}" for each in more[:3])
+        remedy = f"{remedy} (and {len(more)} more: {told})"
     for overridden, text in (overrides or {}).items():
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
@@ -172,7 +174,7 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
             if key.endswith("limits.torque"):  # its name in earlier versions
                 problem, remedy = "has another name", "write control.torque_limit"
         case "missing":
-            found, problem, remedy = {}, "is missing", f"give it: {place.what}"
+            found, problem, remedy = {}, "is missing", f"give it: {place.what}".rstrip(": ")
             if members:
                 remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(members)}"
             elif isinstance(error["loc"][-1], int):

@@ -78,12 +78,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # a path may hold what the terminal's encoding does not
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+    given, begin = [*(sys.argv[1:] if arguments is None else arguments)], []
+    while "--extend" in given[:-1]:  # wherever it stands it is an option of hkt
+        at = given.index("--extend")
+        begin += given[at : at + 2]
+        del given[at : at + 2]
 
     try:
         with warnings.catch_warnings(), interrupts_of_compiled_code():
             warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
             warnings.showwarning = _show_warning  # type: ignore[assignment]
-            typer.main.get_command(app)(args=arguments, prog_name="hkt")
+            typer.main.get_command(app)(args=[*begin, *given], prog_name="hkt")
         return 0
     except SystemExit as leaving:
         return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)

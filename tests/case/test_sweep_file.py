@@ -107,6 +107,9 @@ def test_a_case_that_is_not_there_is_told_at_its_key(tmp_path):
     (tmp_path / "s.yaml").write_text("case: none.yaml\nover: {rotor.radius: [1]}\n")
     with pytest.raises(InputError, match=r"s.yaml: case = 'none.yaml': is not a file; give a case"):
         load_sweep(tmp_path / "s.yaml")
+    (tmp_path / "s.yaml").write_text("case: sine_oloc\novr: {rotor.radius: [1]}\n")
+    with pytest.raises(InputError, match=r"did you mean over.*\(and 1 more: over is missing\)"):
+        load_sweep(tmp_path / "s.yaml")
     (tmp_path / "s.yaml").write_text("- 1\n")
     with pytest.raises(InputError, match=r"must hold keys and values at its top"):
         load_sweep(tmp_path / "s.yaml")

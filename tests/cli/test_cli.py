@@ -214,7 +214,7 @@ def test_extensions_are_known_wherever_a_case_is_read(fake, result_folder, capsy
     assert main(["run", CASE, *ramp]) == 2
     assert main([*extend, "run", CASE, *ramp]) == 0
     assert fake.case.inflow.profile == "ramp"
-    assert main([*extend, "n2", CASE, *ramp]) == 0
+    assert main(["n2", CASE, *ramp, *extend]) == 0
     (result_folder / "case.yaml").write_text(fake.case.to_yaml(), encoding="utf-8")
     capsys.readouterr()
     assert main(["show", str(result_folder)]) == 2
