@@ -65,7 +65,7 @@ def shown(data):
     few, many = stalls("linear", "total", 1000.0)
     slow = stalls("linear", "fluctuation", 10.0)
     return [
-        f"Quadratic feedback is within {most:.3f} % of OLOC in every table",
+        f"Quadratic feedback is within {most:.4f} % of OLOC in every table",
         f"linear is {-free['linear']['gap_percent']:.2f} % below it without a limit (0.60 %), "
         f"{-limited['linear']['gap_percent']:.2f} % with it (0.6 %)",
         f"K₂ = {k2[0]:.2f} (10.98, −{k2[1]:.1f} %), K₁ = {k1[0]:.1f} (90.90, −{k1[1]:.1f} %)",

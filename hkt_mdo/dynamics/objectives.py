@@ -81,7 +81,7 @@ class _Energy(Objective):
 
 
 class CapturedEnergy(_Energy):
-    """The energy that the rotor takes from the flow, the integral of Q w (paper, eq. 5)."""
+    """The energy that the rotor takes from the flow, the integral of Q w (paper, eq. 7)."""
 
     kind: Literal["captured"] = "captured"
     """What is maximized."""

@@ -385,7 +385,7 @@ class Solution:
         frame.attrs["units"] = {column: TABLES[name][column][0] or "1" for column in frame}
         return frame
 
-    def to_xarray(self, name: str = "simulation", scenario: str | None = None) -> Any:
+    def to_xarray(self, name: str = "trajectory", scenario: str | None = None) -> Any:
         """Return a table as an xarray Dataset over its first column.
 
         Every variable has the attributes ``units`` and ``long_name``. Parameters, errors and the

@@ -60,6 +60,9 @@ BETTER = 1e-3
 ALWAYS = 0.999
 """Share of the time at its limit from which a torque is always there (`all_quadratic`)."""
 
+CAPS = "control_torque", "power", "electrical_power"
+"""Limits that decide a gain alone where they always bind."""
+
 FAST = 14.1
 """Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
 
@@ -608,9 +611,12 @@ class Summary(_Entry, Mapping[str, Any]):
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable
         loop = [] if stable else [f"with dynamic inflow, {self.memory.text}"]
-        torque = (self.limits or {}).get("control_torque", LimitEntry())
-        full = "the torque is always at its limit: the gain is arbitrary, slower flow may stall it"
-        full = [full] * (self.gain is not None and (torque.share_of_time or 0.0) > ALWAYS)
+        full = "is always at its limit: the gain is arbitrary, slower flow may stall it"
+        full = [
+            f"the {name.removeprefix('control_').replace('_', ' ')} {full}"
+            for name, entry in (self.limits or {}).items()
+            if name in CAPS and self.gain is not None and (entry.share_of_time or 0.0) > ALWAYS
+        ]
         return [*self.breaks(case), *loop, *large, *full, *self._better(), *(self.doubts or ())]
 
     def _better(self) -> Iterator[str]:

@@ -62,7 +62,7 @@ def row_of(solution: Solution) -> Row:
         unit = load.unit.replace("*", "").replace("/", "_")
         row[f"{name}_{unit}" if unit else name] = load.value
     gains = np.atleast_1d([] if summary.gain is None else summary.gain)
-    row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains, start=1)}
+    row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains)}
     row["binding"] = " ".join(x for x, each in (summary.limits or {}).items() if each.binding)
     return row | {"message": "" if solution.success else solution.message}
 
