@@ -5,9 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from hkt_mdo.run import summary as tables
-from hkt_mdo.run.optimization import MOST_ROWS
-
 DOCS = Path(__file__).parent.parent / "docs"
 BLOCK = re.compile(r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```\n)?", re.DOTALL | re.MULTILINE)
 NUMBER = re.compile(r"-?\d+\.?\d*")
@@ -68,10 +65,3 @@ def test_databases_and_plots(tmp_path, monkeypatch, capsys):
         for each in re.findall(r"`([a-z_]+)`", name):
             if each not in ("thickness_control", "rotor_radius"):  # not designed in this case
                 assert final[each].size
-
-
-def test_constraints_are_left_out_where_the_page_says():
-    text = (DOCS / "postprocessing.md").read_text(encoding="utf-8")
-    assert f"where segments times (limits + 1) exceed {MOST_ROWS}, without the constraints" in text
-    rows = f"Of more than {tables.MOST_ROWS:,} rows".replace(",", " ")
-    assert rows in (DOCS / "results.md").read_text(encoding="utf-8")

@@ -50,16 +50,3 @@ def test_the_page_is_made_of_the_data(study, tmp_path, monkeypatch):
     monkeypatch.setattr(study, "draw", lambda rows, path: None)
     study.write_page()
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
-
-
-def test_refined_points_lie_where_the_answer_changes(study):
-    """A gain that begins at a line: all later points are near that line."""
-    known = {}
-    for number in range(study.ROUNDS):
-        for share, beta in study.chosen("torque", known, study.POINTS, number):
-            gain = max(0.0, 1.44 - share)
-            energies = {"sequential_J": "1", "codesign_J": str(1.0 + gain)}
-            known[share, beta] = {"verified": "yes"} | energies
-    later = [share for share, _ in [*known][study.FIRST**2 :]]
-    assert len(known) == study.POINTS
-    assert np.mean([abs(share - 1.44) < 0.27 for share in later]) > 0.7
