@@ -26,12 +26,8 @@ def test_rows_of_tables_are_whole(page):
 @pytest.mark.slow
 def test_site_is_built_and_shows_what_the_notebooks_print(tmp_path):
     """A cell that fails ends the build; so does a warning, such as of a link that leads nowhere."""
-    command = [
-        sys.executable,
-        *"-m sphinx -W --keep-going -b html".split(),
-        DOCS,
-        tmp_path / "site",
-    ]
+    words = "-m sphinx -W --keep-going -b html".split()
+    command = [sys.executable, *words, DOCS, tmp_path / "site"]
     quiet = os.environ | {"PYTHONWARNINGS": "ignore"}
     done = subprocess.run(command, env=quiet, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
