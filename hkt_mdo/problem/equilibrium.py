@@ -20,6 +20,7 @@ from hkt_mdo.dynamics.resource import AT_END, Resource, Speeds, in_bins
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
 CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
@@ -109,7 +110,7 @@ class SteadyScenario(Scenario):
 
     @property
     def path(self):
-        return f"steady_{self.name}"
+        return f"steady_{self.name}.timeseries"
 
 
 def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
@@ -155,7 +156,7 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
 
     Unknowns are the rotor's speed, (n_speeds,), and the states of the law; under feedback the
     balance of torques and the states' rates are constraints. Inputs are those of `RotorODE` that do
-    not change over time; outputs ``<quantity>``[n_speeds].
+    not change over time; outputs ``timeseries.<quantity>``[n_speeds].
     """
     group, (low, high) = om.Group(), speed_bounds
     unknowns = group.add_subsystem("unknowns", om.IndepVarComp(), promotes=["*"])
@@ -178,4 +179,11 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
         group.add_constraint(f"{name}_rate", equals=0.0, ref=rate)
     about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
     group.add_subsystem("ode", RotorODE(**about, **ode_options), promotes=["*"])
+    # as rows of their own, beside the unknowns: else the search of `river25` takes twice as long
+    units = {x: (QUANTITIES[x].unit, QUANTITIES[x].text) for x in TRAJECTORY} | law.states
+    same = om.ExecComp(shape=(scenario.segments,), has_diag_partials=True)
+    for name, (unit, _) in units.items():
+        same.add_expr(f"{name} = {name}_in", **{x: {"units": unit} for x in (name, f"{name}_in")})
+        group.connect(name, f"timeseries.{name}_in")
+    group.add_subsystem("timeseries", same)
     return group

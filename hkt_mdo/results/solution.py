@@ -405,8 +405,7 @@ class Solution:
         A node a table, as of `to_xarray`; with several scenarios, theirs are below a node of the
         scenario's name. The root's attributes are the numbers of `summary`.
         """
-        names = ("blade", *_OF_RESULT)
-        whole = {name: self.to_xarray(name) for name in names if getattr(self, name)}
+        whole = {x: self.to_xarray(x) for x in ("blade", *_OF_RESULT) if getattr(self, x)}
         for part in self.by_scenario:
             above = f"{part.scenarios[0]}/" if len(self.scenarios) > 1 else ""
             own = (name for name in _OF_SCENARIOS if getattr(part, name))

@@ -386,11 +386,6 @@ def _least(limit):
     return limit.upper - (ENVELOPE if limit.name in LOADS else BINDING) * abs(limit.upper)
 
 
-def _over(entry):
-    """Return by how much an entry of a limit exceeds its bound."""
-    return (entry["value"] - entry["limit"]) / abs(entry["limit"])
-
-
 def _limit(pairs, several):
     """Return the largest value of a limit over time, at the nodes and in the integration.
 
@@ -407,7 +402,8 @@ def _limit(pairs, several):
         weight = verification.scenario.weight if counts else 1.0
         binds += weight * verification.integral(binding)
         spans += weight * verification.integral(np.ones(known["time"].size))
-    return max(found, key=_over) | {"share_of_time": round(binds / spans, 9)}
+    worst = max(found, key=lambda each: (each["value"] - each["limit"]) / abs(each["limit"]))
+    return worst | {"share_of_time": round(binds / spans, 9)}
 
 
 def _loads(verifications):

@@ -53,9 +53,8 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
     if None in (summary.r_m, summary.chord_m, summary.twist_deg, summary.rotor_radius_m):
         remedy = "let that run finish with hkt run --resume"
         raise InputError("contains no design yet", remedy, file=solution.folder, **where)
-    messages = ()
-    if not solution.success:
-        messages = (f"start.from: the result there was refused by its checks: {solution.message}",)
+    refused = f"start.from: the result there was refused by its checks: {solution.message}"
+    messages = (refused,) * (not solution.success)
     return (_blade(physics, summary), _gains(physics, solution)), messages
 
 
@@ -65,7 +64,7 @@ def _blade(physics: Physics, summary) -> Blade:
     With its radius if the case designs that, otherwise scaled to the case's radius.
     """
     shape, radius = physics.shape, summary.rotor_radius_m
-    blade, scale = physics.blade, 1.0
+    blade = physics.blade
     if shape.radius_bounds is not None:
         blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
     scale = blade.rotor_radius / radius
