@@ -180,9 +180,9 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
     about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
     group.add_subsystem("ode", RotorODE(**about, **ode_options), promotes=["*"])
     # as rows of their own, beside the unknowns: else the search of `river25` takes twice as long
-    units = {x: (QUANTITIES[x].unit, QUANTITIES[x].text) for x in TRAJECTORY} | law.states
+    described = {x: (QUANTITIES[x].unit, QUANTITIES[x].text) for x in TRAJECTORY} | law.states
     same = om.ExecComp(shape=(scenario.segments,), has_diag_partials=True)
-    for name, (unit, _) in units.items():
+    for name, (unit, _) in described.items():
         same.add_expr(f"{name} = {name}_in", **{x: {"units": unit} for x in (name, f"{name}_in")})
         group.connect(name, f"timeseries.{name}_in")
     group.add_subsystem("timeseries", same)
