@@ -91,11 +91,6 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
     return max(found, key=lambda optimum: optimum.power_coefficient)
 
 
-def improves(physics: Physics, improve: bool | None = None) -> bool:
-    """Tell whether a start is improved; None: as in the case."""
-    return physics.case.start.method == "quasi_steady" if improve is None else improve
-
-
 def find_start(
     physics: Physics,
     optimum: SteadyOptimum,
@@ -133,7 +128,7 @@ def find_start(
         candidates.append(Candidate(RESULT, blade, gains))
     with TemporaryDirectory() as scratch:
         search = Search(physics, optimum, scratch, on_start)
-        if improves(physics, improve):
+        if improve or (improve is None and physics.case.start.method == "quasi_steady"):
             # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
             if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
                 candidates.append(given)
