@@ -152,17 +152,19 @@ LOSSLESS = Generator()
 
 
 class _Surface:
-    """Efficiency over torque (N*m) and speed (rad/s): a product of splines through a table.
+    """Efficiency over torque (N*m) and speed (rad/s): cubics in each cell of a table.
 
     Beyond the table they go on along their slopes, by at most `BEYOND` of its range.
     """
 
     def __init__(self, path: str):
-        from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+        from hkt_mdo.rotor.torque_curve import HermiteSpline  # a case is read without SciPy
 
-        torque, speed, self._table = read_efficiency(path)
+        torque, speed, table = read_efficiency(path)
         self.speeds = speed[0], speed[-1]
-        self._splines = TorqueSpline(torque), TorqueSpline(speed)
+        self._splines = along, across = HermiteSpline(torque), HermiteSpline(speed)
+        slopes = along.slopes(table), across.slopes(table.T).T
+        self._table = np.block([[table, slopes[1]], [slopes[0], np.zeros(table.shape)]])
         wide = (np.linspace(2.0 * x[0] - x[-1], 2.0 * x[-1] - x[0], 901) for x in (torque, speed))
         rows, columns = self._bases(*wide)
         self.largest = float(np.max(rows @ self._table @ columns.T))

@@ -3,7 +3,7 @@
 from functools import cached_property
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
 
 class TorqueSpline:
@@ -84,3 +84,39 @@ class TorqueSpline:
         curve, beyond = self.curve(table), points - inside
         slope = curve(inside, 1)
         return curve(inside) + (slope.T * beyond).T, slope
+
+
+class HermiteSpline(TorqueSpline):
+    """The cubics that have given values and slopes at the nodes, linear beyond them: a C¹ function.
+
+    A table has all values first, then all slopes: the basis is (n_points, 2 n_nodes).
+    """
+
+    @cached_property
+    def _cardinal(self):
+        values, slopes = np.split(np.eye(2 * self.nodes.size), 2)
+        return CubicHermiteSpline(self.nodes, values, slopes)
+
+    def slopes(self, values):
+        """Return slopes at the nodes by which no value leaves the range of its neighbours.
+
+        They are those of the natural spline, limited to three times the smaller one of the two
+        differences beside a node, and none at an extremum (J. M. Hyman, Accurate monotonicity
+        preserving cubic interpolation, SIAM J. Sci. Stat. Comput. 4, 1983).
+
+        Parameters
+        ----------
+        values : ndarray of shape (n_nodes, n_tables)
+            Values at the nodes.
+
+        Returns
+        -------
+        ndarray of shape (n_nodes, n_tables)
+            The slopes.
+        """
+        smooth = CubicSpline(self.nodes, values, bc_type="natural")(self.nodes, 1)
+        between = np.diff(values, axis=0) / np.diff(self.nodes)[:, None]
+        before, after = np.vstack((between[:1], between)), np.vstack((between, between[-1:]))
+        most = 3.0 * np.minimum(np.maximum(before, 0.0), np.maximum(after, 0.0))
+        least = 3.0 * np.maximum(np.minimum(before, 0.0), np.minimum(after, 0.0))
+        return np.clip(smooth, least, most)

@@ -50,6 +50,20 @@ def test_a_table_is_met_at_its_nodes_and_between_them_a_plane_is_a_plane(tmp_pat
     assert far == pytest.approx(plane(735.0, 60.0), rel=1e-9)
 
 
+def test_between_its_points_a_table_stays_within_its_neighbours(tmp_path):
+    """A spline through a steep rise would be above one: more power than the shaft has."""
+    rise = {0: 0.3, 60: 0.96, 200: 0.97, 400: 0.97}
+    path = table_of(tmp_path, lambda u, n: rise[u] * (0.5 if n == 60 else 1.0), torques=[*rise])
+    generator, torque = Generator(table=str(path)), np.linspace(0.0, 400.0, 801)
+    for speed in (30.0, 40.0, 75.0, 110.0):
+        speed *= np.pi / 30.0
+        found = generator.electrical_power(torque, speed)[1:] / (torque[1:] * speed)
+        ends = np.sort([found[0], found[-1]])
+        assert np.all(np.diff(found) > -1e-12)
+        assert np.all((found >= ends[0]) & (found <= 0.97 + 1e-12))
+    assert generator.largest_efficiency == pytest.approx(0.97)
+
+
 def test_a_table_of_a_fast_shaft_is_refused(tmp_path):
     """A rotor of 0.8 m in 1 to 2 m/s turns at tip speed ratios of 0.5 to 15: 0.6 to 38 rad/s."""
     Generator(table=str(table_of(tmp_path, lambda u, n: 0.9))).check(0.8, 1.0, 2.0)
