@@ -286,9 +286,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
-    cavitation = None
-    if depth is not None and computable:
-        cavitation = Cavitation(flow.suction, depth, asked.margin)
+    cavitation = Cavitation(depth, asked.margin) if depth is not None and computable else None
     return RotorModel(
         polar=flow.polar,
         section_area=turbine.section_area,

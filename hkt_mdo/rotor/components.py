@@ -7,7 +7,7 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.band import TORQUE_TABLE, Band, load_table
+from hkt_mdo.rotor.band import TORQUE_TABLE, load_table
 from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
