@@ -110,6 +110,16 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
     assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)
 
 
+def test_a_fouled_polar_without_suction_has_no_cavitation(tmp_path):
+    """Although the clean one has it: a run ended in an error after its optimization."""
+    fouled = tmp_path / "fouled.csv"
+    rows = (f"{alpha},{0.1 * alpha:g},0.02" for alpha in range(-10, 16))
+    fouled.write_text("\n".join(("alpha_deg,cl,cd", *rows)))
+    world = physics(load_case(PLAIN | {"condition": {"polar": str(fouled)}}))
+    assert world.rotor.load_names == ("thrust", "root_moment", "stress")
+    assert physics(load_case(PLAIN)).rotor.load_names == (*world.rotor.load_names, "cavitation")
+
+
 # A result's folder --------------------------------------------------------------------------------
 
 
