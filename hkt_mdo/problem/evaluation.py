@@ -75,12 +75,15 @@ def _quantities(physics, point) -> list[dict]:
     return [known | integrals for known in found]
 
 
-def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
+def loads_along(
+    rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...], reach: float = np.inf
+) -> dict:
     """Return the largest loads along a blade at each time of a trajectory, SI units.
 
     By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are more,
     between which they are linear. known has the quantities of the trajectory, and the `sections`
-    where the wake is not in equilibrium: the flow at each time.
+    where the wake is not in equilibrium: the flow at each time. Beyond the radius `reach` (m) no
+    load counts.
     """
     ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
     if not names:
@@ -88,7 +91,8 @@ def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, 
 
     def largest(rotor, ratio, **sections):
         found = rotor.loads(blade, ratio, names=names, **sections)
-        return {name: load.largest for name, load in found.items()}
+        inside = {name: load.exact[:, load.r <= reach] for name, load in found.items()}
+        return {name: np.max(each, axis=1) for name, each in inside.items()}
 
     if "sections" in known:
         found = largest(rotor, ratio, flow=known["sections"])
