@@ -100,9 +100,9 @@ class Scenario:
         """Whether the rotor has to end at its first speed."""
         return self.mesh.final_speed == "initial" and not self.steady
 
-    def when(self, time: float, digits: str = ".2f") -> str:
+    def when(self, time: float) -> str:
         """Return the words for a place in it, where `time` (s) is."""
-        return f"t = {time:{digits}} s"
+        return f"t = {time:.2f} s"
 
     def rate_of(self, values: np.ndarray) -> np.ndarray:
         """Return the rates, 1/s, of values at its samples, (n_times,)."""

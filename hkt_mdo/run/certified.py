@@ -29,15 +29,12 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     inertia is not that of blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
-    if physics.rotor.follows_reynolds or shape.radius_bounds is not None or physics.designs_hub:
-        return None
-    if shape.designs_thickness:
-        return None
-    if len(physics.rotors) > 1:
-        return None
-    if physics.rotor.inertia_factor != 1.0 or physics.rotor.added_inertia != "none":
-        return None
-    if optimum.tip_speed_ratio > 0.8 * HIGHEST:
+    rotor, designs_radius = physics.rotor, shape.radius_bounds is not None
+    designed = designs_radius or physics.designs_hub or shape.designs_thickness
+    moves_more = rotor.inertia_factor != 1.0 or rotor.added_inertia != "none"
+    several = len(physics.rotors) > 1
+    fast = optimum.tip_speed_ratio > 0.8 * HIGHEST
+    if rotor.follows_reynolds or designed or moves_more or several or fast:
         return None
     known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))

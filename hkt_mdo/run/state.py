@@ -17,6 +17,7 @@ from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.iterate import as_data
+from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.start.find import steady_optimum
 
 FEASIBLE = 1e-6
@@ -27,9 +28,6 @@ SECONDS_BETWEEN_SAVES = 1.0
 """A save takes milliseconds, an evaluation some ten."""
 EVALUATIONS_BETWEEN_POINTS = 5
 """By count, not by time: a resumed run must not depend on the clock."""
-
-Progress = Callable[[int, float, float], None]
-"""Called with the number of evaluations, the objective (J) and the infeasibility."""
 
 
 class RunState:

@@ -423,13 +423,9 @@ def _set_angle(physics, blade):
 
 def _versions():
     """Return the versions of Python and of the installed packages."""
-    versions = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
+    found = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
+    versions = {name: each.version for name, each in found.items() if each is not None}
+    return {"python": platform.python_version()} | versions
 
 
 def write_tables(out: Path, finished: Checked) -> None:

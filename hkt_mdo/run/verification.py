@@ -304,9 +304,7 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
         driving, control = plant.torque(speed, flow), plant.generator_torque(speed, flow)
         running = np.ones(flow.size, dtype=bool)
         controller = HeldSpeeds(2.0 * max(float(np.max(plant.torque_slope(speed, flow))), 0.0))
-    electrical = plant.generator.electrical_power(control, speed)
-    lost = plant.generator.friction(speed) * speed
-    powers = driving * speed, control * speed, electrical, lost
+    powers = plant.powers(speed, driving, control)
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
     none = np.empty((flow.size, 0))
