@@ -91,8 +91,10 @@ def loads_along(
 
     def largest(rotor, ratio, **sections):
         found = rotor.loads(blade, ratio, names=names, **sections)
-        inside = {name: load.exact[:, load.r <= reach] for name, load in found.items()}
-        return {name: np.max(each, axis=1) for name, each in inside.items()}
+        return {
+            name: load._replace(exact=load.exact[:, load.r <= reach]).largest
+            for name, load in found.items()
+        }
 
     if "sections" in known:
         found = largest(rotor, ratio, flow=known["sections"])

@@ -316,13 +316,9 @@ def _polar_in_condition(turbine: Turbine, case: Case):
 
 def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
     """Return quantities that follow from a case and its files, by their names in `PLAUSIBLE`."""
-    flows = {
-        f"mean flow speed of {x.name}" if len(whole) > 1 else "mean flow speed": x for x in whole
-    }
-    return {
-        name: float(np.average(each.inflow.speed_at(each.samples), weights=each.sample_weights))
-        for name, each in flows.items()
-    } | {
+    name = "mean flow speed"
+    flows = {f"{name} of {x.name}" if len(whole) > 1 else name: x.mean_flow for x in whole}
+    return flows | {
         "tip radius": turbine.blade.tip_radius,
         "outermost station": float(turbine.blade.r[-1]) / turbine.blade.tip_radius,
         "thickness of the thinnest section": float(np.min(turbine.thickness)),
