@@ -121,11 +121,7 @@ class Scenario:
         """
         made = self
         while made.segments < MOST_SEGMENTS:
-            errors = made.flow_errors
-            # those whose sum alone is too large; the others are fine
-            order = np.argsort(errors)
-            coarse = np.zeros(errors.size, dtype=int)
-            coarse[order] = np.cumsum(errors[order]) > RESOLVED
+            coarse = too_large(made.flow_errors, RESOLVED)
             if not np.any(coarse):
                 break
             made = made.divided(1 + coarse)
@@ -235,6 +231,13 @@ class Scenario:
     def path(self) -> str:
         """Where the phase's time series are in the model."""
         return f"traj.{self.name}.timeseries"
+
+
+def too_large(errors: np.ndarray, most: float) -> np.ndarray:
+    """Return which errors are to be made smaller: the sum of the others is at most `most`."""
+    found, order = np.zeros(errors.size, dtype=bool), np.argsort(errors)
+    found[order] = np.cumsum(errors[order]) > most
+    return found
 
 
 def _blocks(grid, matrices, given, wanted, sparse=False):
