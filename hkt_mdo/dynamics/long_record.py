@@ -131,7 +131,6 @@ class RecordResource(RecordFile, Resource):
     @cached_property
     def rating_curve(self) -> tuple[np.ndarray, np.ndarray, Callable]:
         """Discharges (m³/s, rising) and speeds (m/s) of its points, and the curve through them."""
-        assert self.rating is not None
         columns = read_pairs(self.rating, ("discharge_m3_s", "speed_m_s"))
         discharge, speed = (column.values for column in columns)
         order = np.argsort(discharge)

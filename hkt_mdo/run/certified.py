@@ -81,19 +81,15 @@ def _best_power(physics, optimum):
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         angles = np.linspace(*shape.bounds["twist"], ANGLES)
-        curves = [_power(physics, shape.at({"twist": [angle]}), ratios) for angle in angles]
+        turned = (shape.at({"twist": [angle]}) for angle in angles)
+        curves = [physics.rotor.coefficients(each, ratios).power for each in turned]
         # the increase between two angles, by a parabola
         power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
     else:
-        power = _power(physics, blade, ratios)
+        power = physics.rotor.coefficients(blade, ratios).power
     fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
     power = between(ratios, power, fine)
     return BestPower(fine, power, 2 * (physics.mass_and_inertia(blade)[1],))
-
-
-def _power(physics, blade, ratios):
-    """Return the power coefficients of a blade."""
-    return physics.rotor.coefficients(blade, ratios).power
 
 
 def _inertia_of_heavy(physics, optimum):
