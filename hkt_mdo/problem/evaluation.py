@@ -133,9 +133,10 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     }
 
 
-def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
-    """Return a rotor (inertia in kg*m**2) with direct BEM, its wake in equilibrium."""
-    polar, solver = rotor.as_built(blade).polar, SOLVERS[physics.case.hydrodynamics.check]
+def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade) -> Plant:
+    """Return a rotor, one of those of the physics, with direct BEM, its wake in equilibrium."""
+    polar, inertia = rotor.as_built(blade).polar, float(rotor.mass_and_inertia(blade).inertia)
+    solver = SOLVERS[physics.case.hydrodynamics.check]
     return Plant(blade, polar, inertia, rotor.water_density, solver, physics.case.generator)
 
 

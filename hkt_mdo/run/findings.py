@@ -13,7 +13,6 @@ from hkt_mdo.problem.evaluation import loads_along, on_start, steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.quantities import OVER_TIME
 from hkt_mdo.results.words import measured, number
 from hkt_mdo.rotor import bem
@@ -177,9 +176,8 @@ class Findings:
         self.fastest = min(fastest, case.control.cut_out or np.inf)
 
         begun = case.start.from_ is not None  # with the design of a result, not that of the file
-        self.given = blade if begun else build_turbine(case.rotor, case.fluid, self.mean).blade
-        _, inertia = physics.mass_and_inertia(blade)
-        self.plant = steady_plant(physics, physics.rotor, blade, inertia)
+        self.given = blade if begun else physics.turbine.blade
+        self.plant = steady_plant(physics, physics.rotor, blade)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated()
         self.above_rated = self.average(

@@ -140,9 +140,7 @@ def _at_start(physics, start):
     along = []
     for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True):
         names = "time", "rotor_speed", "inflow_speed", *physics.law.states
-        rotor = physics.rotor_in(scenario)
-        inertia = float(rotor.mass_and_inertia(start.blade).inertia)
-        plant = plant_of(physics, rotor, start.blade, inertia)
+        plant = plant_of(physics, physics.rotor_in(scenario), start.blade)
         controller = FeedbackTorque(physics.law_in(scenario), start.gains)
         along.append((plant, controller, [known[name] for name in names]))
     return _verdict(physics, along), along

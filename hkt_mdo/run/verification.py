@@ -70,9 +70,7 @@ class Optimized:
 
     def plant_in(self, scenario: Scenario) -> Plant:
         """Return the rotor in a scenario with direct BEM and the wake of the case."""
-        physics, rotor = self.physics, self.physics.rotor_in(scenario)
-        inertia = self.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
-        return plant_of(physics, rotor, self.point.blade, inertia)
+        return plant_of(self.physics, self.physics.rotor_in(scenario), self.point.blade)
 
     def controller_in(self, scenario: Scenario, plant: Plant, nodes: dict):
         """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
@@ -351,9 +349,9 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
     return tuple(verifications)
 
 
-def plant_of(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
-    """Return a rotor (inertia in kg*m**2) with direct BEM and the wake of the case."""
-    plant, dynamics = steady_plant(physics, rotor, blade, inertia), physics.case.inflow_dynamics
+def plant_of(physics: Physics, rotor: RotorModel, blade: Blade) -> Plant:
+    """Return a rotor, one of those of the physics, with direct BEM and the wake of the case."""
+    plant, dynamics = steady_plant(physics, rotor, blade), physics.case.inflow_dynamics
     return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
 
 
