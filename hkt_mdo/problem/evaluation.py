@@ -21,7 +21,6 @@ from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.model import RotorModel
-from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.scales import torque_scale
 
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
@@ -125,7 +124,7 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
         "density": rotor.water_density,
         "inertia": float(inertia),
         "mass": float(mass),
-        "blade_area": planform_area(blade),
+        "blade_area": float(blade.area_weights @ blade.chord),
         "weight_stress": stress,
         "chord": blade.chord,
         "twist": blade.twist,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from types import SimpleNamespace
 from typing import ClassVar
 from unittest.mock import patch
 
@@ -257,15 +258,9 @@ def _blocks(grid, matrices, given, wanted, sparse=False):
     return tuple(each if sparse else each.toarray() for each in found)
 
 
-class _Numpy:
-    """Numpy with sparse matrices of zeros, for one of Dymos' that takes gigabytes for an hour."""
-
-    def __getattr__(self, name):
-        return getattr(np, name)
-
-    @staticmethod
-    def zeros(shape, **options):
-        return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
+def _zeros(shape, **options):
+    """Return zeros, sparse in a matrix: one of Dymos' takes gigabytes for an hour."""
+    return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
 
 
 class _Lean:
@@ -307,7 +302,7 @@ class _Lean:
         reference for all nodes; where they are equally spaced, it is the one that holds.
         """
         self._begin(phase, phase.control_options)
-        with patch.object(control_comp, "np", _Numpy()):
+        with patch.object(control_comp, "np", SimpleNamespace(**vars(np) | {"zeros": _zeros})):
             super().configure_controls(phase)
         grid = self.grid_data
         spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])

@@ -264,8 +264,8 @@ class Findings:
         return flow
 
 
-def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:
-    """Return the numbers of unknowns and of constraints of a case by their names in the problem.
+def problem_values(found: Findings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return the unknowns and the constraints of a case by their names in the problem.
 
     The model and its derivatives are evaluated once, so that those of the user's own are checked.
     """
@@ -278,7 +278,4 @@ def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:
     responses = [*driver.get_objective_values(), *constraints]
     problem.model.linear_solver.totals(driver, responses).compute()
     problem.cleanup()
-    unknowns, constraints = (
-        {name: values.size for name, values in each.items()} for each in (unknowns, constraints)
-    )
     return unknowns, constraints

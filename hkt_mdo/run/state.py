@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -148,10 +147,7 @@ class RunState:
         self._save(point)
 
     def _save(self, point) -> None:
-        start = self.start
-        about = {"branch": start.branch, "starts": start.starts, "reference": start.reference}
-        point = replace(point, **about)
-        write_json(self.out / "iterate.json", as_data(self.physics, point))
+        write_json(self.out / "iterate.json", as_data(self.physics, point, self.start))
         self._saved = time.monotonic()
 
     def write_history(self) -> None:
