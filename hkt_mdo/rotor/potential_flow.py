@@ -10,8 +10,6 @@ from scipy.interpolate import BPoly, CubicSpline
 
 from hkt_mdo.files.polar_table import PRESSURE_RANGE
 
-__all__ = ["faired", "potential_suction", "surface_speed"]
-
 PANELS = 160  # of each side, closer together towards both edges
 ORDER = 7  # of the Bernstein polynomials of a side
 # of the chord: behind it the flow with other circulation than Kutta's turns round the edge

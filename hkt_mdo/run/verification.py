@@ -42,7 +42,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.loads import resolved
-from hkt_mdo.solve.drivers import Outcome
+from hkt_mdo.solve.driver_base import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
 """Tip speed ratios of a torque by a spline."""
