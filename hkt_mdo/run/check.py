@@ -174,7 +174,8 @@ def _turbine(found: Findings) -> Rows:
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
     yield Row("inertia", inertia, "kg*m**2", besides if shaft else "", 4)
-    yield water_inertia(found.physics.rotor.water_inertias(blade), inertia, rotor.added_inertia)
+    water = found.physics.rotor.water_inertias(blade).values()
+    yield water_inertia(tuple(water), inertia, rotor.added_inertia)
 
 
 def _kind(rotor) -> str:

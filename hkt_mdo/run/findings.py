@@ -1,6 +1,6 @@
 """The findings of a check, without an optimizer: starting blade, flows, size of the problem."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -169,7 +169,8 @@ class Findings:
             Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
             for name, places in physics.groups.items()
         ]
-        self.mean = self.average(lambda flow: flow.mean)
+        shares = [flow.share for flow in self.flows]
+        self.mean = float(np.average([flow.mean for flow in self.flows], weights=shares))
         self.cutoff = max(flow.cutoff for flow in self.flows)
         self.slowest = min(float(flow.range[0]) for flow in self.flows)
         fastest = max(float(flow.range[1]) for flow in self.flows)
@@ -180,9 +181,8 @@ class Findings:
         self.plant = steady_plant(physics, physics.rotor, blade)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated()
-        self.above_rated = self.average(
-            lambda flow: flow.average((flow.speed > self.rated_speed).astype(float))
-        )
+        above = [flow.average(1.0 * (flow.speed > self.rated_speed)) for flow in self.flows]
+        self.above_rated = float(np.average(above, weights=shares))
         self._start()
         self._settle()
         self._meet()
@@ -237,11 +237,6 @@ class Findings:
         flow = np.array([[self.slowest], [self.fastest]]) * cosine
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
-
-    def average(self, of: Callable[[Flow], float]) -> float:
-        """Return the mean of something of each flow, by their shares of time."""
-        shares = [flow.share for flow in self.flows]
-        return float(np.average([of(flow) for flow in self.flows], weights=shares))
 
     def at_best(self, flow_speed: float) -> tuple[float, float]:
         """Return speed (rad/s) and torque for the generator (N*m) at the best tip speed ratio."""

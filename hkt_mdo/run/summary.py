@@ -177,7 +177,7 @@ def _blade(finished):
         "set_angle_deg": _set_angle(physics, blade),
         "inertia_kg_m2": finished.result.inertia,
         "hub_inertia_kg_m2": blade.hub_inertia,
-        "water_inertia_kg_m2": physics.rotor.water_inertias(blade),
+        "water_inertia_kg_m2": [*physics.rotor.water_inertias(blade).values()],
         "mass_kg": finished.result.mass,
         "r_m": blade.r,
         "chord_m": blade.chord,
