@@ -30,7 +30,6 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.trajectory import trajectory_of
-from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant, united
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
@@ -308,12 +307,6 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
     none = np.empty((flow.size, 0))
     found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
     return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
-
-
-def may_tabulate(physics: Physics) -> bool:
-    """Tell whether verifications are long, and the torque depends on the tip speed ratio alone."""
-    simple = not (physics.remembers or physics.rotor.follows_reynolds)
-    return simple and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
 
 def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:
