@@ -215,7 +215,7 @@ def replace_turbine(solution, state):
     base = {"inflow": "sine", "control": "quadratic", "condition": data.get("condition", {})}
     case = first.case.of_turbine(data.get("density"), load_case(base).condition)
     design = Design.of(replace(first, case=case))
-    plant = design.plant.tabulated(RATIOS)
+    plant, _ = design.plant.tabulated(RATIOS)
     return replace(design, plant=plant, known=plant)
 
 

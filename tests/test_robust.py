@@ -15,6 +15,7 @@ from hkt_mdo.problem.components import AggregateComp
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.run import run_case
+from hkt_mdo.run.verification import plant_of
 from tests.conftest import checked
 
 RATES, SHARES = np.array([2.0, 5.0, 3.0, 1.0, 4.0]) * 1e3, np.array([0.3, 0.2, 0.1, 0.0, 0.4])
@@ -188,6 +189,17 @@ def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
     nominal = physics(load_case(data))
     inertia = physics(load_case(data | whole)).mass_and_inertia(nominal.blade)[1]
     assert inertia == pytest.approx(1.3 * nominal.mass_and_inertia(nominal.blade)[1], rel=1e-14)
+
+
+def test_the_water_that_blades_move_is_that_of_the_scenario():
+    """Its inertia, too: the integration had that of the case's own water."""
+    rotor = {"blade": "bahaj2007", "added_inertia": "ellipse"}
+    made = physics(
+        load_case(case({"inflow": "sine"}, {"inflow": "sine", "density": 2e3}, rotor=rotor))
+    )
+    river, sea = (plant_of(made, made.rotor_in(each), made.blade) for each in made.scenarios)
+    water = made.rotor.water_inertias(made.blade)["ellipse"]
+    assert sea.inertia - river.inertia == pytest.approx(water * (2e3 / made.density - 1.0))
 
 
 def test_factors_on_lift_and_drag_are_those_of_a_polar_with_them(tmp_path):

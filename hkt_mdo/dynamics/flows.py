@@ -8,6 +8,7 @@ of your own is a subclass of `Inflow` (docs/dev/architecture.md).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -386,6 +387,13 @@ class GustInflow(Inflow):
         return self.mean + self.amplitude * inside * gust
 
 
+def _of_parts(name, together):
+    """Return a property of a sum of flows: what its parts have by that name, put together."""
+    return property(
+        lambda self: together(y for x in self.parts if (y := getattr(x, name)) is not None)
+    )
+
+
 class SumInflow(Inflow):
     """A sum of flows: all of the first one, and the others' fluctuations about their own means.
 
@@ -397,36 +405,16 @@ class SumInflow(Inflow):
     parts: Annotated[tuple[SerializeAsAny[Inflow], ...], Field(min_length=2, max_length=20)]
     """The flows, a list; the first one has the mean."""
 
-    @property
-    def length(self):
-        return min(self._each("length"), default=None)
-
-    @property
-    def highest_frequency(self):
-        return max(self._each("highest_frequency"), default=None)
-
-    @property
-    def features(self):
-        return sum(self._each("features"), ())
-
-    @property
-    def tells_features(self):
-        return all(self._each("tells_features"))
+    length = _of_parts("length", partial(min, default=None))
+    highest_frequency = _of_parts("highest_frequency", partial(max, default=None))
+    features = _of_parts("features", partial(sum, start=()))
+    tells_features = _of_parts("tells_features", all)
+    messages = _of_parts("messages", partial(sum, start=()))
+    last_time = _of_parts("last_time", min)
 
     @property
     def mean_speed(self):
         return self.parts[0].mean_speed
-
-    @property
-    def messages(self):
-        return sum(self._each("messages"), ())
-
-    @property
-    def last_time(self):
-        return min(self._each("last_time"))
-
-    def _each(self, name):
-        return [value for part in self.parts if (value := getattr(part, name)) is not None]
 
     def speed_at(self, time):
         offset = sum(part.mean_speed for part in self.parts[1:])

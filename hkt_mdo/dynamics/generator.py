@@ -16,11 +16,11 @@ from hkt_mdo.files.efficiency import read_efficiency
 from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
 
 _LOSSES = {
-    "copper_loss": "rated_torque",
-    "friction_loss": "rated_speed",
-    "iron_loss": "rated_speed",
+    "copper_loss": ("rated_torque", 2),
+    "friction_loss": ("rated_speed", 1),
+    "iron_loss": ("rated_speed", 2),
 }
-"""By the key of a loss: the key of the torque or speed at which it is given."""
+"""By the key of a loss: the key of the torque or speed at which it is given, and its exponent."""
 
 BEYOND = 0.05  # share of a table's range by which it is continued at its ends
 RATIOS = 0.5, 15.0  # tip speed ratios between which rotors work
@@ -66,13 +66,12 @@ class Generator(Section):
             problem = f"is given together with {ways[0]}"
             raise refusal(problem, _WAYS, key=ways[1], value=getattr(self, ways[1]))
         for name in losses:
-            if _LOSSES[name] not in rated:
-                remedy = f"give generator.{_LOSSES[name]}, at which this loss is given"
-                problem = f"needs {_LOSSES[name]}"
+            if (at := _LOSSES[name][0]) not in rated:
+                problem, remedy = f"needs {at}", f"give generator.{at}, at which this loss is given"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         for name in rated:
-            if name not in [_LOSSES[loss] for loss in losses]:
-                needs = " or ".join(loss for loss, at in _LOSSES.items() if at == name)
+            if name not in [_LOSSES[loss][0] for loss in losses]:
+                needs = " or ".join(loss for loss, (at, _) in _LOSSES.items() if at == name)
                 problem, remedy = "has no effect", f"give generator.{needs}, or leave it out"
                 raise refusal(problem, remedy, key=name, value=getattr(self, name))
         return self
@@ -93,12 +92,10 @@ class Generator(Section):
             return shaft * self._surface.efficiency(torque, speed)
         if self.efficiency is not None:
             return self.efficiency * shaft
-        if self.copper_loss is not None:
-            shaft = shaft - self.copper_loss * (torque / self.rated_torque) ** 2
-        if self.friction_loss is not None:
-            shaft = shaft - self.friction_loss * (speed / self.rated_speed)
-        if self.iron_loss is not None:
-            shaft = shaft - self.iron_loss * (speed / self.rated_speed) ** 2
+        known = {"rated_torque": torque, "rated_speed": speed}
+        for name, (at, exponent) in _LOSSES.items():
+            if (loss := getattr(self, name)) is not None:
+                shaft = shaft - loss * (known[at] / getattr(self, at)) ** exponent
         return shaft
 
     def check(self, radius: float, slowest: float, fastest: float) -> None:

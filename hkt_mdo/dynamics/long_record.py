@@ -76,29 +76,6 @@ class FlowSamples:
         return float(np.std(means, ddof=1) / np.sqrt(means.size) / abs(np.mean(values)))
 
 
-@dataclass(frozen=True, eq=False)
-class Rating:
-    """Speed of the flow over the discharge of a river: a polynomial, or straight lines.
-
-    Attributes
-    ----------
-    discharge, speed : np.ndarray
-        Points, m³/s and m/s, (n,).
-    curve : callable
-        Returns the speeds, m/s, at discharges, m³/s.
-    """
-
-    discharge: np.ndarray
-    speed: np.ndarray
-    curve: Callable
-
-    @property
-    def determination(self) -> float:
-        """Coefficient of determination of the curve at its points."""
-        left = np.sum((self.curve(self.discharge) - self.speed) ** 2)
-        return float(1.0 - left / np.sum((self.speed - np.mean(self.speed)) ** 2))
-
-
 class RecordResource(RecordFile, Resource):
     """A long record of the flow, or of a river's discharge with its rating curve.
 
@@ -136,25 +113,24 @@ class RecordResource(RecordFile, Resource):
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""
-        rating, raw = self.rating_curve, self._columns(area=1.0)
+        (discharge, speed, curve), raw = self.rating_curve, self._columns(area=1.0)
         notes = tuple(text for text in raw.messages if "over the area" not in text)
         made = self._made(replace(raw, messages=notes, unit="m3/s"), 0.0, np.inf)
-        low, high = rating.discharge[0], rating.discharge[-1]
-        outside = float(np.mean((made.speed < low) | (made.speed > high)))
-        notes = f"speed by the rating curve of {rating.discharge.size} points, "
+        outside = float(np.mean((made.speed < discharge[0]) | (made.speed > discharge[-1])))
+        left = np.sum((curve(discharge) - speed) ** 2) / np.sum((speed - np.mean(speed)) ** 2)
+        notes = f"speed by the rating curve of {discharge.size} points, "
         notes += f"degree {self.rating_degree}" if self.rating_degree else "straight lines"
-        notes += f", coefficient of determination {rating.determination:.4f}"
-        if rating.discharge.size < POINTS_301:
+        notes += f", coefficient of determination {1.0 - left:.4f}"
+        if discharge.size < POINTS_301:
             notes += f"; IEC TS 62600-301 asks for {POINTS_301} points"
         if outside:
             notes += f"; {100.0 * outside:.3g} % of the samples lie outside of its points"
-        speed = np.maximum(rating.curve(made.speed), 0.0)
+        speed = np.maximum(curve(made.speed), 0.0)
         return replace(made, speed=speed, messages=(*made.messages, notes))
 
     @cached_property
-    def rating_curve(self) -> Rating:
-        """The rating curve, its points in the order of rising discharge."""
-        assert self.rating is not None
+    def rating_curve(self) -> tuple[np.ndarray, np.ndarray, Callable]:
+        """Discharges (m³/s, rising) and speeds (m/s) of its points, and the curve through them."""
         columns = read_pairs(self.rating, ("discharge_m3_s", "speed_m_s"))
         discharge, speed = (column.values for column in columns)
         order = np.argsort(discharge)
@@ -167,9 +143,9 @@ class RecordResource(RecordFile, Resource):
             problem = f"takes more than {discharge.size} points"
             raise InputError(problem, "give a lower one", key="resource.rating_degree")
         if self.rating_degree is None:
-            return Rating(discharge, speed, partial(np.interp, xp=discharge, fp=speed))
+            return discharge, speed, partial(np.interp, xp=discharge, fp=speed)
         fitted = np.polynomial.Polynomial.fit(discharge, speed, self.rating_degree)
-        return Rating(discharge, speed, fitted)
+        return discharge, speed, fitted
 
     def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""

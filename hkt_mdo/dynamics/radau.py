@@ -52,10 +52,8 @@ def through(edges: np.ndarray, places: np.ndarray, values: np.ndarray) -> PPoly:
 
 def divided(edges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """Return the edges of pieces that are each divided into a number of equal parts."""
-    parts = parts.astype(int)
-    number = np.arange(np.sum(parts)) - np.repeat(np.cumsum(parts) - parts, parts)
-    left = np.repeat(edges[:-1], parts) + number * np.repeat(np.diff(edges) / parts, parts)
-    return np.append(left, edges[-1])
+    number = np.append(0, np.cumsum(parts.astype(int)))
+    return np.interp(np.arange(number[-1] + 1), number, edges)
 
 
 def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:

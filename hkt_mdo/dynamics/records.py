@@ -24,8 +24,6 @@ from hkt_mdo.files.table import file_state
 from hkt_mdo.messages import validated
 from hkt_mdo.sections import Quantity
 
-__all__ = ["Record", "RecordInflow", "find_spikes", "low_pass", "read_record", "record_from"]
-
 MIN_SAMPLES = 16
 """Smallest number of samples that make a record."""
 

@@ -4,8 +4,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.formulas import STEP
-from hkt_mdo.dynamics.generator import LOSSLESS, Generator
-from hkt_mdo.dynamics.laws import Law, OpenLoop
+from hkt_mdo.dynamics.generator import LOSSLESS
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.components import refuse_complex_step
@@ -37,20 +36,13 @@ class RotorODE(om.Group):
     - open loop in speed: w and its rate are inputs, u = Q - J dw/dt an output.
       The rotor is differentially flat in w, which turns a singular control into a regular one
       (docs/dev/numerics.md).
+
+    `hydrodynamics` has the attributes of `CoefficientComp`, or of `RememberingComp`.
     """
 
-    def initialize(self):
-        self.options.declare("num_nodes", types=int)
-        self.options.declare("inflow", recordable=False)
-        about = "attributes of `CoefficientComp`, or of `RememberingComp`"
-        self.options.declare("hydrodynamics", types=dict, desc=about, recordable=False)
-        self.options.declare("law", default=OpenLoop(), types=Law, recordable=False)
-        self.options.declare("generator", default=LOSSLESS, types=Generator, recordable=False)
-
-    def setup(self):
-        n, hydrodynamics = self.options["num_nodes"], self.options["hydrodynamics"]
-        law, generator = self.options["law"], self.options["generator"]
-        parts = {"flow": InflowComp(n, inflow=self.options["inflow"])}
+    def __init__(self, num_nodes, inflow, hydrodynamics, law, generator=LOSSLESS):
+        super().__init__()
+        n, parts = num_nodes, {"flow": InflowComp(num_nodes, inflow=inflow)}
         if "band" in hydrodynamics:
             parts["hydrodynamics"] = RememberingComp(n, **hydrodynamics)
         else:

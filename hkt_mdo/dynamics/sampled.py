@@ -41,17 +41,11 @@ class SampledInflow(Inflow):
         return spline(held) + spline(held, 1) * (held == time.real) * (time - time.real)
 
 
-def von_karman(frequency):
-    """Return von Kármán's spectrum S V / (σ² L) over n = f L / V (1948; ESDU 85020), one-sided."""
-    return 4.0 / (1.0 + 70.8 * frequency**2) ** (5.0 / 6.0)
+SPECTRA = {"von_karman": (70.8, 2, 5.0 / 6.0), "kaimal": (6.0, 1, 5.0 / 3.0)}
+"""a, b and c of one-sided spectra S V / (σ² L) = 4 / (1 + a n^b)^c over n = f L / V.
 
-
-def kaimal(frequency):
-    """Return Kaimal's spectrum in the same form (IEC 61400-1, edition 3, Annex B)."""
-    return 4.0 / (1.0 + 6.0 * frequency) ** (5.0 / 3.0)
-
-
-SPECTRA = {"von_karman": von_karman, "kaimal": kaimal}
+Von Kármán's (1948; ESDU 85020), and Kaimal's (IEC 61400-1, edition 3, Annex B).
+"""
 
 
 class TurbulentInflow(SampledInflow):
@@ -108,8 +102,8 @@ class TurbulentInflow(SampledInflow):
     def spectral_density(self, frequency):
         """Return the one-sided spectrum S(f), m²/s² per Hz, whose integral over f is s²."""
         time_scale = self.length_scale / self.mean
-        variance = (self.intensity * self.mean) ** 2
-        return variance * time_scale * SPECTRA[self.spectrum](frequency * time_scale)
+        variance, (a, b, c) = (self.intensity * self.mean) ** 2, SPECTRA[self.spectrum]
+        return variance * time_scale * (4.0 / (1.0 + a * (frequency * time_scale) ** b) ** c)
 
     @property
     def frequencies(self):

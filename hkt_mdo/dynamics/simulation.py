@@ -100,6 +100,14 @@ class Plant:
         """
         return self.torque(speed, inflow_speed) - self.generator.friction(speed)
 
+    def powers(self, speed, driving, control):
+        """Return the powers of flow, shaft, generator and friction, W.
+
+        Of the rotor at speeds (rad/s) under the torques of the flow and the generator (N*m).
+        """
+        electrical = self.generator.electrical_power(control, speed)
+        return driving * speed, control * speed, electrical, self.generator.friction(speed) * speed
+
     @property
     def starting_flow(self):
         """Speed of the flow from which the standing rotor starts against the friction, m/s.
@@ -588,11 +596,7 @@ class _Motion:
             share = np.abs(step[:, 0] * (power @ radau.ERROR)) / unit
             share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
-                turning = stages[..., 0]
-                generator = self.plant.generator
-                electrical = generator.electrical_power(control, turning)
-                lost = generator.friction(turning) * turning
-                powers = driving * turning, control * turning, electrical, lost
+                powers = self.plant.powers(stages[..., 0], driving, control)
                 return path, np.array([np.sum(step * radau.MATRIX[-1] * each) for each in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (radau.STAGES + 1))), nan=8.0)
             edges = radau.divided(edges, np.where(share <= 1.0, 1.0, np.clip(parts, 2.0, 8.0)))

@@ -9,7 +9,6 @@ from hkt_mdo.dynamics.formulas import STEP, Formula, slope
 from hkt_mdo.quantities import QUANTITIES, is_over_time
 from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.planform import area_weights
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 _SPEEDS = "rotor_speed", "inflow_speed"
@@ -100,13 +99,13 @@ class TorqueRateComp(om.ExplicitComponent):
 
 
 def area_component(blade: Blade) -> om.ExecComp:
-    """Return the planform area of all blades, blade_area (m**2), see `planform_area`.
+    """Return the planform area of all blades, blade_area (m**2), see `Blade.area_weights`.
 
     Inputs chord[n_stations] (m), rotor_radius (m), with which the stations move.
     """
     about = {name: QUANTITIES[name].meta for name in ("blade_area", "chord", "rotor_radius")}
     about["chord"] |= {"shape": blade.r.shape}
-    about["widths"] = {"val": area_weights(blade) / blade.rotor_radius, "constant": True}
+    about["widths"] = {"val": blade.area_weights / blade.rotor_radius, "constant": True}
     return om.ExecComp("blade_area = rotor_radius * dot(widths, chord)", **about)
 
 

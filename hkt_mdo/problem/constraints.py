@@ -48,10 +48,16 @@ class Held:
 
 
 def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held]:
-    """Yield the limits that the optimization holds, scenario by scenario, then of the design."""
+    """Yield the limits that the optimization holds, scenario by scenario, then of the design.
+
+    Under feedback with a torque curve also the distance from stall.
+    """
     for number, scenario in enumerate(physics.scenarios):
-        distance = _distance_from_stall(physics, scenario, setup)
-        for limit in (*physics.limits_in(scenario), *distance):
+        limits = [*physics.limits_in(scenario)]
+        if physics.law.is_feedback and physics.has_curve:
+            spline = TorqueSpline(setup.nodes)
+            limits.append(DistanceFromStall(law=physics.law_in(scenario), spline=spline))
+        for limit in limits:
             if limit.constrains(physics.law):
                 yield _held(physics, setup, limit, number, scales)
     known = on_start(physics, setup.start)[0]
@@ -78,12 +84,6 @@ def _held(physics, setup, limit, number, scales) -> Held:
     if is_quantity(limit):
         options |= {"indices": nodes, "flat_indices": True}
     return Held(limit, constraint_of(physics, limit, number), nodes.size, options, scenario, nodes)
-
-
-def _distance_from_stall(physics, scenario, setup):
-    """Yield the distance from stall as a limit, under feedback with a torque curve."""
-    if physics.law.is_feedback and physics.has_curve:
-        yield DistanceFromStall(law=physics.law_in(scenario), spline=TorqueSpline(setup.nodes))
 
 
 def _near_stall(physics, setup, limit, place, scenario):

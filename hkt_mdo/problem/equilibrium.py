@@ -77,7 +77,7 @@ class SteadyScenario(Scenario):
         curve = found.curve(self.mesh.duration, self.messages)
         return replace(self, inflow=curve, edges=np.array(curve.ends), place=found.place)
 
-    def when(self, time, digits=".2f"):
+    def when(self, time):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
 
     def rate_of(self, values):

@@ -21,7 +21,6 @@ from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.model import RotorModel
-from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.scales import torque_scale
 
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
@@ -75,12 +74,15 @@ def _quantities(physics, point) -> list[dict]:
     return [known | integrals for known in found]
 
 
-def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...]) -> dict:
+def loads_along(
+    rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, ...], reach: float = np.inf
+) -> dict:
     """Return the largest loads along a blade at each time of a trajectory, SI units.
 
     By direct BEM at the trajectory's tip speed ratios, or at `RATIOS` of them if there are more,
     between which they are linear. known has the quantities of the trajectory, and the `sections`
-    where the wake is not in equilibrium: the flow at each time.
+    where the wake is not in equilibrium: the flow at each time. Beyond the radius `reach` (m) no
+    load counts.
     """
     ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
     if not names:
@@ -88,7 +90,10 @@ def loads_along(rotor: RotorModel, blade: Blade, known: dict, names: tuple[str, 
 
     def largest(rotor, ratio, **sections):
         found = rotor.loads(blade, ratio, names=names, **sections)
-        return {name: load.largest for name, load in found.items()}
+        return {
+            name: load._replace(exact=load.exact[:, load.r <= reach]).largest
+            for name, load in found.items()
+        }
 
     if "sections" in known:
         found = largest(rotor, ratio, flow=known["sections"])
@@ -119,7 +124,7 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
         "density": rotor.water_density,
         "inertia": float(inertia),
         "mass": float(mass),
-        "blade_area": planform_area(blade),
+        "blade_area": float(blade.area_weights @ blade.chord),
         "weight_stress": stress,
         "chord": blade.chord,
         "twist": blade.twist,
@@ -127,9 +132,10 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     }
 
 
-def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
-    """Return a rotor (inertia in kg*m**2) with direct BEM, its wake in equilibrium."""
-    polar, solver = rotor.as_built(blade).polar, SOLVERS[physics.case.hydrodynamics.check]
+def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade) -> Plant:
+    """Return a rotor, one of those of the physics, with direct BEM, its wake in equilibrium."""
+    polar, inertia = rotor.as_built(blade).polar, float(rotor.mass_and_inertia(blade).inertia)
+    solver = SOLVERS[physics.case.hydrodynamics.check]
     return Plant(blade, polar, inertia, rotor.water_density, solver, physics.case.generator)
 
 

@@ -272,7 +272,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")
-    polars = {x for each in station_polars(turbine.polar, shape.blade.r.size) for x in each}
+    polars = {x for each in station_polars(flow.polar, shape.blade.r.size) for x in each}
     asked = limited.get("cavitation", CavitationLimit())
     depth = case.site.hub_depth if asked.depth is None else asked.depth
     if "cavitation" in limited:
@@ -286,9 +286,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
-    cavitation = None
-    if depth is not None and computable:
-        cavitation = Cavitation(flow.suction, depth, asked.margin)
+    cavitation = Cavitation(depth, asked.margin) if depth is not None and computable else None
     return RotorModel(
         polar=flow.polar,
         section_area=turbine.section_area,
@@ -318,13 +316,9 @@ def _polar_in_condition(turbine: Turbine, case: Case):
 
 def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
     """Return quantities that follow from a case and its files, by their names in `PLAUSIBLE`."""
-    flows = {
-        f"mean flow speed of {x.name}" if len(whole) > 1 else "mean flow speed": x for x in whole
-    }
-    return {
-        name: float(np.average(each.inflow.speed_at(each.samples), weights=each.sample_weights))
-        for name, each in flows.items()
-    } | {
+    name = "mean flow speed"
+    flows = {f"{name} of {x.name}" if len(whole) > 1 else name: x.mean_flow for x in whole}
+    return flows | {
         "tip radius": turbine.blade.tip_radius,
         "outermost station": float(turbine.blade.r[-1]) / turbine.blade.tip_radius,
         "thickness of the thinnest section": float(np.min(turbine.thickness)),

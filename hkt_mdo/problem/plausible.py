@@ -44,7 +44,8 @@ def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
     flow = given.pop("inflow")
     if case.inflow != first:  # which a case without a flow of its own takes
         given["resource" if case.inflow.steady else "inflow"] = flow
-    yield from implausible(dict(_numbers(given)) | derived)
+    numbers = {key: value for key, value in leaves(given) if isinstance(value, int | float)}
+    yield from implausible(numbers | derived)
     weights = [each.weight for each in case.scenarios if each.weight]
     low, high = PER_CENT
     mixed = min(weights, default=1.0) < 1.0 < max(weights, default=1.0)
@@ -59,13 +60,13 @@ def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
         )
 
 
-def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the numbers in a section and in the sections in it, by their keys."""
+def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values in a section and in the sections in it, by their keys."""
     if isinstance(value, dict):
         for name, each in value.items():
-            yield from _numbers(each, f"{key}.{name}".lstrip("."))
+            yield from leaves(each, f"{key}.{name}".lstrip("."))
     elif isinstance(value, list | tuple):
         for number, each in enumerate(value):
-            yield from _numbers(each, f"{key}[{number}]")
-    elif isinstance(value, int | float):
+            yield from leaves(each, f"{key}[{number}]")
+    else:
         yield key, value

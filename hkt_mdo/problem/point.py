@@ -116,11 +116,6 @@ class StartingPoint:
     reference: float = 0.0
 
     @property
-    def tried(self) -> int:
-        """Number of starts that it is the best of, or was improved from."""
-        return max(len(self.starts), 1)
-
-    @property
     def worth(self) -> tuple[bool, float]:
         """Rank of a point: those that keep the limits by objective, the others by excess."""
         kept = self.excess <= KEPT_EXCESS

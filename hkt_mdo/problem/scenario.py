@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from types import SimpleNamespace
 from typing import ClassVar
 from unittest.mock import patch
 
@@ -100,9 +101,9 @@ class Scenario:
         """Whether the rotor has to end at its first speed."""
         return self.mesh.final_speed == "initial" and not self.steady
 
-    def when(self, time: float, digits: str = ".2f") -> str:
+    def when(self, time: float) -> str:
         """Return the words for a place in it, where `time` (s) is."""
-        return f"t = {time:{digits}} s"
+        return f"t = {time:.2f} s"
 
     def rate_of(self, values: np.ndarray) -> np.ndarray:
         """Return the rates, 1/s, of values at its samples, (n_times,)."""
@@ -121,11 +122,7 @@ class Scenario:
         """
         made = self
         while made.segments < MOST_SEGMENTS:
-            errors = made.flow_errors
-            # those whose sum alone is too large; the others are fine
-            order = np.argsort(errors)
-            coarse = np.zeros(errors.size, dtype=int)
-            coarse[order] = np.cumsum(errors[order]) > RESOLVED
+            coarse = too_large(made.flow_errors, RESOLVED)
             if not np.any(coarse):
                 break
             made = made.divided(1 + coarse)
@@ -237,6 +234,13 @@ class Scenario:
         return f"traj.{self.name}.timeseries"
 
 
+def too_large(errors: np.ndarray, most: float) -> np.ndarray:
+    """Return which errors are to be made smaller: the sum of the others is at most `most`."""
+    found, order = np.zeros(errors.size, dtype=bool), np.argsort(errors)
+    found[order] = np.cumsum(errors[order]) > most
+    return found
+
+
 def _blocks(grid, matrices, given, wanted, sparse=False):
     """Return a grid's interpolation matrices, one block a segment.
 
@@ -254,15 +258,9 @@ def _blocks(grid, matrices, given, wanted, sparse=False):
     return tuple(each if sparse else each.toarray() for each in found)
 
 
-class _Numpy:
-    """Numpy with sparse matrices of zeros, for one of Dymos' that takes gigabytes for an hour."""
-
-    def __getattr__(self, name):
-        return getattr(np, name)
-
-    @staticmethod
-    def zeros(shape, **options):
-        return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
+def _zeros(shape, **options):
+    """Return zeros, sparse in a matrix: one of Dymos' takes gigabytes for an hour."""
+    return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
 
 
 class _Lean:
@@ -304,7 +302,7 @@ class _Lean:
         reference for all nodes; where they are equally spaced, it is the one that holds.
         """
         self._begin(phase, phase.control_options)
-        with patch.object(control_comp, "np", _Numpy()):
+        with patch.object(control_comp, "np", SimpleNamespace(**vars(np) | {"zeros": _zeros})):
             super().configure_controls(phase)
         grid = self.grid_data
         spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])

@@ -108,4 +108,4 @@ class Design:
     @property
     def plant(self) -> Plant:
         """The rotor in the water with its generator, by direct BEM."""
-        return steady_plant(self.physics, self.physics.rotor, self.blade, self.inertia)
+        return steady_plant(self.physics, self.physics.rotor, self.blade)

@@ -47,6 +47,22 @@ class Blade:
         """
         return np.concatenate(([self.hub_radius], self.r, [self.tip_radius]))
 
+    @property
+    def area_weights(self):
+        """Weights of the chords in the planform area of all blades, m, shape (n_stations,).
+
+        The area is the integral of the chord from hub to tip: linear between the stations, and
+        continued unchanged to hub and tip.
+
+        Returns
+        -------
+        ndarray of shape (n_stations,)
+            Weights (m).
+        """
+        ends = [2.0 * self.hub_radius - self.r[0]], self.r, [2.0 * self.tip_radius - self.r[-1]]
+        edges = np.concatenate(ends)
+        return 0.5 * self.blade_count * (edges[2:] - edges[:-2])
+
     def with_shape(self, chord, twist, thickness=None):
         """Return the blade with another chord (m) and twist (rad), each of shape (n_stations,).
 

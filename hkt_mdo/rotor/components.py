@@ -7,7 +7,7 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.band import TORQUE_TABLE, Band, load_table
+from hkt_mdo.rotor.band import TORQUE_TABLE, load_table
 from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -18,23 +18,6 @@ INPUTS = "chord", "twist", "thickness", "rotor_radius"
 _POSITIVE = {"chord", "thickness", "rotor_radius", "density", "inflow_speed"}
 _POSITIVE |= {"tip_speed_ratio", "rotor_speed"}
 _SCALARS = "rotor_radius", "hub_inertia"
-_WAKE = "of a wake with memory: its tables replace those of torque and loads"
-_OPTIONS = {
-    "blade": {"types": Blade, "desc": "blade at the start", "recordable": False},
-    "rotor": {"types": RotorModel, "desc": "polars, structure, material", "recordable": False},
-    "nodes": {"types": np.ndarray, "desc": "tip speed ratios of the tables"},
-    "vary": {"default": False, "types": bool, "desc": "whether these are an input"},
-    "torque": {"default": True, "types": bool, "desc": "whether the torque has a table"},
-    "loads": {"default": (), "types": tuple, "desc": "names of loads"},
-    "band": {
-        "default": None,
-        "types": Band,
-        "allow_none": True,
-        "recordable": False,
-        "desc": _WAKE,
-    },
-}
-"""Options of a rotor's tables; those of the other components are the first two."""
 
 
 def refuse_values(inputs):
@@ -100,11 +83,12 @@ class ShapeComp(om.ExplicitComponent):
     twist[n_stations] (m, rad) and, where it is designed, thickness[n_stations].
     """
 
-    def initialize(self):
-        self.options.declare("shape", types=Shape, recordable=False)
+    def __init__(self, shape: Shape):
+        super().__init__()
+        self._shape = shape
 
     def setup(self):
-        shape = self.options["shape"]
+        shape = self._shape
         for name, offset in shape.offsets.items():
             self.add_output(name, shape=offset.shape, **QUANTITIES[name].meta)
         for name, basis in shape.bases.items():
@@ -118,7 +102,7 @@ class ShapeComp(om.ExplicitComponent):
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
 
     def compute(self, inputs, outputs):
-        shape = self.options["shape"]
+        shape = self._shape
         values = shape.stations({name: inputs[f"{name}_control"] for name in shape.bases})
         if not shape.designs_chord:
             values["chord"] = values["chord"] * shape.stretch(inputs["rotor_radius"])
@@ -133,13 +117,13 @@ class BladeComp(om.ExplicitComponent):
     it is designed, and rotor_radius (m), with which hub, stations and tip move.
     """
 
-    def initialize(self):
-        for name in ("blade", "rotor"):
-            self.options.declare(name, **_OPTIONS[name])
+    def __init__(self, rotor: RotorModel, blade: Blade):
+        super().__init__()
+        self._rotor, self._blade = rotor, blade
 
     def setup(self):
         for name in self.inputs_of_blade:
-            value = getattr(self.options["blade"], name)
+            value = getattr(self._blade, name)
             self.add_input(name, val=value, **QUANTITIES[name].meta)
 
     @property
@@ -151,7 +135,7 @@ class BladeComp(om.ExplicitComponent):
         list of str
             Names of `INPUTS`.
         """
-        return rotor_inputs(self.options["blade"])
+        return rotor_inputs(self._blade)
 
     def blade_of(self, inputs):
         """Return the `Blade` of the inputs.
@@ -169,7 +153,7 @@ class BladeComp(om.ExplicitComponent):
         refuse_complex_step(self)
         refuse_values(inputs)
         shape = {name: inputs[name] for name in self.inputs_of_blade if name != "rotor_radius"}
-        blade = self.options["blade"].with_rotor_radius(inputs["rotor_radius"][0])
+        blade = self._blade.with_rotor_radius(inputs["rotor_radius"][0])
         return blade.with_shape(**shape)
 
 
@@ -182,48 +166,48 @@ class TablesComp(BladeComp):
     dynamic pressure 0.5 rho v². With a `Band` they are the tables of `Band.solve`.
     """
 
-    def initialize(self):
-        for name, about in _OPTIONS.items():
-            self.options.declare(name, **about)
+    def __init__(self, rotor, blade, nodes, *, vary=False, torque=True, loads=(), band=None):
+        super().__init__(rotor, blade)
+        self._nodes, self._vary, self._torque = nodes, vary, torque
+        self._loads, self._band = loads, band
 
     def setup(self):
         super().setup()
         self._known = b"", {}
-        rows = np.arange(self.options["nodes"].size)
-        if self.options["vary"]:
-            nodes = self.options["nodes"]
-            self.add_input("tip_speed_ratio", val=nodes, desc="Omega R / V of the disc")
+        rows = np.arange(self._nodes.size)
+        if self._vary:
+            self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
         for name, about in self._described().items():
             self.add_output(name, **about)
             self.declare_partials(name, self.inputs_of_blade)
-            if self.options["vary"]:
+            if self._vary:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
 
     def _described(self):
         """Return the metadata of each table."""
-        if self.options["band"] is not None:
-            return self.options["band"].outputs(self.options["loads"])
-        shape = self.options["nodes"].shape
-        tables = {f"{name}_table": load_table(name, shape) for name in self.options["loads"]}
+        if self._band is not None:
+            return self._band.outputs(self._loads)
+        shape = self._nodes.shape
+        tables = {f"{name}_table": load_table(name, shape) for name in self._loads}
         torque = {"torque_coefficient_table": {"shape": shape, "desc": TORQUE_TABLE}}
-        return torque | tables if self.options["torque"] else tables
+        return torque | tables if self._torque else tables
 
     def _tables(self, inputs):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
         at = inputs.asarray().tobytes()
         if at != self._known[0]:
             blade = self.blade_of(inputs)
-            ratio = inputs["tip_speed_ratio"] if self.options["vary"] else self.options["nodes"]
+            ratio = inputs["tip_speed_ratio"] if self._vary else self._nodes
             self._known = at, self._solve(blade, ratio)
         return self._known[1]
 
     def _solve(self, blade, ratio):
         """Return the tables of a blade over tip speed ratios."""
-        rotor, loads, tables = self.options["rotor"], self.options["loads"], {}
-        if self.options["band"] is not None:
-            return self.options["band"].solve(rotor, blade, loads, derivatives=True)
+        rotor, loads, tables = self._rotor, self._loads, {}
+        if self._band is not None:
+            return self._band.solve(rotor, blade, loads, derivatives=True)
         flow = rotor.sections(blade, ratio, derivatives=True)
-        if self.options["torque"]:
+        if self._torque:
             found = rotor.coefficients(blade, ratio, True, flow)
             tables["torque_coefficient_table"] = found.torque_table
         for name, load in rotor.loads(blade, ratio, True, loads, flow).items():
@@ -235,7 +219,7 @@ class TablesComp(BladeComp):
             outputs[name] = table.values
 
     def compute_partials(self, inputs, partials):
-        by_ratio = ["tip_speed_ratio"] if self.options["vary"] else []
+        by_ratio = ["tip_speed_ratio"] if self._vary else []
         for table, found in self._tables(inputs).items():
             for name in (*self.inputs_of_blade, *by_ratio):
                 partials[table, name] = getattr(found, f"by_{name}")
@@ -254,7 +238,7 @@ class InertiaComp(BladeComp):
         super().setup()
         self.add_output("mass", units="kg", desc="mass of the blades")
         self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
-        if (hub := self.options["blade"].hub_inertia) is not None:
+        if (hub := self._blade.hub_inertia) is not None:
             text = "inertia of all that is not a blade"
             self.add_input("hub_inertia", val=hub, units="kg*m**2", desc=text)
         self.declare_partials("*", "*")
@@ -268,15 +252,15 @@ class InertiaComp(BladeComp):
         list of str
             Names of `INPUTS`.
         """
-        moves_water = self.options["rotor"].added_inertia != "none"
-        names = rotor_inputs(self.options["blade"])
+        moves_water = self._rotor.added_inertia != "none"
+        names = rotor_inputs(self._blade)
         return [name for name in names if name != "twist" or moves_water]
 
     def _evaluate(self, inputs, **moved):
         """Return the `RotorMass` of the blade of the inputs, some of which are moved."""
         values = {name: x[0] if name in _SCALARS else x for name, x in inputs.items()} | moved
-        blade = self.options["blade"].with_rotor_radius(values.pop("rotor_radius"))
-        return self.options["rotor"].mass_and_inertia(replace(blade, **values))
+        blade = self._blade.with_rotor_radius(values.pop("rotor_radius"))
+        return self._rotor.mass_and_inertia(replace(blade, **values))
 
     def compute(self, inputs, outputs):
         outputs["mass"], outputs["inertia"] = self._evaluate(inputs)
@@ -309,7 +293,7 @@ class WeightComp(BladeComp):
             partials["weight_stress", name] = getattr(found, f"by_{name}")
 
     def _solve(self, inputs):
-        return self.options["rotor"].weight_stress(self.blade_of(inputs))
+        return self._rotor.weight_stress(self.blade_of(inputs))
 
 
 class BladeGroup(om.Group):
@@ -317,9 +301,9 @@ class BladeGroup(om.Group):
 
     It needs no flow and no trajectory, so that any model may have it.
 
-    Options are rotor, a `RotorModel`; blade, the `Blade` at the start; nodes[n_nodes], the tip
-    speed ratios of the tables, or their initial values if they vary; shape, a `Shape`, or None;
-    torque, whether the torque coefficient has a table; loads, some of its `load_names`; band.
+    Its blade is that at the start; `tables` are the keywords of `TablesComp`: nodes[n_nodes], the
+    tip speed ratios of the tables, or their initial values if they `vary`; torque, whether the
+    torque coefficient has a table; loads, some of the rotor's `load_names`; and a `Band`.
 
     Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
     twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one; and
@@ -327,14 +311,12 @@ class BladeGroup(om.Group):
     mass (kg), inertia (kg*m**2) and the tables of `TablesComp`. Partials are exact.
     """
 
-    def initialize(self):
-        for name, about in _OPTIONS.items():
-            self.options.declare(name, **about)
-        self.options.declare("shape", default=None, types=Shape, allow_none=True, recordable=False)
+    def __init__(self, rotor: RotorModel, blade: Blade, shape: Shape | None = None, **tables):
+        super().__init__()
+        self._rotor, self._blade, self._shape, self._tables = rotor, blade, shape, tables
 
     def setup(self):
-        options, shape = {name: self.options[name] for name in _OPTIONS}, self.options["shape"]
-        rotor, blade = options["rotor"], options["blade"]
+        rotor, blade, shape, tables = self._rotor, self._blade, self._shape, self._tables
         self.set_input_defaults("rotor_radius", blade.rotor_radius, units="m")
         if shape is not None:
             self.add_subsystem("shape", ShapeComp(shape=shape), promotes=["*"])
@@ -342,5 +324,5 @@ class BladeGroup(om.Group):
                 self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
-        if options["torque"] or options["loads"] or options["band"] is not None:
-            self.add_subsystem("tables", TablesComp(**options), promotes=["*"])
+        if tables.get("torque", True) or tables.get("loads") or tables.get("band"):
+            self.add_subsystem("tables", TablesComp(rotor, blade, **tables), promotes=["*"])

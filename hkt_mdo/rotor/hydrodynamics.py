@@ -9,9 +9,10 @@ import numpy as np
 
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar
+from hkt_mdo.rotor.angle_curves import curves_at, stacked
 from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
-from hkt_mdo.rotor.suction import section_suction
+from hkt_mdo.rotor.suction import require_suction
 from hkt_mdo.rotor.thickness import ByThickness
 
 SOLVERS = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
@@ -193,7 +194,11 @@ class Hydrodynamics:
         """
         if self.follows_thickness:
             return self.polar.suction_at(angle_of_attack, *thickness)
-        return section_suction(self.polar, angle_of_attack)
+        if isinstance(self.polar, Polar):
+            return self.polar.suction_at(angle_of_attack)
+        require_suction(self.polar)
+        stations = np.arange(len(self.polar))
+        return curves_at(stacked(self.polar, "suction"), angle_of_attack, (stations,))
 
     def best_sections(self, blade, tip_speed_ratio, bounds):
         """Return the best section of every station; see `hkt_mdo.rotor.best_section`.

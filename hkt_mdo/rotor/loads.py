@@ -16,6 +16,7 @@ from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, extended_to_ends
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, norm, place_weights
 
 GRAVITY = 9.80665  # m/s²
+ATMOSPHERIC, VAPOUR = 101325.0, 1705.0  # Pa, the latter of water at 15 degrees Celsius
 
 
 class Load(NamedTuple):
@@ -64,19 +65,13 @@ class Load(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Cavitation:
-    """Suction and depth, which decide whether a section cavitates at the top of the turn.
+    """Depth of the hub (m), which decides whether a section cavitates at the top of the turn.
 
-    suction takes angles of attack[n_points, n_stations] (rad) and returns the largest -Cp of the
-    upper and the lower surface, [2, n_points, n_stations], and its slopes by the angle; where the
-    polars follow the thickness it is `ByThickness.suction_at`. depth is that of the hub (m), margin
-    a factor on the suction; pressures are in Pa.
+    margin is a factor on the suction.
     """
 
-    suction: Callable[..., tuple[np.ndarray, ...]]
     depth: float
     margin: float = 1.1
-    atmospheric_pressure: float = 101325.0
-    vapour_pressure: float = 1705.0  # of water at 15 degrees Celsius
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -474,9 +469,9 @@ def _cavitation(model, blade, flow, ratio):
     if np.any(np.real(height) >= settings.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     static = model.water_density * GRAVITY * (settings.depth - height)
-    pressure = settings.atmospheric_pressure - settings.vapour_pressure + static
+    pressure = ATMOSPHERIC - VAPOUR + static
     thickness = () if blade.thickness is None else (blade.thickness,)
-    suction, by_angle, *by_section = settings.suction(flow.angle_of_attack, *thickness)
+    suction, by_angle, *by_section = model.suction(flow.angle_of_attack, *thickness)
     speed = flow.relative_speed
     scale = settings.margin * cosine**2 / pressure
 

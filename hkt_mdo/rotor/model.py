@@ -64,7 +64,7 @@ class RotorModel(LoadModel):
         hub = self.hub_of(blade)
         mass, inertia = mass_and_inertia(blade, self.section_area, self.material_density, hub)
         if self.added_inertia != "none":
-            inertia = inertia + self.water_inertia(blade, self.added_inertia)
+            inertia = inertia + self.water_inertias(blade)[self.added_inertia]
         return RotorMass(mass, inertia * self.inertia_factor)
 
     def hub_of(self, blade):
@@ -98,24 +98,6 @@ class RotorModel(LoadModel):
         thickness = self.thickness if blade.thickness is None else blade.thickness
         return np.broadcast_to(thickness, blade.r.shape)
 
-    def water_inertia(self, blade, model):
-        """Return the inertia of the water that a turning blade accelerates; see `water_inertia`.
-
-        Parameters
-        ----------
-        blade : Blade
-            The blade.
-        model : str
-            "plate" or "ellipse".
-
-        Returns
-        -------
-        float
-            In kg*m**2.
-        """
-        thickness = self.thickness_of(blade) * (model == "ellipse")
-        return water_inertia(blade, self.water_density, thickness)
-
     def water_inertias(self, blade):
         """Return the inertia of the water that a turning blade accelerates, by both models.
 
@@ -126,10 +108,11 @@ class RotorModel(LoadModel):
 
         Returns
         -------
-        tuple of float
-            Of "plate" and "ellipse", kg*m**2.
+        dict of str to float
+            Of "plate" and "ellipse", kg*m**2; see `water_inertia`.
         """
-        return tuple(float(self.water_inertia(blade, model)) for model in ("plate", "ellipse"))
+        ellipse = water_inertia(blade, self.water_density, self.thickness_of(blade))
+        return {"plate": water_inertia(blade, self.water_density), "ellipse": ellipse}
 
     def torque_jumps(self, blade, lowest, highest):
         """Tell whether the torque of a blade jumps between two tip speed ratios.

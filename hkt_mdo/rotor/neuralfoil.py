@@ -13,8 +13,6 @@ from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.potential_flow import potential_suction
 
-__all__ = ["MODELS", "N_CRIT_RANGE", "ComputedPolar", "compute_polars"]
-
 MODELS = "xxsmall", "xsmall", "small", "medium", "large", "xlarge", "xxlarge", "xxxlarge"
 N_CRIT_RANGE = 1.0, 18.0
 

@@ -67,12 +67,8 @@ class Outline:
         float
             Over chord squared.
         """
-        return 0.5 * abs(self._twice)
-
-    @cached_property
-    def _twice(self):
-        """Twice the area over chord squared, positive where the points run anticlockwise."""
-        return float(np.dot(self.x, np.roll(self.y, -1)) - np.dot(self.y, np.roll(self.x, -1)))
+        next_x, next_y = np.roll(self.x, -1), np.roll(self.y, -1)
+        return 0.5 * abs(float(np.dot(self.x, next_y) - np.dot(self.y, next_x)))
 
     @property
     def upper_first(self):
@@ -83,7 +79,7 @@ class Outline:
         ndarray of shape (n, 2)
             x and y over the chord.
         """
-        return np.column_stack((self.x, self.y))[:: -1 if self._twice < 0.0 else 1]
+        return np.column_stack((self.x, self.y))[:: self._turn]
 
     @cached_property
     def thickness(self):

@@ -5,14 +5,10 @@ the circulation. The panels have linearly varying vorticity, as those of XFOIL (
 1989).
 """
 
-from math import comb
-
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BPoly, CubicSpline
 
 from hkt_mdo.files.polar_table import PRESSURE_RANGE
-
-__all__ = ["faired", "potential_suction", "surface_speed"]
 
 PANELS = 160  # of each side, closer together towards both edges
 ORDER = 7  # of the Bernstein polynomials of a side
@@ -94,8 +90,8 @@ def faired(outline, n_panels=PANELS):
     along = np.clip(along, 0.0, 1.0)
 
     def side(x, is_upper):
-        shape = [comb(ORDER, i) * x**i * (1.0 - x) ** (ORDER - i) for i in range(ORDER + 1)]
-        shape = np.stack(shape, axis=-1) * (np.sqrt(x) * (1.0 - x))[:, None]
+        shape = BPoly(np.eye(ORDER + 1)[:, None], (0.0, 1.0))(x)
+        shape = shape * (np.sqrt(x) * (1.0 - x))[:, None]
         common = np.column_stack((x * (1.0 - x) ** (ORDER + 0.5), np.where(is_upper, x, -x) / 2.0))
         is_upper = np.broadcast_to(is_upper, x.shape)[:, None]
         return np.hstack((np.where(is_upper, shape, 0.0), np.where(is_upper, 0.0, shape), common))

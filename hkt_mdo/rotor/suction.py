@@ -1,9 +1,8 @@
-"""Suction of blade sections, -Cp min, for the cavitation limit: its curves, and along a blade."""
+"""Suction of blade sections, -Cp min, for the cavitation limit: its curves."""
 
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.angle_curves import curves_at, stacked
 
 KINK_RANGE = np.deg2rad(10.0)  # of zero angle of attack, where the suction peak changes side
 STAGNATION = -1.0  # least suction: that of a stagnation point, where Cp = 1
@@ -111,37 +110,6 @@ def _carried_on(alpha, suction, edge, inner, rows):
     slope = max((suction[inner] - suction[edge]) / abs(alpha[inner] - alpha[edge]), 0.0)
     fall = above * -np.expm1(-slope * np.abs(alpha[rows] - alpha[edge]) / above) if above else 0.0
     return np.minimum(suction[edge] - fall, suction[rows])
-
-
-def section_suction(polar, angle_of_attack):
-    """Return suction[2, n_points, n_stations] of a blade's sections and its slopes by the angle.
-
-    `polar` is one `Polar` or a sequence of one for each station, angle_of_attack[n_points,
-    n_stations] is in rad; the first axis has the upper and the lower surface, slopes are per rad.
-    Of polars that follow the thickness: `ByThickness.suction_at`. Raises InputError where a polar
-    has no suction.
-
-    Parameters
-    ----------
-    polar : Polar or sequence of Polar
-        One, or one a station.
-    angle_of_attack : ndarray of shape (n_points, n_stations)
-        Angle of attack (rad).
-
-    Returns
-    -------
-    suction, by_angle : ndarray of shape (2, n_points, n_stations)
-        -Cp min of both surfaces, and its slopes per rad.
-
-    Raises
-    ------
-    InputError
-        Where a polar has no suction.
-    """
-    if not isinstance(polar, tuple | list):
-        return polar.suction_at(angle_of_attack)
-    require_suction(polar)
-    return curves_at(stacked(tuple(polar), "suction"), angle_of_attack, (np.arange(len(polar)),))
 
 
 def require_suction(polars):

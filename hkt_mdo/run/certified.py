@@ -29,15 +29,12 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     inertia is not that of blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
-    if physics.rotor.follows_reynolds or shape.radius_bounds is not None or physics.designs_hub:
-        return None
-    if shape.designs_thickness:
-        return None
-    if len(physics.rotors) > 1:
-        return None
-    if physics.rotor.inertia_factor != 1.0 or physics.rotor.added_inertia != "none":
-        return None
-    if optimum.tip_speed_ratio > 0.8 * HIGHEST:
+    rotor, designs_radius = physics.rotor, shape.radius_bounds is not None
+    designed = designs_radius or physics.designs_hub or shape.designs_thickness
+    moves_more = rotor.inertia_factor != 1.0 or rotor.added_inertia != "none"
+    several = len(physics.rotors) > 1
+    fast = optimum.tip_speed_ratio > 0.8 * HIGHEST
+    if rotor.follows_reynolds or designed or moves_more or several or fast:
         return None
     known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
@@ -84,19 +81,15 @@ def _best_power(physics, optimum):
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         angles = np.linspace(*shape.bounds["twist"], ANGLES)
-        curves = [_power(physics, shape.at({"twist": [angle]}), ratios) for angle in angles]
+        turned = (shape.at({"twist": [angle]}) for angle in angles)
+        curves = [physics.rotor.coefficients(each, ratios).power for each in turned]
         # the increase between two angles, by a parabola
         power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
     else:
-        power = _power(physics, blade, ratios)
+        power = physics.rotor.coefficients(blade, ratios).power
     fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
     power = between(ratios, power, fine)
     return BestPower(fine, power, 2 * (physics.mass_and_inertia(blade)[1],))
-
-
-def _power(physics, blade, ratios):
-    """Return the power coefficients of a blade."""
-    return physics.rotor.coefficients(blade, ratios).power
 
 
 def _inertia_of_heavy(physics, optimum):

@@ -1,5 +1,6 @@
 """The report of `hkt check`: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +34,7 @@ from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
 from hkt_mdo.run.checks import FLOW_ERROR, designed, in_case
-from hkt_mdo.run.findings import Findings, Flow, problem_size
+from hkt_mdo.run.findings import Findings, Flow, problem_values
 from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
 
@@ -173,7 +174,8 @@ def _turbine(found: Findings) -> Rows:
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)
     yield Row("inertia", inertia, "kg*m**2", besides if shaft else "", 4)
-    yield water_inertia(found.physics.rotor.water_inertias(blade), inertia, rotor.added_inertia)
+    water = found.physics.rotor.water_inertias(blade).values()
+    yield water_inertia(tuple(water), inertia, rotor.added_inertia)
 
 
 def _kind(rotor) -> str:
@@ -396,7 +398,7 @@ def _not_turning(found: Findings) -> Row:
 def _optimization(found: Findings, package: str) -> Rows:
     """Yield the size of the problem; warn of segments that are too long."""
     phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
-    unknowns, constraints = problem_size(found)
+    unknowns, constraints = problem_values(found)
     nodes = sum(each.node_times.size for each in found.physics.scenarios)
     moving = [flow for flow in found.flows if not flow.steady]
     meshes = [flow.scenarios[0].mesh for flow in moving]
@@ -517,11 +519,10 @@ def _first_line(kind) -> str:
     return (type(kind).__doc__ or "").strip().partition("\n")[0].rstrip(".")
 
 
-def _sizes(sizes: dict[str, int]) -> str:
-    """Return a total and its parts, by the last parts of the names in the problem."""
-    parts: dict[str, int] = {}
-    for name, size in sizes.items():
-        last = name.removesuffix(".value").rpartition(".")[2]
-        parts[last] = parts.get(last, 0) + size
+def _sizes(several: dict[str, np.ndarray]) -> str:
+    """Return the total size and its parts, by the last parts of the names in the problem."""
+    parts: Counter[str] = Counter()
+    for name, values in several.items():
+        parts[name.removesuffix(".value").rpartition(".")[2]] += values.size
     words = joined(*(f"{size} {last}" for last, size in parts.items()))
-    return f"{sum(sizes.values())}: {words or 'none'}"
+    return f"{parts.total()}: {words or 'none'}"

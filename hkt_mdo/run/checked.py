@@ -144,7 +144,8 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     That the rotor does not turn, or that no design keeps the limits: if neither start nor end keep
     them. `physics` is on the mesh of the start; `checks` are those of the end.
     """
-    starts = f"{start.tried} start{'s' * (start.tried != 1)}"
+    tried = max(len(start.starts), 1)
+    starts = f"{tried} start{'s' * (tried != 1)}"
     if not start.operation.running:
         bounds = physics.case.design.gain_bounds
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""

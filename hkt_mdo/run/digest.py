@@ -7,14 +7,20 @@ from hashlib import file_digest, sha256
 from pathlib import Path
 
 from hkt_mdo.case import Case
+from hkt_mdo.problem.plausible import leaves
 
 _PACKAGE = Path(__file__).parents[1]
 
 
 def digest(case: Case) -> str:
-    """Return the digest of the package, and of the extensions and files that a case names."""
-    total = sha256(of_package())
-    for path in (*_extensions(case), *sorted(_files(case.model_dump(mode="json")))):
+    """Return the digest of the package, and of the extensions and files that a case names.
+
+    Its paths are absolute.
+    """
+    total, given = sha256(of_package()), leaves(case.model_dump(mode="json"))
+    paths = (Path(value) for _, value in given if isinstance(value, str))
+    files = sorted(path for path in paths if path.is_absolute() and path.is_file())
+    for path in (*_extensions(case), *files):
         total.update(_of_file(path))
     return total.hexdigest()
 
@@ -41,12 +47,3 @@ def _extensions(case: Case) -> Iterator[Path]:
             yield Path(each if isinstance(each, str | Path) else inspect.getfile(each))
         except (OSError, TypeError):  # typed at a prompt
             continue
-
-
-def _files(value: object) -> Iterator[Path]:
-    """Yield the files that a case names: its paths are absolute."""
-    if isinstance(value, dict | list):
-        for each in value.values() if isinstance(value, dict) else value:
-            yield from _files(each)
-    elif isinstance(value, str) and Path(value).is_absolute() and Path(value).is_file():
-        yield Path(value)

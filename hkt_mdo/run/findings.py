@@ -1,6 +1,6 @@
 """The findings of a check, without an optimizer: starting blade, flows, size of the problem."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,6 @@ from hkt_mdo.problem.evaluation import loads_along, on_start, steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.quantities import OVER_TIME
 from hkt_mdo.results.words import measured, number
 from hkt_mdo.rotor import bem
@@ -170,21 +169,20 @@ class Findings:
             Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
             for name, places in physics.groups.items()
         ]
-        self.mean = self.average(lambda flow: flow.mean)
+        shares = [flow.share for flow in self.flows]
+        self.mean = float(np.average([flow.mean for flow in self.flows], weights=shares))
         self.cutoff = max(flow.cutoff for flow in self.flows)
         self.slowest = min(float(flow.range[0]) for flow in self.flows)
         fastest = max(float(flow.range[1]) for flow in self.flows)
         self.fastest = min(fastest, case.control.cut_out or np.inf)
 
         begun = case.start.from_ is not None  # with the design of a result, not that of the file
-        self.given = blade if begun else build_turbine(case.rotor, case.fluid, self.mean).blade
-        _, inertia = physics.mass_and_inertia(blade)
-        self.plant = steady_plant(physics, physics.rotor, blade, inertia)
+        self.given = blade if begun else physics.turbine.blade
+        self.plant = steady_plant(physics, physics.rotor, blade)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated()
-        self.above_rated = self.average(
-            lambda flow: flow.average((flow.speed > self.rated_speed).astype(float))
-        )
+        above = [flow.average(1.0 * (flow.speed > self.rated_speed)) for flow in self.flows]
+        self.above_rated = float(np.average(above, weights=shares))
         self._start()
         self._settle()
         self._meet()
@@ -240,11 +238,6 @@ class Findings:
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
 
-    def average(self, of: Callable[[Flow], float]) -> float:
-        """Return the mean of something of each flow, by their shares of time."""
-        shares = [flow.share for flow in self.flows]
-        return float(np.average([of(flow) for flow in self.flows], weights=shares))
-
     def at_best(self, flow_speed: float) -> tuple[float, float]:
         """Return speed (rad/s) and torque for the generator (N*m) at the best tip speed ratio."""
         speed = self.best.tip_speed_ratio * flow_speed / self.plant.blade.rotor_radius
@@ -266,8 +259,8 @@ class Findings:
         return flow
 
 
-def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:
-    """Return the numbers of unknowns and of constraints of a case by their names in the problem.
+def problem_values(found: Findings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return the unknowns and the constraints of a case by their names in the problem.
 
     The model and its derivatives are evaluated once, so that those of the user's own are checked.
     """
@@ -280,7 +273,4 @@ def problem_size(found: Findings) -> tuple[dict[str, int], dict[str, int]]:
     responses = [*driver.get_objective_values(), *constraints]
     problem.model.linear_solver.totals(driver, responses).compute()
     problem.cleanup()
-    unknowns, constraints = (
-        {name: values.size for name, values in each.items()} for each in (unknowns, constraints)
-    )
     return unknowns, constraints

@@ -23,7 +23,7 @@ OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
 REMEDY = "delete it to begin anew, or run the case again with --force"
 
 
-def as_data(physics: Physics, point: StartingPoint) -> dict[str, Any]:
+def as_data(physics: Physics, point: StartingPoint, start: StartingPoint) -> dict[str, Any]:
     """Return a point as the data of `iterate.json`: the scenarios' mesh and trajectories by name.
 
     Parameters
@@ -32,6 +32,8 @@ def as_data(physics: Physics, point: StartingPoint) -> dict[str, Any]:
         The physics on the mesh of the point.
     point
         Blade, gains, and the trajectories at the samples of every scenario.
+    start
+        The start that has led to it.
     """
     return {
         "version": VERSION,
@@ -42,9 +44,9 @@ def as_data(physics: Physics, point: StartingPoint) -> dict[str, Any]:
         "hub_inertia_kg_m2": point.blade.hub_inertia,
         "gains": point.gains,
         "energy_J": point.operation.energy,
-        "reference_energy_J": point.reference,
-        "branch": point.branch,
-        "starts": [vars(record) for record in point.starts],
+        "reference_energy_J": start.reference,
+        "branch": start.branch,
+        "starts": [vars(record) for record in start.starts],
         "scenarios": {
             scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
             for scenario, rows in zip(

@@ -89,8 +89,8 @@ def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -
     """Return a trajectory at the times of its largest loads, with those of a resolved blade.
 
     The resolved blade has `STATIONS` stations; between those of the
-    blade itself chord, twist and a designed thickness are linear. Suction counts up to the blade's
-    own last station: closer to the tip, its loss alone decides the angle of attack. Only loads that
+    blade itself chord, twist and a designed thickness are linear. Loads count up to the blade's own
+    last station: closer to the tip, its loss alone decides the angle of attack. Only loads that
     limits need; None if there are no such loads or the blade has as many stations.
     """
     names = physics.load_names
@@ -105,21 +105,11 @@ def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -
     size = known["time"].size
     at = {name: x for name, x in known.items() if name != "sections"}
     own = {name: x[worst] if np.shape(x) == (size,) else x for name, x in at.items()}
-    found = own | loads_along(rotor, many, own, tuple(set(names) - {"cavitation"}))
-    if "cavitation" in names:
-        found |= _cavitation(rotor, many, own, many.r <= blade.r[-1])
+    found = own | loads_along(rotor, many, own, names, reach=blade.r[-1])
     if "sections" in known:  # in the same proportion as with a wake in equilibrium
         steady = loads_along(physics.rotor_in(scenario), blade, own, names)
         found |= {name: own[name] * found[name] / steady[name] for name in names}
     return found
-
-
-def _cavitation(rotor, blade, known, stations) -> Known:
-    """Return the largest suction at some stations, (n_stations,) of bool, at each time."""
-    ratio = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO)
-    load = rotor.loads(blade, ratio, names=("cavitation",))["cavitation"]
-    largest = load.exact.reshape(ratio.size, 2, -1)[..., stations].max(axis=(1, 2))
-    return {"cavitation": 0.5 * rotor.water_density * known["inflow_speed"] ** 2 * largest}
 
 
 def tip_deflection(rotor: RotorModel, blade: Blade, known: Known) -> float | None:

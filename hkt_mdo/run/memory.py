@@ -37,9 +37,7 @@ LEAST_RATIO = 2.0
 """Tip speed ratio below which the filters do not hold (docs/dynamic_inflow.md)."""
 
 
-def stability(
-    verifications: Sequence[SimulatedDesign], tau1: float | None = None
-) -> MemoryEntry | None:
+def stability(verifications: Sequence[SimulatedDesign]) -> MemoryEntry | None:
     """Return how stable the loops of some integrations are with Oye's filters of the wake.
 
     Parameters
@@ -47,8 +45,6 @@ def stability(
     verifications
         Integrations of one design without memory. Only instants with a tip speed ratio of at least
         `LEAST_RATIO` count.
-    tau1
-        Time constant of the slow filters, s; None: by the induction.
 
     Returns
     -------
@@ -61,7 +57,7 @@ def stability(
         if isinstance(verification.controller, HeldSpeeds):  # of an open loop in steady flows
             continue
         series = run.time, run.rotor_speed, run.inflow_speed, *run.states
-        along.append((verification.plant.with_memory(tau1), verification.controller, series))
+        along.append((verification.plant.with_memory(), verification.controller, series))
     return _verdict(verifications[0].physics, along)
 
 
@@ -144,9 +140,7 @@ def _at_start(physics, start):
     along = []
     for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True):
         names = "time", "rotor_speed", "inflow_speed", *physics.law.states
-        rotor = physics.rotor_in(scenario)
-        inertia = float(rotor.mass_and_inertia(start.blade).inertia)
-        plant = plant_of(physics, rotor, start.blade, inertia)
+        plant = plant_of(physics, physics.rotor_in(scenario), start.blade)
         controller = FeedbackTorque(physics.law_in(scenario), start.gains)
         along.append((plant, controller, [known[name] for name in names]))
     return _verdict(physics, along), along

@@ -14,7 +14,7 @@ from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized
-from hkt_mdo.solve.drivers import Outcome
+from hkt_mdo.solve.driver_base import Outcome
 
 MOST_ROWS = 500
 """Segments times limits and the equation of motion, above which little is recorded."""

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.build import point_of
+from hkt_mdo.problem.build import MANY_SEGMENTS, point_of
 from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
@@ -26,7 +26,7 @@ from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
 from hkt_mdo.run.refine import Division, divided, division, lowered
 from hkt_mdo.run.state import RunState
-from hkt_mdo.run.verification import Optimized, Verification, may_tabulate, verify
+from hkt_mdo.run.verification import Optimized, Verification, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
@@ -105,8 +105,13 @@ class Pass:
 
     @property
     def approximate(self) -> bool:
-        """Whether the integrations have their torque by a spline, not by direct BEM."""
-        return not self.exact and may_tabulate(self.physics)
+        """Whether the integrations have their torque by a spline, not by direct BEM.
+
+        They are long then, and the torque depends on the tip speed ratio alone.
+        """
+        physics = self.physics
+        exact = self.exact or physics.remembers or physics.rotor.follows_reynolds
+        return not exact and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
     @property
     def physics(self) -> Physics:

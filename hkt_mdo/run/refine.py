@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.scenario import too_large
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
 from hkt_mdo.rotor.scales import power_scale
@@ -236,7 +237,8 @@ def _open_loop(result, verifications, coarse, before) -> float:
     for marks, verification, own in zip(coarse, verifications, left, strict=True):
         if verification.scenario.steady:
             continue
-        marks |= _switches(verification) | (own > 0.0 if rates and not before else _most(own))
+        large = own > 0.0 if rates and not before else too_large(own, LOST)
+        marks |= _switches(verification) | large
     return error
 
 
@@ -301,10 +303,3 @@ def _energies(verification, energy) -> np.ndarray:
     scenario = verification.scenario
     power = np.abs(verification.trajectory["hydrodynamic_power"]) * scenario.node_weights
     return power.reshape(scenario.segments, -1) * (scenario.weight / abs(energy))
-
-
-def _most(lost: np.ndarray) -> np.ndarray:
-    """Return the segments with nearly all of the loss together."""
-    found, order = np.zeros(lost.size, dtype=bool), np.argsort(lost)
-    found[order] = np.cumsum(lost[order]) > LOST
-    return found

@@ -37,8 +37,9 @@ from hkt_mdo.run.iterate import read_iterate
 from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
-from hkt_mdo.run.state import Progress, RunState
+from hkt_mdo.run.state import RunState
 from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.build import build_problem
 from hkt_mdo.start.find import find_start

@@ -5,7 +5,6 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.iterate import as_data
+from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.start.find import steady_optimum
 
 FEASIBLE = 1e-6
@@ -27,9 +27,6 @@ SECONDS_BETWEEN_SAVES = 1.0
 """A save takes milliseconds, an evaluation some ten."""
 EVALUATIONS_BETWEEN_POINTS = 5
 """By count, not by time: a resumed run must not depend on the clock."""
-
-Progress = Callable[[int, float, float], None]
-"""Called with the number of evaluations, the objective (J) and the infeasibility."""
 
 
 class RunState:
@@ -150,10 +147,7 @@ class RunState:
         self._save(point)
 
     def _save(self, point) -> None:
-        start = self.start
-        about = {"branch": start.branch, "starts": start.starts, "reference": start.reference}
-        point = replace(point, **about)
-        write_json(self.out / "iterate.json", as_data(self.physics, point))
+        write_json(self.out / "iterate.json", as_data(self.physics, point, self.start))
         self._saved = time.monotonic()
 
     def write_history(self) -> None:

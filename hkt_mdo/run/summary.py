@@ -177,7 +177,7 @@ def _blade(finished):
         "set_angle_deg": _set_angle(physics, blade),
         "inertia_kg_m2": finished.result.inertia,
         "hub_inertia_kg_m2": blade.hub_inertia,
-        "water_inertia_kg_m2": physics.rotor.water_inertias(blade),
+        "water_inertia_kg_m2": [*physics.rotor.water_inertias(blade).values()],
         "mass_kg": finished.result.mass,
         "r_m": blade.r,
         "chord_m": blade.chord,
@@ -423,13 +423,9 @@ def _set_angle(physics, blade):
 
 def _versions():
     """Return the versions of Python and of the installed packages."""
-    versions = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return versions
+    found = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
+    versions = {name: each.version for name, each in found.items() if each is not None}
+    return {"python": platform.python_version()} | versions
 
 
 def write_tables(out: Path, finished: Checked) -> None:

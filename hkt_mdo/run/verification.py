@@ -30,7 +30,6 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.trajectory import trajectory_of
-from hkt_mdo.problem.build import MANY_SEGMENTS
 from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant, united
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
@@ -42,7 +41,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.loads import resolved
-from hkt_mdo.solve.drivers import Outcome
+from hkt_mdo.solve.driver_base import Outcome
 
 TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
 """Tip speed ratios of a torque by a spline."""
@@ -70,9 +69,7 @@ class Optimized:
 
     def plant_in(self, scenario: Scenario) -> Plant:
         """Return the rotor in a scenario with direct BEM and the wake of the case."""
-        physics, rotor = self.physics, self.physics.rotor_in(scenario)
-        inertia = self.inertia * rotor.inertia_factor / physics.rotor.inertia_factor
-        return plant_of(physics, rotor, self.point.blade, inertia)
+        return plant_of(self.physics, self.physics.rotor_in(scenario), self.point.blade)
 
     def controller_in(self, scenario: Scenario, plant: Plant, nodes: dict):
         """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
@@ -304,20 +301,12 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
         driving, control = plant.torque(speed, flow), plant.generator_torque(speed, flow)
         running = np.ones(flow.size, dtype=bool)
         controller = HeldSpeeds(2.0 * max(float(np.max(plant.torque_slope(speed, flow))), 0.0))
-    electrical = plant.generator.electrical_power(control, speed)
-    lost = plant.generator.friction(speed) * speed
-    powers = driving * speed, control * speed, electrical, lost
+    powers = plant.powers(speed, driving, control)
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
     none = np.empty((flow.size, 0))
     found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
     return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
-
-
-def may_tabulate(physics: Physics) -> bool:
-    """Tell whether verifications are long, and the torque depends on the tip speed ratio alone."""
-    simple = not (physics.remembers or physics.rotor.follows_reynolds)
-    return simple and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
 
 def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:
@@ -353,9 +342,9 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
     return tuple(verifications)
 
 
-def plant_of(physics: Physics, rotor: RotorModel, blade: Blade, inertia: float) -> Plant:
-    """Return a rotor (inertia in kg*m**2) with direct BEM and the wake of the case."""
-    plant, dynamics = steady_plant(physics, rotor, blade, inertia), physics.case.inflow_dynamics
+def plant_of(physics: Physics, rotor: RotorModel, blade: Blade) -> Plant:
+    """Return a rotor, one of those of the physics, with direct BEM and the wake of the case."""
+    plant, dynamics = steady_plant(physics, rotor, blade), physics.case.inflow_dynamics
     return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.resource import YEAR, Resource
-from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.results.summary import YearEntry
 from hkt_mdo.run.verification import Verification
 
@@ -48,7 +47,6 @@ def table(verifications: Sequence[Verification]) -> dict[str, np.ndarray]:
 def _of_direction(verification: Verification) -> dict[str, np.ndarray]:
     """Return the table of one direction of the flow."""
     scenario, known = verification.scenario, verification.integrated
-    assert isinstance(scenario, SteadyScenario)
     weights, place = scenario.node_weights, scenario.place
     time = np.bincount(place, weights)
     used = time > 0.0
@@ -80,8 +78,6 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
     YearEntry
     """
     scenario = verifications[0].scenario
-    assert isinstance(scenario, SteadyScenario)
-    assert isinstance(scenario.resource, Resource)
     scale, kept = YEAR / scenario.mesh.duration, scenario.resource.kept
     energy = sum(each.simulation.electrical_energy for each in verifications) * scale
     powers = [each.integrated["electrical_power"] for each in verifications]

@@ -15,9 +15,7 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.solve.casadi_driver import CasadiIpoptDriver, Settings
-from hkt_mdo.solve.driver_base import Outcome, Progress, ReportingDriver
-
-__all__ = ["CasadiIpoptDriver", "Outcome", "Progress", "make_driver"]
+from hkt_mdo.solve.driver_base import Progress, ReportingDriver
 
 CARRIERS = {
     "IPOPT": ("pyoptsparse", "casadi"),

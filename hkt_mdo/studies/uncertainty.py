@@ -369,7 +369,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     law, speed = design.law, np.full(repeats, design.initial_speed(inflow))
     estimate, before, control = design.controller.estimate, None, 0.0
     states = [np.full(repeats, each) for each in design.start(inflow, speed[0]).states]
-    low_pass = memory = None
+    low_pass, memory = ([1.0], [1.0]), np.empty((0, repeats))  # none
     if sensor.cutoff is not None:
         low_pass = signal.butter(2, sensor.cutoff, fs=1.0 / period)
         memory = signal.lfilter_zi(*low_pass)[:, None] * speed  # in steady state at the first speed
@@ -381,8 +381,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     record = np.full((3, n_samples), np.nan)
     for k in range(n_samples):
         measured = speed + deviation * random.standard_normal((1, repeats))
-        if low_pass is not None:
-            measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
+        measured, memory = signal.lfilter(*low_pass, measured, axis=0, zi=memory)
         measured = np.maximum(measured[0], 0.1 * slowest[k])  # a law may divide by it
         heard = law.sensed(np.full(repeats, flows[k, 0]), random)
         if estimate is not None and before is not None:
@@ -410,9 +409,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
 
 def _largest_slope(plant, run):
     """Return the largest slope of the torque over the rotor's speed along a run, N*m*s/rad."""
-    step = 1e-4 * run.rotor_speed
-    faster = plant.torque(run.rotor_speed + step, run.inflow_speed)
-    slopes = np.abs((faster - run.hydrodynamic_torque) / step)
+    slopes = np.abs(plant.torque_slope(run.rotor_speed, run.inflow_speed))
     ratio = run.rotor_speed / run.inflow_speed
     return float(np.max(slopes[ratio >= 0.5 * ratio[0]]))  # a rotor below is about to stop
 

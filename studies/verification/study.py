@@ -313,7 +313,7 @@ def _against_physics(study):
         solution = found[f"physics/shipped/{name}"]
         design = Design.of(solution)
         coarse, fine = _fly(design).energy, _fly(design, tolerance=1e-11, refined=4).energy
-        if design.law is None:  # the open loop answers a changed blade by a control of its own
+        if not design.law.is_feedback:  # answers a changed blade by a control of its own
             plan = {}
             for key, each in _perturbed(design):
                 chord, twist = each.plant.blade.chord, np.rad2deg(each.plant.blade.twist)
@@ -373,7 +373,7 @@ def _perturbed(design):
 def _fly(design, **accuracy):
     """Integrate a design in its own flow; feedback starts from its equilibrium."""
     inflow, speed = design.physics.inflow, design.initial_speed(design.physics.inflow)
-    if design.law is not None:
+    if design.law.is_feedback:
         flow = np.array([inflow.speed_at(0.0)])
 
         def excess(w):

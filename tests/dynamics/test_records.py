@@ -6,12 +6,7 @@ import pytest
 from hkt_mdo.dynamics.flows import GustInflow, StepInflow
 from hkt_mdo.dynamics.records import find_spikes, low_pass
 from hkt_mdo.dynamics.sampled import TurbulentInflow
-
-STEP = 0.25
-TIME = STEP * np.arange(2400)
-NOISE = 0.02 * np.random.default_rng(5).standard_normal(TIME.size)
-SLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
-SPEED = SLOW + NOISE
+from tests.files.test_record_files import SLOW, SPEED, STEP, TIME
 
 # Low-pass -----------------------------------------------------------------------------------------
 
@@ -36,26 +31,19 @@ def test_low_pass_is_butterworths_forwards_and_backwards():
 # Spikes -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("length", [1, 2, 3])
-def test_planted_spikes_are_found(length):
-    speed = SPEED.copy()
-    planted = (np.arange(60, 2340, 120)[:, None] + np.arange(length)).ravel()
-    speed[planted] += np.where(np.arange(planted.size) // length % 2, 1.0, -1.0)
+WITHIN = [(np.arange(60, 2340, 120)[:, None] + np.arange(size)).ravel() for size in (1, 2, 3)]
+PLANTED = [
+    *((SPEED, each, np.resize(np.repeat([-1, 1], each.size // 19), each.size)) for each in WITHIN),
+    *((SPEED, [place % SPEED.size], 1.0) for place in (0, 1, 2, -3, -2, -1)),
+    *((np.full(100, 1.5), [50], height) for height in (0.5, -1.5, 1e300)),  # still water
+]
+
+
+@pytest.mark.parametrize(("clean", "planted", "height"), PLANTED)
+def test_planted_spikes_are_found(clean, planted, height):
+    speed = clean.copy()
+    speed[planted] += height
     np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), planted)
-
-
-def test_spikes_at_the_ends_are_found():
-    for place in (0, 1, 2, -3, -2, -1):
-        speed = SPEED.copy()
-        speed[place] += 1.0
-        np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), [place % speed.size])
-
-
-def test_spikes_in_still_water_are_found():
-    for height in (0.5, -1.5, 1e300):
-        speed = np.full(100, 1.5)
-        speed[50] += height
-        np.testing.assert_array_equal(np.flatnonzero(find_spikes(speed)), [50])
 
 
 @pytest.mark.parametrize("spectrum", ["von_karman", "kaimal"])

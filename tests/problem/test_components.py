@@ -15,7 +15,6 @@ from hkt_mdo.dynamics.wide_laws import PowerLawFeedback
 from hkt_mdo.problem.components import AggregateComp, FormulaComp, IntegralComp, area_component
 from hkt_mdo.quantities import names
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.planform import planform_area
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from tests.conftest import checked
 
@@ -251,7 +250,8 @@ def test_the_planform_is_the_integral_of_the_chord():
     r = np.linspace(0.2, 1.4, 7)
     chord = 0.3 - 0.1 * r
     blade = Blade(r, chord, np.zeros(7), 0.2, 1.4, 3)
-    assert planform_area(blade) == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
+    area = blade.area_weights @ blade.chord
+    assert area == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
     problem = checked(area_component(blade), chord=chord, rotor_radius=2.8)
-    twice = 2.0 * planform_area(blade)
+    twice = 2.0 * area
     np.testing.assert_allclose(problem.get_val("blade_area"), twice, rtol=1e-14)

@@ -28,11 +28,11 @@ def suction(angle):
     return np.stack((upper, lower)), np.stack(slopes)
 
 
-def model_of(polar, **changes):
+def model_of(polar, suction=suction, **changes):
+    """Return a model whose sections have some suction."""
+    kind = type("Model", (LoadModel,), {"suction": staticmethod(suction)})
     structure = Structure.of(Outline.from_file("naca63815"), METAL, 70e9)
-    return replace(
-        LoadModel(polar, structure=structure, cavitation=Cavitation(suction, 3.0)), **changes
-    )
+    return kind(polar, **{"structure": structure, "cavitation": Cavitation(3.0)} | changes)
 
 
 def rectangle(height=0.2):
@@ -252,8 +252,7 @@ def test_surfaces_under_pressure_do_not_cavitate(blade, polar):
     def pressed(angle):
         return np.full((2, *angle.shape), -0.3), np.ones((2, *angle.shape))
 
-    model = model_of(polar, cavitation=Cavitation(pressed, 3.0))
-    found = model.loads(blade, RATIO, derivatives=True)["cavitation"].envelope()
+    found = model_of(polar, pressed).loads(blade, RATIO, derivatives=True)["cavitation"].envelope()
     assert not np.any(np.concatenate([each.ravel() for each in found]))
 
 
@@ -361,7 +360,7 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     changed = changed.with_shape(1.1 * blade.chord, blade.twist)
     torque = bem.rotor_coefficients(changed, polar, RATIO).torque
     assert np.array_equal(problem["torque_coefficient_table"], torque)
-    for name, load in model_of(polar).loads(changed, RATIO).items():
+    for name, load in rotor.loads(changed, RATIO).items():
         assert problem[f"{name}_table"] == pytest.approx(load.envelope().values, rel=1e-14)
     found = problem.check_partials(out_stream=None, form="central", step=1e-6, step_calc="abs")
     for (output, _), partial in found["table"].items():
@@ -375,7 +374,7 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
 
 
 def test_what_cannot_be_computed_is_refused(blade, polar):
-    shallow = model_of(polar, cavitation=Cavitation(suction, 0.9 * blade.rotor_radius))
+    shallow = model_of(polar, cavitation=Cavitation(0.9 * blade.rotor_radius))
     with pytest.raises(ValueError, match="out of the water"):
         shallow.loads(blade, RATIO)
     outline = Outline.from_file("naca63815")

@@ -30,7 +30,7 @@ def rotor():
         material_density=2700.0,
         hub_inertia=0.5,
         structure=Structure.of(outline, 2700.0),
-        cavitation=Cavitation(Hydrodynamics(polar).suction, 3.0),
+        cavitation=Cavitation(3.0),
     )
 
 

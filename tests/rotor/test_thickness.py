@@ -13,7 +13,6 @@ from hkt_mdo.rotor.loads import Cavitation, LoadModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
-from hkt_mdo.rotor.suction import section_suction
 from hkt_mdo.rotor.thickness import ByThickness
 
 THICKNESS = np.array([0.12, 0.15, 0.24])
@@ -45,8 +44,7 @@ def outlines():
 
 def model_of(family, **changes):
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
-    cavitation = Cavitation(family.suction_at, 3.0)
-    model = LoadModel(family, structure=structure, cavitation=cavitation)
+    model = LoadModel(family, structure=structure, cavitation=Cavitation(3.0))
     return replace(model, **changes)
 
 
@@ -81,7 +79,7 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
     angle = np.deg2rad(np.linspace(-5.0, 12.0, 30)).reshape(6, 5)
     mine = family.suction_at(angle, same.thickness[:5])
-    its = section_suction(sections[place], angle)
+    its = Hydrodynamics(sections[place]).suction(angle)
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
 

@@ -20,7 +20,7 @@ from hkt_mdo.results.words import texts
 from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.check_figures import power_spectrum
-from hkt_mdo.run.findings import problem_size
+from hkt_mdo.run.findings import problem_values
 from hkt_mdo.run.verification import HeldSpeeds
 from tests.files.broken.blades import WINDIO
 
@@ -135,9 +135,9 @@ def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
     phase = "phase={segments: 7, duration: 7}"
     report = check("control.torque_limit=700", phase)
     ends, nodes = 7 + 1, 3 * 7
-    unknowns, constraints = problem_size(report.findings)
-    assert sorted(unknowns.values()) == sorted((9, 9, 1, ends))
-    assert sorted(constraints.values()) == sorted((7, 1, nodes))
+    unknowns, constraints = problem_values(report.findings)
+    assert sorted(map(np.size, unknowns.values())) == sorted((9, 9, 1, ends))
+    assert sorted(map(np.size, constraints.values())) == sorted((7, 1, nodes))
     assert f"{nodes} nodes" in texts(report.tables["Optimization"])["segments"]
 
 

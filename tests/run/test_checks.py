@@ -1,20 +1,20 @@
 """Each check refuses alone: results that are doctored in one place, where no other check looks."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Annotated, ClassVar
 
 import numpy as np
 import pytest
 
-from hkt_mdo.case import Phase, load_case
-from hkt_mdo.dynamics.flows import GustInflow, StepInflow, SumInflow
+from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.flows import GustInflow, SumInflow
 from hkt_mdo.dynamics.limits import DesignBounds, Limit, TipSpeedLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import FeedbackTorque, RecordedTorque
 from hkt_mdo.dynamics.wide_laws import CurveFeedback
 from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
-from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.checked import none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain
@@ -22,6 +22,7 @@ from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
 from tests.conftest import NINE
+from tests.problem import test_build
 
 SHORT = {"inflow": "sine", "phase": {"segments": 15, "duration": 15}}
 SHORT |= {"rotor": {"stations": NINE}}  # with limits and without
@@ -42,6 +43,7 @@ TURNED = SHORT | {
     "design": {"blade": "fixed", "set_angle_bounds": [0, 5.5]},
 }
 INSTANT = 5.5  # s, of the middle node of a segment
+two_flows = partial(test_build.two_flows, segments=20)
 
 
 @pytest.fixture(scope="module")
@@ -452,12 +454,6 @@ def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
 
 
 # Two scenarios ------------------------------------------------------------------------------------
-
-
-def two_flows(world):
-    step = StepInflow(before=1.2, after=1.5, time=6.0, width=1.5)
-    second = Scenario(step, Phase(segments=20, duration=12.0), weight=0.3, name="step")
-    return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), second))
 
 
 @pytest.mark.parametrize("law", ["quadratic", pytest.param("open_loop", marks=pytest.mark.slow)])

@@ -40,7 +40,7 @@ def iterate(case):
     fine = type(physics)(**vars(physics) | {"scenarios": finer})
     start = find_start(fine, steady_optimum(fine, fine.blade))
     point = replace(start, branch="underspeed", reference=5.0)
-    return physics, fine, point, json.loads(to_json(as_data(fine, point)))
+    return physics, fine, point, json.loads(to_json(as_data(fine, point, point)))
 
 
 @pytest.fixture(scope="module")

@@ -85,7 +85,7 @@ def test_the_span_is_that_of_the_worst_instants():
     np.testing.assert_allclose(found["flapwise_moment"][1], expected, rtol=1e-12)
     at = np.argmax(known["cavitation"])
     sections = bem.sections(world.blade, world.rotor.polar, known["tip_speed_ratio"][at : at + 1])
-    suction, _ = world.rotor.cavitation.suction(sections.angle_of_attack)
+    suction, _ = world.rotor.suction(sections.angle_of_attack)
     available = 101325.0 - 1705.0 + 9.80665 * world.density * (3.0 - world.blade.r)
     dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available
@@ -108,6 +108,16 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
     found = loads.over_span(world.blade, [(world.rotor, known)])
     assert set(found) == {"stress", "flapwise_moment"}
     assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)
+
+
+def test_a_fouled_polar_without_suction_has_no_cavitation(tmp_path):
+    """Although the clean one has it: a run ended in an error after its optimization."""
+    fouled = tmp_path / "fouled.csv"
+    rows = (f"{alpha},{0.1 * alpha:g},0.02" for alpha in range(-10, 16))
+    fouled.write_text("\n".join(("alpha_deg,cl,cd", *rows)))
+    world = physics(load_case(PLAIN | {"condition": {"polar": str(fouled)}}))
+    assert world.rotor.load_names == ("thrust", "root_moment", "stress")
+    assert physics(load_case(PLAIN)).rotor.load_names == (*world.rotor.load_names, "cavitation")
 
 
 # A result's folder --------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.figures import figures
-from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -73,26 +72,20 @@ def run(out, **data):
 def year(tmp_path_factory):
     """A year of a fixed blade, whose gain is designed."""
     out = tmp_path_factory.mktemp("year") / "year"
-    run(out, resource=HISTOGRAM, control=QUADRATIC, **FIXED)
-    return Solution.load(out)
+    return run(out, resource=HISTOGRAM, control=QUADRATIC, **FIXED)
 
 
-def check_derivatives(control, **more):
-    """Compare totals of a coarse problem with differences."""
-    more = {"resource": HISTOGRAM, "control": control, "start": {"method": "blade"}} | more
-    world = physics(load_case(more))
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["open_loop", "linear", "tracking"])
+def test_derivatives_are_those_of_differences(law):
+    asked = {"resource": HISTOGRAM, "control": law, "limits": {"thrust": "9 kN"}}
+    world = physics(load_case(asked | {"start": {"method": "blade"}}))
     start = find_start(world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)))
     problem = assemble(world, Setup(start, curve_nodes(world, start)))
     problem.run_model()
     about = {"method": "fd", "form": "central", "step_calc": "rel_avg", "out_stream": None}
     data = problem.check_totals(step=1e-6, driver_scaling=True, **about)
     assert_check_totals(data, atol=2e-6, rtol=2e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("law", ["open_loop", "linear", "tracking"])
-def test_derivatives_are_those_of_differences(law):
-    check_derivatives({"law": law}, limits={"thrust": "9 kN"})
 
 
 def test_a_fixed_blades_year_is_the_sum_over_its_bins(year):

@@ -47,19 +47,29 @@ def ready(problem, driver):
     return problem
 
 
+def solved(problem):
+    """Return the problem, optimized, and how that ended."""
+    problem.run_driver()
+    return problem, problem.driver.outcome()
+
+
+def of_formulas(driver, formulas, x, bounds, ref=None, **constraints):
+    """Return the problem of the least f(x), and of constraints, as OpenMDAO takes them."""
+    problem = om.Problem(reports=None)
+    problem.model.add_subsystem("body", om.ExecComp(formulas, x=np.array(x)), promotes=["*"])
+    problem.model.add_design_var("x", **bounds)
+    problem.model.add_objective("f", ref=ref)
+    for name, about in constraints.items():
+        problem.model.add_constraint(name, **about)
+    return ready(problem, driver)
+
+
 def hock_schittkowski_71(driver, lower=25.0, equals=40.0):
     """Return problem 71 of Hock and Schittkowski (1981) at its standard start."""
-    problem = om.Problem(reports=None)
-    body = om.ExecComp(
-        ["f = x[0]*x[3]*(x[0] + x[1] + x[2]) + x[2]", "g = x[0]*x[1]*x[2]*x[3]", "h = sum(x**2)"],
-        x=np.array([1.0, 5.0, 5.0, 1.0]),
-    )
-    problem.model.add_subsystem("body", body, promotes=["*"])
-    problem.model.add_design_var("x", lower=1.0, upper=5.0)
-    problem.model.add_objective("f")
-    problem.model.add_constraint("g", lower=lower, upper=100.0)
-    problem.model.add_constraint("h", equals=equals)
-    return ready(problem, driver)
+    f, g, h = "x[0]*x[3]*(x[0] + x[1] + x[2]) + x[2]", "x[0]*x[1]*x[2]*x[3]", "sum(x**2)"
+    start, bounds = [1.0, 5.0, 5.0, 1.0], {"lower": 1.0, "upper": 5.0}
+    limits = {"g": {"lower": lower, "upper": 100.0}, "h": {"equals": equals}}
+    return of_formulas(driver, [f"f = {f}", f"g = {g}", f"h = {h}"], start, bounds, **limits)
 
 
 class Bowl(om.ExplicitComponent):
@@ -132,22 +142,19 @@ def brachistochrone(driver):
 @every_optimizer
 def test_hock_schittkowski_71(package, optimizer):
     driver = make_driver(package, optimizer)
-    problem = hock_schittkowski_71(driver)
-    problem.run_driver()
+    problem, found = solved(hock_schittkowski_71(driver))
     # Hock and Schittkowski (1981), p. 92.
     assert problem.get_val("f")[0] == pytest.approx(17.0140173, abs=1e-6)
     np.testing.assert_allclose(problem.get_val("x"), [1.0, 4.7429994, 3.8211503, 1.3794082], 1e-5)
     assert np.all(problem.get_val("x") >= 1.0)
     assert problem.get_val("h")[0] == pytest.approx(40.0, abs=1e-6)
-    found = driver.outcome()
     assert (found.success, found.package, found.optimizer) == (True, package, optimizer)
     assert 3 <= found.iterations <= driver.result.deriv_evals
     assert driver.result.deriv_evals <= driver.result.model_evals < 30
     assert found.message
     assert driver.result.success
     problem.set_val("x", [1.0, 5.0, 5.0, 1.0])
-    problem.run_driver()
-    assert driver.outcome() == found
+    assert solved(problem)[1] == found
 
 
 @every_optimizer
@@ -155,8 +162,7 @@ def test_multipliers_and_what_a_little_of_a_bound_gives(package, optimizer):
     states = []
     for more in (0.0, 1e-4):
         driver = make_driver(package, optimizer, tolerance=1e-9)
-        problem = hock_schittkowski_71(driver, lower=25.0 * (1.0 + more))
-        problem.run_driver()
+        problem, _ = solved(hock_schittkowski_71(driver, lower=25.0 * (1.0 + more)))
         states.append(State.of(driver))
         if not more:
             found, x = multipliers(driver, states[0]), problem.get_val("x").copy()
@@ -173,9 +179,8 @@ def test_multipliers_and_what_a_little_of_a_bound_gives(package, optimizer):
 @every_optimizer
 def test_multipliers_of_scaled_problems(package, optimizer):
     driver = make_driver(package, optimizer, tolerance=1e-9)
-    problem = bowl(driver)
-    problem.run_driver()
-    state = State.of(driver)
+    problem, _ = solved(bowl(driver))
+    state = State.of(problem.driver)
     # at (1, 1, 2.5) m: df/dx = (-2, -2, -1) m, so 2 m a metre of the sum and 1 m of the bound
     found = multipliers(driver, state) / state.scaler
     np.testing.assert_allclose(found, [2.0 * 0.7, 0.0, 0.0, 1.0 * 2.3], rtol=1e-5, atol=1e-5)
@@ -183,14 +188,11 @@ def test_multipliers_of_scaled_problems(package, optimizer):
 
 @every_optimizer
 def test_rosenbrock_stops_at_its_bound(package, optimizer):
-    problem = om.Problem(reports=None)
-    body = om.ExecComp("f = 100*(x[1] - x[0]**2)**2 + (1 - x[0])**2", x=np.array([-1.2, 1.0]))
-    problem.model.add_subsystem("body", body, promotes=["*"])
-    problem.model.add_design_var("x", lower=-2.0, upper=[0.8, 2.0])
-    problem.model.add_objective("f")
+    formula = "f = 100*(x[1] - x[0]**2)**2 + (1 - x[0])**2"
+    bounds = {"lower": -2.0, "upper": [0.8, 2.0]}
     driver = make_driver(package, optimizer, tolerance=1e-9)
-    ready(problem, driver).run_driver()
-    assert driver.outcome().success
+    problem, found = solved(of_formulas(driver, formula, [-1.2, 1.0], bounds))
+    assert found.success
     assert problem.get_val("x")[0] <= 0.8
     np.testing.assert_allclose(problem.get_val("x"), [0.8, 0.64], atol=1e-6)
     assert problem.get_val("f")[0] == pytest.approx(0.04, abs=1e-7)
@@ -199,10 +201,8 @@ def test_rosenbrock_stops_at_its_bound(package, optimizer):
 @every_optimizer
 @pytest.mark.parametrize("linear", [False, True])
 def test_scaled_quantities_in_other_units(package, optimizer, linear):
-    driver = make_driver(package, optimizer)
-    problem = bowl(driver, linear=linear)
-    problem.run_driver()
-    assert driver.outcome().success
+    problem, found = solved(bowl(make_driver(package, optimizer), linear=linear))
+    assert found.success
     np.testing.assert_allclose(problem.get_val("x", "m"), [1.0, 1.0, 2.5], atol=1e-5)
     assert problem.get_val("f")[0] == pytest.approx(2.25, abs=1e-5)
     # Scaling and units may cost the last bit, no more.
@@ -211,23 +211,19 @@ def test_scaled_quantities_in_other_units(package, optimizer, linear):
 
 @every_optimizer
 def test_maximum_and_part_of_a_design_variable(package, optimizer):
-    problem = om.Problem(reports=None)
-    body = om.ExecComp("f = 4 - x[0]**2 - (x[2] - 3)**2", x=np.array([5.0, 7.0, 0.5]))
-    problem.model.add_subsystem("body", body, promotes=["*"])
-    problem.model.add_design_var("x", indices=[0, 2], lower=[0.5, -9.0], upper=9.0)
-    problem.model.add_objective("f", ref=-2.0)
+    formula = "f = 4 - x[0]**2 - (x[2] - 3)**2"
+    bounds = {"indices": [0, 2], "lower": [0.5, -9.0], "upper": 9.0}
     driver = make_driver(package, optimizer)
-    ready(problem, driver).run_driver()
-    assert driver.outcome().success
+    problem, found = solved(of_formulas(driver, formula, [5.0, 7.0, 0.5], bounds, ref=-2.0))
+    assert found.success
     np.testing.assert_allclose(problem.get_val("x"), [0.5, 7.0, 3.0], atol=1e-5)
 
 
 @every_optimizer
 def test_coloured_brachistochrone(package, optimizer):
     driver = make_driver(package, optimizer)
-    problem = brachistochrone(driver)
-    problem.run_driver()
-    assert driver.outcome().success
+    problem, found = solved(brachistochrone(driver))
+    assert found.success
     # 1.8016 s is the cycloid's time; ten segments of third order come within 3e-4.
     duration = problem.get_val("trajectory.phase.timeseries.time")[-1, 0]
     assert duration == pytest.approx(1.8016, abs=3e-4)
@@ -237,13 +233,11 @@ def test_coloured_brachistochrone(package, optimizer):
 @every_optimizer
 @pytest.mark.parametrize("bounded", ["design variable", "constraint"])
 def test_negative_scale_of_a_bound_is_refused(package, optimizer, bounded):
-    problem = om.Problem(reports=None)
-    problem.model.add_subsystem("body", om.ExecComp(["f = x**2", "g = 2*x"]), promotes=["*"])
-    problem.model.add_design_var("x", lower=-5.0, ref=-1.0 if bounded == "design variable" else 1.0)
-    problem.model.add_constraint("g", lower=2.0, ref=-1.0 if bounded == "constraint" else 1.0)
-    problem.model.add_objective("f")
+    bounds = {"lower": -5.0, "ref": -1.0 if bounded == "design variable" else 1.0}
+    limit = {"lower": 2.0, "ref": -1.0 if bounded == "constraint" else 1.0}
+    about = ["f = x**2", "g = 2*x"], 1.0, bounds
     with pytest.raises(ValueError, match="negative ref"):
-        ready(problem, make_driver(package, optimizer)).final_setup()
+        of_formulas(make_driver(package, optimizer), *about, g=limit).final_setup()
 
 
 # Records and progress.
@@ -253,8 +247,7 @@ def test_negative_scale_of_a_bound_is_refused(package, optimizer, bounded):
 def test_cases_are_recorded(package, optimizer, empty_directory):
     driver = make_driver(package, optimizer)
     driver.add_recorder(om.SqliteRecorder(str(empty_directory / "cases.sql")))
-    problem = hock_schittkowski_71(driver)
-    problem.run_driver()
+    problem, _ = solved(hock_schittkowski_71(driver))
     problem.cleanup()
     cases = om.CaseReader(str(empty_directory / "cases.sql"))
     names = cases.list_cases("driver", out_stream=None)
@@ -281,20 +274,17 @@ def test_progress_is_reported_in_physical_objective_and_scaled_violation(package
 
 
 @every_optimizer
-def test_infeasible_problem_is_a_failure(package, optimizer):
-    driver = make_driver(package, optimizer, max_iterations=200)
-    hock_schittkowski_71(driver, lower=99.0, equals=5.0).run_driver()
-    assert not driver.outcome().success
-    assert driver.outcome().message
-
-
-@every_optimizer
-def test_too_few_iterations_are_a_failure(package, optimizer):
-    driver = make_driver(package, optimizer, max_iterations=2)
-    hock_schittkowski_71(driver).run_driver()
-    found = driver.outcome()
+@pytest.mark.parametrize(
+    ("most", "bounds", "word"),
+    [(200, (99.0, 5.0), ""), (2, (), "iteration")],
+    ids=["infeasible", "too few iterations"],
+)
+def test_failure_is_told(package, optimizer, most, bounds, word):
+    driver = make_driver(package, optimizer, max_iterations=most)
+    _, found = solved(hock_schittkowski_71(driver, *bounds))
     assert not found.success
-    assert "iteration" in found.message.lower()
+    assert found.message
+    assert word in found.message.lower()
 
 
 def _press_ctrl_c():
@@ -357,11 +347,9 @@ def test_ipopt_backs_away_from_a_failed_evaluation(package, optimizer, not_a_num
                 raise om.AnalysisError("no solution here")
             x[:] = np.nan
 
-    driver = make_driver(package, optimizer)
-    problem = bowl(driver, hook)
-    problem.run_driver()
+    problem, found = solved(bowl(make_driver(package, optimizer), hook))
     assert failures == [4, 5]
-    assert driver.outcome().success
+    assert found.success
     assert problem.get_val("f")[0] == pytest.approx(2.25, abs=1e-5)
 
 
@@ -409,6 +397,4 @@ def test_an_impossible_choice_is_refused(package, optimizer):
 def test_a_bound_on_the_barrier_reaches_ipopt_alone():
     assert make_driver("casadi", barrier=1e-5).opt_settings["mu_max"] == 1e-5
     assert "mu_max" not in make_driver("casadi").opt_settings
-    driver = make_driver("scipy", "SLSQP", barrier=1e-5)
-    hock_schittkowski_71(driver).run_driver()
-    assert driver.outcome().success
+    assert solved(hock_schittkowski_71(make_driver("scipy", "SLSQP", barrier=1e-5)))[1].success

@@ -11,6 +11,8 @@ from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.studies.uncertainty import Design, Sensor, _advanced, flow_named, fly_noisy
+from studies.robust_study import replace_turbine
+from studies.verification.study import _fly
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +35,14 @@ def test_a_fast_quiet_sensor_is_no_sensor(quadratic):
     assert noisy.noise_deviation == 0.0
     assert noisy.energy[0] == pytest.approx(quadratic.simulate(inflow).energy, rel=1e-5)
     assert noisy.torque_error < 1e-6
+
+
+@pytest.mark.slow
+def test_the_studies_fly_designs_of_open_loop_and_by_a_table(quadratic, open_loop):
+    for design in (quadratic, open_loop):
+        assert _fly(design).energy == pytest.approx(design.solution.summary.energy_J, rel=2e-4)
+    quick = replace_turbine(quadratic.solution, "as new").simulate(quadratic.physics.inflow)
+    assert quick.energy == pytest.approx(quadratic.solution.summary.energy_J, rel=2e-4)
 
 
 @pytest.mark.slow
