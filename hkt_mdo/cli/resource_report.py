@@ -73,7 +73,7 @@ def report_resource(
     contents = {out / name: text.encode() for name, text in texts.items()}
     for name, each in panels.items():
         figure = style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
-        contents[out / f"{name}.png"] = style.png(figure)
+        contents[out / f"{name}.png"] = style.picture(figure)
     files = [path.name for path in write_new(contents, force)]
     return [*lines, f"Written: {out}: {', '.join(files)}"]
 

@@ -183,4 +183,4 @@ def picture(found: Sequence[Body]) -> bytes:
     ax.autoscale_view()
     ax.set_axis_off()
     figure.patch.set_alpha(0.0)
-    return style.png(figure)
+    return style.picture(figure)

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from hkt_mdo.case import Case
-from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_text, write_new
 from hkt_mdo.pages import plotly_script, rendered
@@ -28,6 +26,7 @@ from hkt_mdo.results.words import (
     printable,
     texts,
 )
+from hkt_mdo.sections import Section
 
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
@@ -244,13 +243,12 @@ def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
 
 def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
     """Return the values of a section and of the sections in it as texts, by their dotted keys."""
-    if isinstance(value, BaseModel):
-        units = _units(type(value))
+    if isinstance(value, Section):
         parts = [
-            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), units.get(name, ""))
+            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), type(value).unit_of(name))
             for name in type(value).model_fields
         ]
-    elif isinstance(value, list | tuple) and any(isinstance(each, BaseModel) for each in value):
+    elif isinstance(value, list | tuple) and any(isinstance(each, Section) for each in value):
         parts = [_flat(each, f"{key}[{number}]") for number, each in enumerate(value)]
     elif value is None or value == ():
         parts = []
@@ -261,14 +259,6 @@ def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
         words = ", ".join(f"{x:.10g}" if isinstance(x, float) else str(x) for x in several)
         parts = [{key: f"{words} {plain_unit(unit)}".rstrip()}]
     return {name: text for part in parts for name, text in part.items()}
-
-
-def _units(section: type[BaseModel]) -> dict[str, str]:
-    """Return the units of a section's keys."""
-    schema = section.model_json_schema(by_alias=False)
-    kinds = schema, *schema.get("anyOf", ())  # a section may be a name or a number alone
-    fields = (each.get("properties", {}) for each in kinds)
-    return {name: unit_of(about) for each in fields for name, about in each.items()}
 
 
 def not_modelled(case: Case) -> list[str]:
