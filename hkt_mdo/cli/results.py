@@ -57,7 +57,7 @@ def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> 
     Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
     value, the upper end if it is a range, unit and note.
     """
-    parts.print_tables(parts.tables_of(read_result(result)), as_json, as_csv)
+    parts.print_tables(read_result(result).overview, as_json, as_csv)
 
 
 def plot(
@@ -145,8 +145,7 @@ def compare(
         known[3:3] = row  # below case, verdict and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
-        records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
-        parts.print_records([each for several in records for each in several], as_json)
+        parts.print_records(parts.plain_rows(zip(names, rows, strict=True), "result"), as_json)
     else:
         _print_beside(names, [texts(each) for each in rows])
     finished = [each for each in solutions if each.finished]
@@ -276,4 +275,4 @@ def simulate(
         echo(str(path), err=for_program)
     broken = [limit_words(name) for name, x in largest(told).items() if x.kept is False]
     if strict and broken:
-        raise parts.ended(parts.NO_SUCCESS, f"not kept: {', '.join(broken)}")
+        raise parts.failed(f"not kept: {', '.join(broken)}")
