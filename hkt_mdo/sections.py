@@ -190,16 +190,11 @@ class Quantity:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, __: Any) -> dict[str, Any]:
-        schema: dict[str, Any] = {"type": ["number", "string"], "pattern": f"^{_PER_CENT.pattern}$"}
-        if self.unit:
-            # JSON schema applies a bound to numbers only, a pattern to texts only
-            schema = {
-                "type": ["number", "string"],
-                "pattern": f"^{_QUANTITY_TEXT.pattern[:-1]}$",
-                "unit": self.unit,
-            }
-        bounds = {word: getattr(self, name) for name, _, _, word in BOUNDS}
-        return schema | {word: bound for word, bound in bounds.items() if bound is not None}
+        # JSON schema applies a bound to numbers only, a pattern to texts only
+        pattern = _QUANTITY_TEXT.pattern[:-1] if self.unit else _PER_CENT.pattern
+        given = {"unit": self.unit} | {word: getattr(self, name) for name, _, _, word in BOUNDS}
+        known = {word: value for word, value in given.items() if value is not None}
+        return {"type": ["number", "string"], "pattern": f"^{pattern}$"} | known
 
 
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:

@@ -10,7 +10,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
-import yaml
 from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model, model_validator
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
@@ -27,7 +26,7 @@ from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
-from hkt_mdo.files.yaml_text import Dumper, parse
+from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import TAGS, validated
 from hkt_mdo.sections import Quantity, Section, refusal
 
@@ -121,11 +120,6 @@ class FlowScenario(Section):
                 raise refusal(problem, remedy, key=f"{key}.realizations", value=count)
             made.append(self.model_copy(update=changes))
         return made
-
-
-def _yaml(data: Any, **style: Any) -> str:
-    """Return data as YAML."""
-    return str(yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, **style))
 
 
 def _reseeded(inflow: Inflow, number: int) -> Inflow:
@@ -370,10 +364,10 @@ class Case(Section):
         Keys whose values come from the shipped blade are not written but listed in a comment.
         """
         data, own = self._without_own()
-        text = _yaml(data, width=100)
+        text = dump(data)
         if not own:
             return text
-        brings = _yaml(own, width=float("inf"), default_flow_style=True).strip()
+        brings = dump(own, width=float("inf"), default_flow_style=True).strip()
         about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
         return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
 
@@ -385,7 +379,7 @@ class Case(Section):
         given = self.model_dump(mode="json", exclude_defaults=True)
         given["inflow"] = {"profile": self.inflow.profile} | given["inflow"]
         given["control"] = {"law": self.control.law} | given["control"]
-        return f"<pre>{html.escape(_yaml(given))}</pre>"
+        return f"<pre>{html.escape(dump(given))}</pre>"
 
     def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the case as JSON without the values of its shipped blade, and these values."""
@@ -398,7 +392,8 @@ class Case(Section):
         # a limit of an extension that the case does not use need not be there when it is read
         known, limits = {kind_name(each) for each in BUILT_IN.of(Limit)}, data["limits"]
         data["limits"] = {key: x for key, x in limits.items() if x is not None or key in known}
-        data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
+        flows = [each.model_dump(mode="json", exclude_none=True) for each in self.scenarios]
+        data["scenarios"] = flows
         return data, own
 
     def with_overrides(self, *overrides: str) -> Case:
@@ -409,15 +404,6 @@ class Case(Section):
         """
         data, _ = self._without_own()
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
-
-
-def _without_nulls(section: dict[str, Any]) -> dict[str, Any]:
-    """Return a section of a case without keys that are null, nor in the sections below."""
-    return {
-        key: _without_nulls(value) if isinstance(value, dict) else value
-        for key, value in section.items()
-        if value is not None
-    }
 
 
 def _is_splined(design: Any) -> bool:

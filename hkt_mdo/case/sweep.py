@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import Field, Strict, model_validator
 
 from hkt_mdo.case.document import unit_at
@@ -22,7 +21,7 @@ from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
-from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import validated
 from hkt_mdo.sections import Quantity, Section, refusal
 
@@ -197,7 +196,7 @@ class Sweep(Section):
     def to_yaml(self) -> str:
         """Return the sweep as YAML, without what is by default."""
         data = self.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        return str(yaml.dump(data | {"seed": self.seed}, sort_keys=False, width=100))
+        return dump(data | {"seed": self.seed})
 
     def case_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Case:
         """Return the case of a point. Raises InputError where that has no case."""

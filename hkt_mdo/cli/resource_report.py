@@ -5,14 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.files.table import csv_text, write_new
-from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.messages import validated
 from hkt_mdo.results import style
 from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel
@@ -57,8 +56,8 @@ def report_resource(
     samples, (speed, share) = record.samples, record.binned()
     rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
-    section = {"profile": "histogram", "file": "resource.csv"}
-    texts, length = {"resource.csv": table, "case.yaml": _yaml(section)}, samples.time[-1]
+    section = {"resource": {"profile": "histogram", "file": "resource.csv"}}
+    texts, length = {"resource.csv": table, "case.yaml": dump(section)}, samples.time[-1]
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
         texts["case.yaml"] = note + texts["case.yaml"]
@@ -67,7 +66,7 @@ def report_resource(
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        texts["tide.yaml"] = _yaml(tide.section)
+        texts["tide.yaml"] = dump({"resource": tide.section})
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
     contents = {out / name: text.encode() for name, text in texts.items()}
@@ -76,11 +75,6 @@ def report_resource(
         contents[out / f"{name}.png"] = style.picture(figure)
     files = [path.name for path in write_new(contents, force)]
     return [*lines, f"Written: {out}: {', '.join(files)}"]
-
-
-def _yaml(section: dict[str, Any]) -> str:
-    """Return the lines of a case."""
-    return str(yaml.dump({"resource": section}, Dumper=Dumper, sort_keys=False, width=100))
 
 
 def _statistics(speed, share) -> Iterator[str]:

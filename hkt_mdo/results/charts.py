@@ -156,10 +156,10 @@ def of_scenario(results: Results, name: str) -> list[Labelled]:
     ]
 
 
-def _alone(results: Results) -> list[Labelled]:
-    """Return the scenarios of results that have tables, with the names of the results."""
+def _alone(results: Results, over: str = "") -> list[Labelled]:
+    """Return the scenarios of results that have tables over something, named as the results."""
     parts = [each._replace(solution=one) for each in results for one in each.solution.by_scenario]
-    return [each for each in parts if each.table]
+    return [each for each in parts if each.table and not (over == "time" and each.solution.steady)]
 
 
 def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, float]:
@@ -341,7 +341,7 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
     panel, scale = _panel_of(results, quantity, across)
     panel.left = panel.from_zero = panel.across_from_zero = over != "time"
     for each in results:
-        tables = [one.table for one in _over(each, over)]
+        tables = [one.table for one in _alone([each], over)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         if parts:
             place, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
@@ -355,17 +355,12 @@ def smallest_margin(results: Results) -> Panel:
     title = "smallest margin of all limits and scenarios (%)"
     panel = Panel(title, "time (s)", levels={"limit": 0.0})
     for each in results:
-        left = [(one.table["time_s"], margins(one.solution)) for one in _over(each, "time")]
+        left = [(one.table["time_s"], margins(one.solution)) for one in _alone([each], "time")]
         parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
         if parts:
             x, low, _ = _ranges(parts, ENVELOPE)
             panel.curves.append(each.curve(x, low, each.label or "smallest margin"))
     return panel
-
-
-def _over(result: Labelled, over: str) -> list[Labelled]:
-    """Return the scenarios with tables; those without time have none over time."""
-    return [one for one in _alone([result]) if over != "time" or not one.solution.steady]
 
 
 def _ranges(

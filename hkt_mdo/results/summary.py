@@ -361,8 +361,9 @@ class YearEntry(_Entry):
         yield Row("capacity factor", factor, note=most, digits=4)
         yield Row(
             "hours of operation",
-            f"{measured(self.operation_h, '', 5)} h",
-            note=joined(
+            self.operation_h,
+            "h",
+            joined(
                 f"standstill {measured(self.standstill_h, '', 4)} h",
                 f"at the largest electrical power {measured(self.rated_h, '', 4)} h",
                 *(
@@ -717,11 +718,8 @@ class Summary(_Entry, Mapping[str, Any]):
 
     def _optimization(self) -> Iterator[Row]:
         """Yield the rows of the computation."""
-        for label, error in (
-            ("torque curve, relative error", self.surrogate_error),
-            ("rotor speed, relative error", self.max_speed_error),
-        ):
-            yield Row(label, None if error is None else f"{error:.2g}")
+        yield Row("torque curve, relative error", self.surrogate_error, digits=2)
+        yield Row("rotor speed, relative error", self.max_speed_error, digits=2)
         if self.bins_error is not None:
             yield Row("energy by bins of the flow, relative error", f"{self.bins_error:+.2g}")
         seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
@@ -731,7 +729,7 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
             note = "; ".join(remedies).replace("_", " ")
-            yield Row("optimizations", str(len(self.passes)), "", note)
+            yield Row("optimizations", len(self.passes), "", note)
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
