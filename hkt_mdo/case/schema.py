@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, partial
@@ -122,16 +121,13 @@ class FlowScenario(Section):
         return made
 
 
-def _reseeded(inflow: Inflow, number: int) -> Inflow:
+def _reseeded(inflow: Any, number: int) -> Any:
     """Return a flow whose seed, or those of its parts, are larger by a number."""
-    parts = inflow.parts if isinstance(inflow, SumInflow) else (inflow,)
-    made = [
-        each.model_copy(update={"seed": each.seed + number}) if hasattr(each, "seed") else each
-        for each in parts
-    ]
-    if not isinstance(inflow, SumInflow):
-        return made[0]
-    return inflow.model_copy(update={"parts": tuple(made)})
+    if isinstance(inflow, SumInflow):
+        parts = tuple(_reseeded(part, number) for part in inflow.parts)
+        return inflow.model_copy(update={"parts": parts})
+    known = hasattr(inflow, "seed")
+    return inflow.model_copy(update={"seed": inflow.seed + number}) if known else inflow
 
 
 class Case(Section):
@@ -595,36 +591,10 @@ def _make_case(
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
-    given = {assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     try:
-        return validated(case_class(kinds), data, file, given, context)
+        return validated(case_class(kinds), data, file, overrides, context)
     except InputError as failure:
         if data.get("resource") and failure.key.partition(".")[0] == "inflow":
             failure.key = failure.key.replace("inflow", "resource", 1)
         raise
-
-
-def assign(data: dict[str, Any], override: str, file: str) -> str:
-    """Apply an override and return its dotted key; a bare name of a kind becomes a section first.
-
-    `data` is changed; `file` names it in messages. Raises InputError if the override is not valid.
-    """
-    key, equals, text = override.partition("=")
-    key = key.strip()
-    if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
-        remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
-        raise InputError("is not an override", remedy, file=file, key="override", value=override)
-    *sections, last = key.split(".")
-    for depth, section in enumerate(sections):
-        inner = data.setdefault(section, {})
-        if isinstance(inner, str) and depth == 0 and section in TAGS:
-            inner = data[section] = {TAGS[section]: inner}
-        if not isinstance(inner, dict):
-            problem = f"has no keys, so the override {key} cannot be applied"
-            remedy = "override it as a whole, or only keys of sections"
-            place = ".".join(sections[: depth + 1])
-            raise InputError(problem, remedy, file=file, key=place, value=inner)
-        data = inner
-    data[last] = parse(text, f"{file}, override {key}", key)
-    return key

@@ -2,11 +2,9 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
 from hkt_mdo.dynamics.resource import YEAR
@@ -50,9 +48,7 @@ def report_resource(
     InputError
         If a key or the record is not as it should be, or a file is there already.
     """
-    data: dict[str, Any] = {"file": str(file)}
-    given = {assign(data, text, "hkt resource"): text for text in keys}
-    record = validated(RecordResource, data, "hkt resource", given)
+    record = validated(RecordResource, {"file": str(file)}, "hkt resource", keys)
     samples, (speed, share) = record.samples, record.binned()
     rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from pydantic import create_model
 
-from hkt_mdo.case.schema import assign
 from hkt_mdo.errors import InputError, did_you_mean, install, needed, program_version
 from hkt_mdo.exports import FORMATS, PACKAGES
 from hkt_mdo.files.table import write_new
@@ -84,9 +83,7 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
         kind = resolve_name(f"hkt_mdo.exports.{FORMATS[name]}")
         fields[name] = kind, kind()
     root = create_model("Exports", __base__=Section, **fields)
-    data: dict[str, Any] = {}
-    given = {assign(data, override, "hkt export"): override for override in overrides}
-    made = validated(root, data, "hkt export", given)
+    made = validated(root, {}, "hkt export", overrides)
     return [getattr(made, name) for name in fields]
 
 

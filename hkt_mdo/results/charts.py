@@ -17,7 +17,7 @@ from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel, S
 from hkt_mdo.results.sections import STACKING
 from hkt_mdo.results.sections import sections as sections_of
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.steady import BINS, binned, rated_point, steady_curve
+from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
 
 WORDS = {
@@ -344,7 +344,7 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
         tables = [one.table for one in _alone([each], over)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         if parts:
-            place, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
+            place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
             name = each.label or "smallest to largest of all scenarios"
             panel.curves.append(each.curve(place, high, name, quantity, kind="band", low=low))
     return panel
@@ -358,24 +358,16 @@ def smallest_margin(results: Results) -> Panel:
         left = [(one.table["time_s"], margins(one.solution)) for one in _alone([each], "time")]
         parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
         if parts:
-            x, low, _ = _ranges(parts, ENVELOPE)
+            x, _, low, _ = _ranges(parts, ENVELOPE)
             panel.curves.append(each.curve(x, low, each.label or "smallest margin"))
     return panel
 
 
-def _ranges(
-    parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> Binned:
     """Return the smallest and the largest of several series in classes of their abscissa."""
     x, y = (np.concatenate(each) for each in zip(*parts, strict=True))
     count = max(1, min(most, min(each.size for each, _ in parts) // 2))
-    edges = np.linspace(np.min(x), np.max(x), count + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
-    low, high = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(low, place, y)
-    np.maximum.at(high, place, y)
-    met = np.isfinite(low)
-    return 0.5 * (edges[1:] + edges[:-1])[met], low[met], high[met]
+    return binned(x, y, count=count, fewest=1, ends=(0.0, 100.0))
 
 
 # ---- the blade, its coefficients, its loads, and the convergence
