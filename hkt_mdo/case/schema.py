@@ -221,12 +221,8 @@ class Case(Section):
                 problem = "needs an objective that is an energy and is maximized"
                 remedy = "leave it out, or give an objective such as captured"
                 raise refusal(problem, remedy, key=key, value=given)
-        limited = {each.name for each in self.limits.given}
-        if (
-            isinstance(control, RatedFeedback)
-            and control.power is None
-            and not limited & {PowerLimit.name, ElectricalPowerLimit.name}
-        ):
+        limited = any(isinstance(x, PowerLimit | ElectricalPowerLimit) for x in self.limits.given)
+        if isinstance(control, RatedFeedback) and control.power is None and not limited:
             problem = "is missing, and there is no limit of the power from which it would follow"
             remedy = "give it or limits.power, or control.law: quadratic, which needs none"
             raise refusal(problem, remedy, key="control.power", value=None)

@@ -17,15 +17,7 @@ from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import CheckEntry, Summary, unasked
-from hkt_mdo.results.words import (
-    joined,
-    limit_words,
-    measured,
-    number,
-    plain_unit,
-    printable,
-    texts,
-)
+from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable, texts
 from hkt_mdo.sections import Section
 
 LONGEST_CASE = 1024**2
@@ -153,7 +145,7 @@ def _headline(solution: Solution) -> dict[str, str]:
     if year is not None:
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
         doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
-        told = "-" if net is None else f"{number(1e-3 * net)} MWh{doubt}"
+        told = "-" if net is None else measured(1e-3 * net, "MWh", 4) + doubt
         rows["electrical energy a year"] = told
         factor = year.capacity_factor
         rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
@@ -164,8 +156,8 @@ def _headline(solution: Solution) -> dict[str, str]:
         lossless = name == "electrical" and energy == summary.generator_energy_J
         if energy is not None and not lossless and duration:
             power = 1e-3 * energy / duration
-            rows[f"mean {name} power"] = f"{number(power)} kW"
-            rows[f"{name} energy a day"] = f"{number(24.0 * power)} kWh"
+            rows[f"mean {name} power"] = measured(power, "kW", 4)
+            rows[f"{name} energy a day"] = measured(24.0 * power, "kWh", 4)
     alone = [(each, rated_point(each)) for each in solution.by_scenario]
     rated = [point[0] for _, point in alone if point is not None]
     if rated:

@@ -10,14 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationError,
-    field_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
@@ -482,9 +475,7 @@ class Summary(_Entry, Mapping[str, Any]):
     rotor's axis; it changes its sign in half a turn."""
     at_bounds: list[BoundEntry] | None = None
     """Design variables that end at a bound of the case: a wider one may give more."""
-    scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
-        None
-    )
+    scenarios: dict[Annotated[str, Field(pattern=SCENARIO)], ScenarioEntry] | None = None
     """Results of each scenario of the case."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
