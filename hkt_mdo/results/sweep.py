@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case.document import unit_at
+from hkt_mdo.case.document import quantity_at
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, read_text, write_files
@@ -206,7 +206,7 @@ class SweepTable:
         if name == "objective":
             words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
         elif name in self.sweep.over:
-            words, unit = name, unit_at(name)
+            words, unit = name, getattr(quantity_at(name), "unit", None) or ""
         elif unit not in ("W", "J", "N", "Pa", "Nm", "kg"):
             return values, name
         plain = plain_unit(unit.replace("Nm", "N m"))
