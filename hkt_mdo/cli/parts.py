@@ -81,6 +81,12 @@ def complain(what: str, message: str) -> None:
     echo(f"{what}: {line}", err=True)
 
 
+def print_lines(lines: Iterable[object], err: bool = False) -> None:
+    """Print files, or lines of text, each on a line of its own."""
+    for line in lines:
+        echo(str(line), err=err)
+
+
 def failed(message: str) -> Exit:
     """Return the end of a command without success, after its message on standard error."""
     complain("error", message)

@@ -88,8 +88,7 @@ def plot(
         written = save_figures(solution, folder, forms)
     if not written:
         raise InputError("holds no data to draw", "let the run finish", file=result)
-    for path in written:
-        echo(str(path))
+    parts.print_lines(written)
 
 
 def report(
@@ -164,8 +163,7 @@ def compare(
     if out is not None and finished:
         from hkt_mdo.results.figures import save_figures
 
-        for path in save_figures(finished, out):
-            echo(str(path), err=for_program)
+        parts.print_lines(save_figures(finished, out), err=for_program)
 
 
 _WIDEST = 44  # characters of a column; longer texts take more lines
@@ -207,8 +205,8 @@ def export(
     from hkt_mdo.exports.base import export
 
     formats = [name.strip() for each in to for name in each.split(",")]
-    for path in export(read_result(result), formats, out, options=options or (), force=force):
-        echo(str(path))
+    solution = read_result(result)
+    parts.print_lines(export(solution, formats, out, options=options or (), force=force))
 
 
 def simulate(
@@ -271,8 +269,8 @@ def simulate(
         quiet = " without noise" if noise else ""
         over = f" of {len(told)} simulations" if several else ""
         parts.print_tables({f"Largest values{quiet}{over}": rows})
-    for path in write(out, told) if out is not None else ():
-        echo(str(path), err=for_program)
+    if out is not None:
+        parts.print_lines(write(out, told), err=for_program)
     broken = [limit_words(name) for name, x in largest(told).items() if x.kept is False]
     if strict and broken:
         raise parts.failed(f"not kept: {', '.join(broken)}")

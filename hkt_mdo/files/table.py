@@ -622,9 +622,7 @@ class Csv:
                 remedy += f"the {what} has the columns {','.join(names)}"
                 raise self.refuse(f"lacks the column {name}", remedy)
 
-    def columns(
-        self, names: Sequence[str], what: str, optional: Sequence[str] = ()
-    ) -> dict[str, Column]:
+    def columns(self, names: Sequence[str], what: str) -> dict[str, Column]:
         """Return columns of numbers.
 
         Parameters
@@ -633,8 +631,6 @@ class Csv:
             Columns that must be there.
         what : str
             What the table is, for messages.
-        optional : sequence of str
-            Columns that are returned if they are there.
 
         Returns
         -------
@@ -646,6 +642,5 @@ class Csv:
         InputError
             As of `check`, and if there are no rows, or a cell is no number.
         """
-        self.check(names, what, optional)
-        wanted = (*names, *optional)
-        return number_columns(self.rows, self.header, self.file, wanted)
+        self.check(names, what)
+        return number_columns(self.rows, self.header, self.file, names)
