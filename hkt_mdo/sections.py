@@ -14,7 +14,7 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from textwrap import indent
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -294,6 +294,8 @@ class Section(BaseModel):
         hide_input_in_errors=True,
         serialize_by_alias=True,
     )
+    bare: ClassVar[tuple[str, ...]] = ()
+    """Names that a case may give in place of the section."""
 
     @classmethod
     def description(cls, key: str) -> str:
@@ -341,7 +343,7 @@ class Section(BaseModel):
                 properties[name]["description"] = text
             if name in properties and (unit := cls.unit_of(key)):
                 properties[name]["title"] = f"{name} [{unit}]"
-        return whole
+        return {"anyOf": [{"enum": [*cls.bare]}, whole]} if cls.bare else whole
 
 
 def parts_of(annotation: Any) -> Iterator[Any]:

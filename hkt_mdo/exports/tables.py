@@ -323,10 +323,8 @@ def _station_loads(design: Design, steady: dict | None) -> list[Table]:
     found = design.physics.rotor.at_flow(flow).sections(blade, points["tip_speed_ratio"])
     across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
     pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
-    by_station = (
-        np.broadcast_to(number[:, None], speed.shape),
-        np.broadcast_to(blade.r, speed.shape),
-        np.broadcast_to(blade.chord, speed.shape),
+    by_station = np.broadcast_arrays(
+        *(number[:, None], blade.r, blade.chord),
         pressure * found.normal_load,
         pressure * found.tangential_load,
         found.angle_of_attack,
