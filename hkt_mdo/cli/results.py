@@ -134,7 +134,7 @@ def compare(
     results to which another result of the same turbine in the same flow is superior: it keeps the
     limits of their case and has a better objective.
     """
-    from hkt_mdo.results.nesting import dominated, ranked
+    from hkt_mdo.results.nesting import ranked, remarks
     from hkt_mdo.results.words import texts
 
     for_program = parts.one_form(as_json, as_csv)
@@ -148,14 +148,7 @@ def compare(
     else:
         _print_beside(names, [texts(each) for each in rows])
     finished = [each for each in solutions if each.finished]
-    if len({each.case.objective.kind for each in finished}) > 1:
-        echo("note: the objectives differ: results are in the order given", err=for_program)
-    flow = {"inflow", "resource", "scenarios"}
-    if len({each.case.model_dump_json(include=flow) for each in finished}) > 1:
-        note = "note: the flows differ: objectives and loads are not of the same conditions"
-        echo(note, err=for_program)
-    for line in dominated(finished):
-        echo(f"note: {line}", err=for_program)
+    parts.print_lines((f"note: {line}" for line in remarks(finished)), err=for_program)
     for each in solutions:
         if not each.finished:
             left_out = "it is not ranked and not in the figures"

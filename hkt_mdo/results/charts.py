@@ -7,6 +7,7 @@ has the same colour in every chart.
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -293,22 +294,15 @@ def margins(solution: Solution) -> dict[str, np.ndarray]:
     return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
 
 
-def largest_shares(solution: Solution) -> dict[str, float]:
-    """Return the largest value of each limit over its bound, of all scenarios."""
-    most: dict[str, float] = {}
-    for one in solution.by_scenario:
-        for name, share in one.limit_shares().items():
-            most[name] = max(most.get(name, -np.inf), float(np.nanmax(share)))
-    return most
-
-
 def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
     across = "largest value over its limit (%)"
     panel = Panel("", across, marks={"limit": 100.0}, across_from_zero=True)
     for each in results:
-        for limit, share in largest_shares(each.solution).items():
-            value, row = np.array([100.0 * share]), np.array([limit_words(limit)])
+        shares = [one.limit_shares() for one in each.solution.by_scenario]
+        for limit in dict.fromkeys(chain.from_iterable(shares)):
+            most = max(float(np.nanmax(share[limit])) for share in shares if limit in share)
+            value, row = np.array([100.0 * most]), np.array([limit_words(limit)])
             name = each.label or "largest value"
             panel.curves.append(each.curve(value, row, name, limit, kind="across"))
     return [panel]

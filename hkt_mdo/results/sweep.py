@@ -67,7 +67,7 @@ def row_of(solution: Solution) -> Row:
     return row | {"message": "" if solution.success else solution.message}
 
 
-def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
+def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
     """Write the table of a sweep: CSV, and as packages allow Parquet and, of a grid, NetCDF.
 
     Parameters
@@ -78,11 +78,6 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
         What was asked.
     rows : sequence of dict
         A row for each point, in the order of the points.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files.
     """
     names = list(dict.fromkeys(name for row in rows for name in row))
     names.sort(key="message".__eq__)  # a text, the last one
@@ -103,8 +98,6 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
         along = {key: np.moveaxis(shaped.pop(key), at, 0) for at, key in enumerate(keys)}
         axes = {key: each.reshape(len(each), -1)[:, 0] for key, each in along.items()}
         Dataset({name: (keys, each) for name, each in shaped.items()}, axes).to_netcdf(grid)
-        files[grid] = b""
-    return list(files)
 
 
 def _column(values: Iterable[Any]) -> np.ndarray:
