@@ -9,7 +9,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from hkt_mdo.errors import InputError, did_you_mean
-from hkt_mdo.files.yaml_text import dotted
+from hkt_mdo.files.yaml_text import dotted, parse
 from hkt_mdo.sections import Section
 
 KINDS = {
@@ -99,9 +99,9 @@ def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
 
 def validated(
     root: type[_Model],
-    data: Mapping[str, Any],
+    data: Any,
     file: str,
-    overrides: Mapping[str, str] | None = None,
+    overrides: Iterable[str] = (),
     context: Mapping[str, Any] | None = None,
 ) -> _Model:
     """Return a section made of data; the first error is an `InputError` in words for the user.
@@ -112,12 +112,12 @@ def validated(
     ----------
     root : type
         Class of the section.
-    data : mapping
-        What a file, or a user of Python, gives.
+    data : dict
+        What a file, or a user of Python, gives; the overrides change it.
     file : str
         What messages call the text.
-    overrides : mapping of str to str, optional
-        Overrides by their keys.
+    overrides : iterable of str
+        As of `assign`.
     context : mapping, optional
         That of pydantic's validators.
 
@@ -131,6 +131,7 @@ def validated(
     InputError
         If anything in the data is wrong.
     """
+    given = {assign(data, override, file): override for override in overrides}
     try:
         return root.model_validate(data, context=context)
     except ValidationError as error:
@@ -144,11 +145,53 @@ def validated(
     if more:
         told = "; ".join(f"{each[0]} {each[1]}" for each in more[:3])
         remedy = f"{remedy} (and {len(more)} more: {told})"
-    for overridden, text in (overrides or {}).items():
+    for overridden, text in given.items():
         if key == overridden or key.startswith((f"{overridden}.", f"{overridden}[")):
             file = f"{file}, override {text if len(text) <= 60 else text[:57] + '...'}"
             break
     raise InputError(problem, remedy, file=file, key=key, **value)
+
+
+def assign(data: dict[str, Any], override: str, file: str) -> str:
+    """Apply an override and return its dotted key; a bare name of a kind becomes a section first.
+
+    Parameters
+    ----------
+    data : dict
+        Is changed.
+    override : str
+        Such as ``rotor.radius=2``; the text after the first ``=`` is YAML.
+    file : str
+        What messages call the data.
+
+    Returns
+    -------
+    str
+        The key.
+
+    Raises
+    ------
+    InputError
+        If the override is not valid.
+    """
+    key, equals, text = override.partition("=")
+    key = key.strip()
+    if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
+        remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
+        raise InputError("is not an override", remedy, file=file, key="override", value=override)
+    *sections, last = key.split(".")
+    for depth, section in enumerate(sections):
+        inner = data.setdefault(section, {})
+        if isinstance(inner, str) and depth == 0 and section in TAGS:
+            inner = data[section] = {TAGS[section]: inner}
+        if not isinstance(inner, dict):
+            problem = f"has no keys, so the override {key} cannot be applied"
+            remedy = "override it as a whole, or only keys of sections"
+            place = ".".join(sections[: depth + 1])
+            raise InputError(problem, remedy, file=file, key=place, value=inner)
+        data = inner
+    data[last] = parse(text, f"{file}, override {key}", key)
+    return key
 
 
 def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, dict[str, Any]]:

@@ -8,12 +8,13 @@ import math
 import numbers
 import operator
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from textwrap import indent
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -59,7 +60,7 @@ _NEWTON_METRE = re.compile(r"\b([kM]?)Nm\b")
 _COMMA = re.compile(r"[-+]?\d+,\d")
 _PER_CENT = re.compile(rf"({_NUMBER}) *%")
 _LONGEST_QUANTITY, _LONGEST_UNIT = 64, 24  # characters, so that no text takes long to evaluate
-_BOUNDS = (
+BOUNDS = (
     ("gt", operator.gt, "greater than", "exclusiveMinimum"),
     ("ge", operator.ge, "at least", "minimum"),
     ("lt", operator.lt, "less than", "exclusiveMaximum"),
@@ -136,7 +137,7 @@ class Quantity:
             number = math.inf
         if not math.isfinite(number):
             raise self._refuse("must be a finite number")
-        for name, holds, words, _ in _BOUNDS:
+        for name, holds, words, _ in BOUNDS:
             bound = getattr(self, name)
             if bound is not None and not holds(number, bound):
                 unit = f" {self.unit}" if self.unit else ""
@@ -173,9 +174,7 @@ class Quantity:
             return float(units.convert_units(number, unit, self.unit))
         except TypeError:
             problem = f"has the unit {unit}, which does not convert to {self.unit}"
-        except (ArithmeticError, ValueError):
-            problem = f"cannot be converted from {unit} to {self.unit}"
-        raise self._refuse(problem)
+            raise self._refuse(problem) from None
 
     @property
     def form(self) -> str:
@@ -191,16 +190,11 @@ class Quantity:
         return core_schema.no_info_plain_validator_function(self.read)
 
     def __get_pydantic_json_schema__(self, _: CoreSchema, __: Any) -> dict[str, Any]:
-        schema: dict[str, Any] = {"type": ["number", "string"], "pattern": f"^{_PER_CENT.pattern}$"}
-        if self.unit:
-            # JSON schema applies a bound to numbers only, a pattern to texts only
-            schema = {
-                "type": ["number", "string"],
-                "pattern": f"^{_QUANTITY_TEXT.pattern[:-1]}$",
-                "unit": self.unit,
-            }
-        bounds = {word: getattr(self, name) for name, _, _, word in _BOUNDS}
-        return schema | {word: bound for word, bound in bounds.items() if bound is not None}
+        # JSON schema applies a bound to numbers only, a pattern to texts only
+        pattern = _QUANTITY_TEXT.pattern[:-1] if self.unit else _PER_CENT.pattern
+        given = {"unit": self.unit} | {word: getattr(self, name) for name, _, _, word in BOUNDS}
+        known = {word: value for word, value in given.items() if value is not None}
+        return {"type": ["number", "string"], "pattern": f"^{pattern}$"} | known
 
 
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:
@@ -269,11 +263,7 @@ def find_file(
     return str(path)
 
 
-def _existing_file(value: str, info: ValidationInfo) -> str:
-    return find_file(value, info)
-
-
-ExistingFile = Annotated[str, AfterValidator(_existing_file)]
+ExistingFile = Annotated[str, AfterValidator(find_file)]
 """A file that a case names, which must exist; an absolute path."""
 
 
@@ -304,6 +294,8 @@ class Section(BaseModel):
         hide_input_in_errors=True,
         serialize_by_alias=True,
     )
+    bare: ClassVar[tuple[str, ...]] = ()
+    """Names that a case may give in place of the section."""
 
     @classmethod
     def description(cls, key: str) -> str:
@@ -325,11 +317,49 @@ class Section(BaseModel):
         return cls.model_fields[key].description or next(filter(None, found), "")
 
     @classmethod
+    def unit_of(cls, key: str) -> str:
+        """Return the unit of a key.
+
+        Parameters
+        ----------
+        key : str
+            A field of the section.
+
+        Returns
+        -------
+        str
+            The first one in its annotation; empty where there is none.
+        """
+        found = parts_of(cls.model_fields[key].rebuild_annotation())
+        return next((x.unit for x in found if isinstance(x, Quantity) and x.unit), "")
+
+    @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
         whole = handler(schema)
         properties = handler.resolve_ref_schema(whole).get("properties", {})
         for key, field in cls.model_fields.items():
-            place = properties.get(field.alias, properties.get(key))
-            if place is not None and (text := cls.description(key)):
-                place["description"] = text
-        return whole
+            name = field.alias if field.alias in properties else key
+            if name in properties and (text := cls.description(key)):
+                properties[name]["description"] = text
+            if name in properties and (unit := cls.unit_of(key)):
+                properties[name]["title"] = f"{name} [{unit}]"
+        return {"anyOf": [{"enum": [*cls.bare]}, whole]} if cls.bare else whole
+
+
+def parts_of(annotation: Any) -> Iterator[Any]:
+    """Yield the quantities and the sections in an annotation.
+
+    Parameters
+    ----------
+    annotation : type
+        Of a field.
+
+    Yields
+    ------
+    Quantity or type
+        A quantity, or the class of a section.
+    """
+    if isinstance(annotation, Quantity) or Section in getattr(annotation, "__mro__", ()):
+        yield annotation
+    for each in get_args(annotation):
+        yield from parts_of(each)

@@ -4,6 +4,7 @@ import platform
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from numbers import Real
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,11 @@ def ensemble_key(law: str, flow: str, sensor: Sensor | None = DEFAULT) -> str:
     return f"{law}_{flow}_" + (f"{sensor.reference}_{sensor.rate:g}Hz" if sensor else "quiet")
 
 
+def _number(value, form: str) -> str:
+    """Return a number in a format; a dash where there is none."""
+    return form.format(value) if isinstance(value, Real) else "–"
+
+
 def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) -> dict:
     """Write paper.json, report.md, report.html and the figures; return what paper.json holds.
 
@@ -105,6 +111,7 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     style.save(figures, out / "figures", ("png", "pdf"))
     report(f"{len(figures)} figures")
     about = {"title": TITLE, "titles": TITLES, "labels": LABELS, "figures": shown} | data
+    about["number"] = _number
     text = rendered(Path(__file__).with_name("paper_report.md"), **about)
     write_json(out / "paper.json", data)
     write_text(out / "report.md", text)

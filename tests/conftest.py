@@ -167,6 +167,19 @@ def own_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
+def put(tmp_path: Path):
+    """Return a function that writes a text into the test's folder and returns its path."""
+
+    def write(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="")
+        return path
+
+    return write
+
+
+@pytest.fixture
 def result_folder(tmp_path: Path) -> Path:
     """Return the folder of an invented, successful run."""
     return make_result(tmp_path / "result")

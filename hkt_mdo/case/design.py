@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo, model_validator
 
@@ -145,6 +145,7 @@ class InflowDynamics(Section):
     The name of the model may stand alone, `inflow_dynamics: oye`.
     """
 
+    bare: ClassVar[tuple[str, ...]] = "quasi_steady", "oye"
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
     """`quasi_steady`: without delay; `oye`: with the two filters of Oye (docs/dynamic_inflow.md).
     """
@@ -163,11 +164,6 @@ class InflowDynamics(Section):
             remedy = "give model: oye, or leave it out"
             raise refusal(problem, remedy, key="tau1", value=self.tau1)
         return self
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        whole = super().__get_pydantic_json_schema__(schema, handler)
-        return {"anyOf": [{"enum": ["quasi_steady", "oye"]}, whole]}
 
 
 _OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"

@@ -12,6 +12,7 @@ from hkt_mdo.case.schema import case_class
 from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.files.template import templates
 from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.sections import BOUNDS, Quantity, parts_of
 
 
 def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
@@ -25,8 +26,6 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
     for whole in (schema, *schema["$defs"].values()):
         section = whole.get("anyOf", [whole])[-1]  # a limit may be its bound alone
         for key, value in section["properties"].items():
-            if unit := unit_of(value):
-                value["title"] = f"{key} [{unit}]"
             if "const" in value:
                 section["required"] = [key, *section.get("required", ())]
                 section["title"] = f"{key}: {value['const']}"
@@ -39,22 +38,15 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def unit_of(value: Any) -> str:
-    """Return the first unit anywhere in the schema of a value; empty where there is none."""
-    if isinstance(value, dict):
-        return value.get("unit") or next(filter(None, map(unit_of, value.values())), "")
-    return next(filter(None, map(unit_of, value)), "") if isinstance(value, list) else ""
-
-
-def unit_at(key: str) -> str:
-    """Return the unit of a key of a case by its dotted name; empty where there is none."""
-    schema = case_class(known_kinds(())).model_json_schema()
-    found = [_inlined({"properties": schema["properties"]}, schema["$defs"])]
-    for part in key.split("."):
-        for each in found:  # sections among other kinds of a value
-            found += [*each.get("anyOf", ()), *each.get("oneOf", ())]
-        found = [each["properties"][part] for each in found if part in each.get("properties", {})]
-    return unit_of(found)
+def quantity_at(key: str, extensions: Iterable[Extension] = ()) -> Quantity | None:
+    """Return what a key of a case takes, by its dotted name; None where that is no quantity."""
+    found: list[Any] = [case_class(known_kinds(extensions))]
+    for name in (*key.split("."), "bound"):  # a limit may be its bound alone
+        known = [each.model_fields.items() for each in found if not isinstance(each, Quantity)]
+        fields = [field for each in known for own, field in each if name == (field.alias or own)]
+        found = [each for each in found if isinstance(each, Quantity)]
+        found += [part for field in fields for part in parts_of(field.rebuild_annotation())]
+    return next((each for each in found if isinstance(each, Quantity)), None)
 
 
 def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:
@@ -165,13 +157,7 @@ def _kind(value: Mapping[str, Any]) -> str:
         "boolean": "true or false",
     }
     kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
-    bounds = {
-        "at least": "minimum",
-        "greater than": "exclusiveMinimum",
-        "at most": "maximum",
-        "less than": "exclusiveMaximum",
-    }
-    given = [f"{words} {_yaml(value[key])}" for words, key in bounds.items() if key in value]
+    given = [f"{words} {_yaml(value[key])}" for _, _, words, key in BOUNDS if key in value]
     return ", ".join(filter(None, (kind, " and ".join(given))))
 
 

@@ -48,7 +48,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.errors import InputError, show
-from hkt_mdo.sections import Quantity, Section, is_unit
+from hkt_mdo.sections import Quantity, Section, is_unit, parts_of
 
 ENTRY_POINTS = "hkt_mdo.extensions"
 MODULES: list[ModuleType] = [laws, wide_laws, tracking, flows, records, sampled, resource]
@@ -142,7 +142,8 @@ def _flaws_of_names(kind: Any) -> Iterator[tuple[str, str]]:
 
 def _flaws_of_units(kind: Any) -> Iterator[tuple[str, str]]:
     """Yield which units of a class are unknown, or not those of the quantities they belong to."""
-    given = {key: [*_units(x.rebuild_annotation())] for key, x in kind.model_fields.items()}
+    parts = {key: parts_of(x.rebuild_annotation()) for key, x in kind.model_fields.items()}
+    given = {key: [x.unit for x in own if isinstance(x, Quantity)] for key, own in parts.items()}
     own, gains = getattr(kind, "unit", None), getattr(kind, "gain_units", ())
     # where they are properties they depend on the case
     stated = {"unit": [] if isinstance(own, property) else [own or None]}
@@ -160,12 +161,6 @@ def _flaws_of_units(kind: Any) -> Iterator[tuple[str, str]]:
         if (kind.unit or None) != own:
             problem = f"has the unit {kind.unit}, and {kind.inputs[0]} is in {own}"
             yield problem, f"write unit = {own!r}, or a method value that converts it"
-
-
-def _units(annotation: Any) -> Iterator[str | None]:
-    """Yield the units of the quantities in an annotation."""
-    for each in get_args(annotation):
-        yield from (each.unit,) if isinstance(each, Quantity) else _units(each)
 
 
 def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:

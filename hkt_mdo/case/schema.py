@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import html
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
-import yaml
 from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model, model_validator
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
@@ -27,7 +25,7 @@ from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
-from hkt_mdo.files.yaml_text import Dumper, parse
+from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import TAGS, validated
 from hkt_mdo.sections import Quantity, Section, refusal
 
@@ -123,21 +121,13 @@ class FlowScenario(Section):
         return made
 
 
-def _yaml(data: Any, **style: Any) -> str:
-    """Return data as YAML."""
-    return str(yaml.dump(data, Dumper=Dumper, sort_keys=False, allow_unicode=True, **style))
-
-
-def _reseeded(inflow: Inflow, number: int) -> Inflow:
+def _reseeded(inflow: Any, number: int) -> Any:
     """Return a flow whose seed, or those of its parts, are larger by a number."""
-    parts = inflow.parts if isinstance(inflow, SumInflow) else (inflow,)
-    made = [
-        each.model_copy(update={"seed": each.seed + number}) if hasattr(each, "seed") else each
-        for each in parts
-    ]
-    if not isinstance(inflow, SumInflow):
-        return made[0]
-    return inflow.model_copy(update={"parts": tuple(made)})
+    if isinstance(inflow, SumInflow):
+        parts = tuple(_reseeded(part, number) for part in inflow.parts)
+        return inflow.model_copy(update={"parts": parts})
+    known = hasattr(inflow, "seed")
+    return inflow.model_copy(update={"seed": inflow.seed + number}) if known else inflow
 
 
 class Case(Section):
@@ -231,12 +221,8 @@ class Case(Section):
                 problem = "needs an objective that is an energy and is maximized"
                 remedy = "leave it out, or give an objective such as captured"
                 raise refusal(problem, remedy, key=key, value=given)
-        limited = {each.name for each in self.limits.given}
-        if (
-            isinstance(control, RatedFeedback)
-            and control.power is None
-            and not limited & {PowerLimit.name, ElectricalPowerLimit.name}
-        ):
+        limited = any(isinstance(x, PowerLimit | ElectricalPowerLimit) for x in self.limits.given)
+        if isinstance(control, RatedFeedback) and control.power is None and not limited:
             problem = "is missing, and there is no limit of the power from which it would follow"
             remedy = "give it or limits.power, or control.law: quadratic, which needs none"
             raise refusal(problem, remedy, key="control.power", value=None)
@@ -370,10 +356,10 @@ class Case(Section):
         Keys whose values come from the shipped blade are not written but listed in a comment.
         """
         data, own = self._without_own()
-        text = _yaml(data, width=100)
+        text = dump(data)
         if not own:
             return text
-        brings = _yaml(own, width=float("inf"), default_flow_style=True).strip()
+        brings = dump(own, width=float("inf"), default_flow_style=True).strip()
         about = f"  # where null, the blade {data['rotor']['blade']} brings its own: {brings}"
         return text.replace("\nrotor:\n", f"\nrotor:\n{about}\n", 1)
 
@@ -385,7 +371,7 @@ class Case(Section):
         given = self.model_dump(mode="json", exclude_defaults=True)
         given["inflow"] = {"profile": self.inflow.profile} | given["inflow"]
         given["control"] = {"law": self.control.law} | given["control"]
-        return f"<pre>{html.escape(_yaml(given))}</pre>"
+        return f"<pre>{html.escape(dump(given))}</pre>"
 
     def _without_own(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the case as JSON without the values of its shipped blade, and these values."""
@@ -398,7 +384,8 @@ class Case(Section):
         # a limit of an extension that the case does not use need not be there when it is read
         known, limits = {kind_name(each) for each in BUILT_IN.of(Limit)}, data["limits"]
         data["limits"] = {key: x for key, x in limits.items() if x is not None or key in known}
-        data["scenarios"] = [_without_nulls(each) for each in data["scenarios"]]
+        flows = [each.model_dump(mode="json", exclude_none=True) for each in self.scenarios]
+        data["scenarios"] = flows
         return data, own
 
     def with_overrides(self, *overrides: str) -> Case:
@@ -409,15 +396,6 @@ class Case(Section):
         """
         data, _ = self._without_own()
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
-
-
-def _without_nulls(section: dict[str, Any]) -> dict[str, Any]:
-    """Return a section of a case without keys that are null, nor in the sections below."""
-    return {
-        key: _without_nulls(value) if isinstance(value, dict) else value
-        for key, value in section.items()
-        if value is not None
-    }
 
 
 def _is_splined(design: Any) -> bool:
@@ -609,36 +587,10 @@ def _make_case(
 ) -> Case:
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
-    given = {assign(data, override, file): override for override in overrides}
     data.setdefault("name", name)
     try:
-        return validated(case_class(kinds), data, file, given, context)
+        return validated(case_class(kinds), data, file, overrides, context)
     except InputError as failure:
         if data.get("resource") and failure.key.partition(".")[0] == "inflow":
             failure.key = failure.key.replace("inflow", "resource", 1)
         raise
-
-
-def assign(data: dict[str, Any], override: str, file: str) -> str:
-    """Apply an override and return its dotted key; a bare name of a kind becomes a section first.
-
-    `data` is changed; `file` names it in messages. Raises InputError if the override is not valid.
-    """
-    key, equals, text = override.partition("=")
-    key = key.strip()
-    if not equals or not text.strip() or not re.fullmatch(r"\w+(\.\w+)*", key, re.ASCII):
-        remedy = "write section.key=value, such as rotor.radius=2 (null for none)"
-        raise InputError("is not an override", remedy, file=file, key="override", value=override)
-    *sections, last = key.split(".")
-    for depth, section in enumerate(sections):
-        inner = data.setdefault(section, {})
-        if isinstance(inner, str) and depth == 0 and section in TAGS:
-            inner = data[section] = {TAGS[section]: inner}
-        if not isinstance(inner, dict):
-            problem = f"has no keys, so the override {key} cannot be applied"
-            remedy = "override it as a whole, or only keys of sections"
-            place = ".".join(sections[: depth + 1])
-            raise InputError(problem, remedy, file=file, key=place, value=inner)
-        data = inner
-    data[last] = parse(text, f"{file}, override {key}", key)
-    return key

@@ -13,18 +13,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from pydantic import Field, Strict, model_validator
 
-from hkt_mdo.case.document import unit_at
+from hkt_mdo.case.document import quantity_at
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
-from hkt_mdo.files.yaml_text import parse
+from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import validated
-from hkt_mdo.sections import Quantity, Section, refusal
+from hkt_mdo.sections import Section, refusal
 
 SWEEP = "sweep.yaml"
 """Where a sweep's folder has what was asked."""
@@ -197,28 +196,22 @@ class Sweep(Section):
     def to_yaml(self) -> str:
         """Return the sweep as YAML, without what is by default."""
         data = self.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-        return str(yaml.dump(data | {"seed": self.seed}, sort_keys=False, width=100))
+        return dump(data | {"seed": self.seed})
 
     def case_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Case:
         """Return the case of a point. Raises InputError where that has no case."""
         changes = [f"{key}={json.dumps(value)}" for key, value in (self.set_ | point).items()]
         return load_case(self.case, changes, extensions=extensions)
 
-    def row_at(self, point: Point, case: Case | None) -> Point:
-        """Return the values of a point, of a case or none, in the table: SI units, or texts."""
-        data = {} if case is None else case.model_dump(mode="json")
+    def row_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Point:
+        """Return the values of a point in the table: numbers in the unit of the key, or texts."""
         found: Point = {}
         for name, (key, given) in zip(self.columns, point.items(), strict=True):
-            value: Any = data
-            for part in key.split("."):
-                value = value.get(part) if isinstance(value, dict) else None
-            bound = value.get("bound") if isinstance(value, dict) else value
-            if case is None:
+            found[name] = given if isinstance(given, str | int | float) else json.dumps(given)
+            if quantity := quantity_at(key, extensions):
                 with suppress(ValueError):  # a name or a section
-                    bound = Quantity(unit_at(key) or None).read(given)
-            plain = isinstance(bound, int | float) and not isinstance(bound, bool)
-            text = given if isinstance(given, str | int | float) else json.dumps(given)
-            found[name] = bound if plain else text
+                    bound = given.get("bound") if isinstance(given, dict) else given
+                    found[name] = quantity.read(bound)
         return found
 
     def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
@@ -42,6 +42,8 @@ _Wall = Annotated[float, Quantity(gt=0, le=0.5)]
 class Material(Section):
     """What the blades are made of: a shipped name, or its properties along the blade."""
 
+    bare: ClassVar[tuple[str, ...]] = tuple(MATERIALS)
+
     density: Annotated[float, Quantity("kg/m**3", gt=0)]
     """Density."""
     modulus: Annotated[float, Quantity("Pa", gt=0)]
@@ -59,11 +61,6 @@ class Material(Section):
             remedy = f"known: {', '.join(MATERIALS)}; or give density and modulus"
             raise refusal("unknown material", did_you_mean(data, MATERIALS) + remedy)
         return MATERIALS[data]
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        whole = super().__get_pydantic_json_schema__(schema, handler)
-        return {"anyOf": [{"enum": list(MATERIALS)}, whole]}
 
 
 class SectionMoments(Section):

@@ -17,8 +17,7 @@ from typing import Annotated
 
 import typer
 
-from hkt_mdo.cli import case, results, run
-from hkt_mdo.cli.parts import BAD_INPUT, BUG, EXIT_CODES, EXTENSIONS, INTERRUPTED, Extend, complain
+from hkt_mdo.cli import case, parts, results, run
 from hkt_mdo.errors import InputError, interrupts_of_compiled_code, program_version
 
 __all__ = ["app", "main"]
@@ -28,7 +27,7 @@ app = typer.Typer(
     help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
     "A case is a short YAML file; a run of it writes a result folder; the other commands work on "
     "cases or results.",
-    epilog=EXIT_CODES,
+    epilog=parts.EXIT_CODES,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",  # Rich's own markup would take [report] for a tag and leave it out
     invoke_without_command=True,
@@ -61,9 +60,9 @@ _VERSION = typer.Option(
 
 @app.callback()
 def _hkt(
-    context: typer.Context, version: Annotated[bool, _VERSION] = False, extend: Extend = None
+    context: typer.Context, version: Annotated[bool, _VERSION] = False, extend: parts.Extend = None
 ) -> None:
-    EXTENSIONS.set(tuple(extend or ()))
+    parts.EXTENSIONS.set(tuple(extend or ()))
     if context.invoked_subcommand is None:
         typer.echo(Path(__file__).with_name("begin.txt").read_text(encoding="utf-8"), nl=False)
 
@@ -84,6 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         begin += given[at : at + 2]
         del given[at : at + 2]
 
+    parts.SAVED.set(lambda: "nothing was saved")
     try:
         with warnings.catch_warnings(), interrupts_of_compiled_code():
             warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
@@ -91,29 +91,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
             typer.main.get_command(app)(args=[*begin, *given], prog_name="hkt")
         return 0
     except SystemExit as leaving:
-        return leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        if code != parts.INTERRUPTED:
+            return code
+        told = parts.SAVED.get()()
     except KeyboardInterrupt:
-        code, told = INTERRUPTED, "nothing was saved"
+        code, told = parts.INTERRUPTED, parts.SAVED.get()()
     except InputError as error:
-        code, told = BAD_INPUT, str(error)
+        code, told = parts.BAD_INPUT, str(error)
     except OSError as error:
         place = f"{error.filename}: " if error.filename else ""
         reason = error.strerror or str(error) or type(error).__name__
-        code, told = BAD_INPUT, f"{place}cannot be read or written ({reason})"
+        code, told = parts.BAD_INPUT, f"{place}cannot be read or written ({reason})"
     except MemoryError:
-        code, told = BAD_INPUT, "out of memory; give fewer phase.segments"
+        code, told = parts.BAD_INPUT, "out of memory; give fewer phase.segments"
     except Exception as error:
         if os.environ.get("HKT_TRACEBACK"):
             raise
         what = f"{type(error).__name__}: {error}"
-        code, told = BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
+        code, told = parts.BUG, f"{what} (an error of this program; HKT_TRACEBACK=1 shows where)"
         if isinstance(error, ImportError) and "OPENMDAO_USE_MPI" in what:
             told = "the environment variable OPENMDAO_USE_MPI is set, and mpi4py cannot be imported"
-            code, told = BAD_INPUT, f"{told}; unset the variable, or install mpi4py"
+            code, told = parts.BAD_INPUT, f"{told}; unset the variable, or install mpi4py"
     finally:
         if arguments is None:
             gc.freeze()  # the process ends: scanning all objects again takes most of a second
-    complain("interrupted" if code == INTERRUPTED else "error", told)
+    parts.complain("interrupted" if code == parts.INTERRUPTED else "error", told)
     return code
 
 
@@ -125,4 +128,4 @@ def _show_warning(message: object, category: type[Warning], filename: str, *_: o
     ours = Path(filename).is_relative_to(Path(__file__).parents[1])
     library = category.__module__.partition(".")[0] in ("openmdao", "dymos", "numpy", "scipy")
     if ours and issubclass(category, UserWarning) and not library:
-        complain("warning", str(message))
+        parts.complain("warning", str(message))

@@ -24,8 +24,7 @@ def new(
     """
     from hkt_mdo.cli.new_case import write_new_case
 
-    for path in write_new_case(name, kind, force=force):
-        echo(str(path))
+    parts.print_lines(write_new_case(name, kind, force=force))
 
 
 _FIGURES = "Folder for figures (PNG), made if need be; without it nothing is written."
@@ -134,8 +133,7 @@ def polar(
     from hkt_mdo.cli.polar_report import parse_alpha, parse_reynolds, report_polars
 
     given = outline, parse_reynolds(reynolds), parse_alpha(alpha), out, n_crit, model
-    for line in report_polars(*given, beside or (), force):
-        echo(line)
+    parts.print_lines(report_polars(*given, beside or (), force))
 
 
 _FILE = "Record of a speed or a discharge: CSV, JSON of NOAA or USGS as MHKiT saves it, NetCDF."
@@ -158,5 +156,4 @@ def resource(
     """
     from hkt_mdo.cli.resource_report import report_resource
 
-    for line in report_resource(file, out, keys or (), constituents, force):
-        echo(line)
+    parts.print_lines(report_resource(file, out, keys or (), constituents, force))

@@ -1,6 +1,7 @@
 """What `hkt new` writes: a commented case to begin from, and the sample file that it needs."""
 
 from pathlib import Path
+from typing import Any
 
 from hkt_mdo.case import commented_case, read_case
 from hkt_mdo.errors import InputError
@@ -38,10 +39,7 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     path, texts = Path(path), {}
     if path.suffix not in (".yaml", ".yml"):
         path = path.parent / f"{path.name}.yaml"
-    values: dict[str, dict[str, object]] = {
-        "inflow": {"profile": "sine"},
-        "control": {"law": "quadratic"},
-    }
+    values: dict[str, Any] = {"inflow": {"profile": "sine"}, "control": {"law": "quadratic"}}
     if kind == "turbine":
         blade = path.with_name(f"{path.stem}_blade.csv")
         values["rotor"] = shipped_rotor("river") | {"blade": blade.name}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -57,6 +57,9 @@ Jobs = Annotated[
 EXTENSIONS: ContextVar[tuple[Path, ...]] = ContextVar("extensions", default=())
 """The files of `hkt --extend`, of the command at work."""
 
+SAVED: ContextVar[Callable[[], str]] = ContextVar("saved")
+"""What is told of files if the command at work is interrupted."""
+
 
 def read_case(file: Path, overrides: Iterable[str] | None) -> Case:
     """Return the case of a file, with its overrides."""
@@ -78,17 +81,22 @@ def complain(what: str, message: str) -> None:
     echo(f"{what}: {line}", err=True)
 
 
-def ended(code: int, message: str) -> Exit:
-    """Return the end of a command with a code, after its message on standard error."""
-    complain("interrupted" if code == INTERRUPTED else "error", message)
-    return Exit(code)
+def print_lines(lines: Iterable[object], err: bool = False) -> None:
+    """Print files, or lines of text, each on a line of its own."""
+    for line in lines:
+        echo(str(line), err=err)
+
+
+def failed(message: str) -> Exit:
+    """Return the end of a command without success, after its message on standard error."""
+    complain("error", message)
+    return Exit(NO_SUCCESS)
 
 
 def print_tables(tables: dict[str, list[Row]], as_json: bool = False, as_csv: bool = False) -> None:
     """Print rows below the titles of their tables, or as JSON or CSV with the title as `part`."""
     if one_form(as_json, as_csv):
-        records = (plain_rows(rows, part=title) for title, rows in tables.items())
-        print_records([each for several in records for each in several], as_json)
+        print_records(plain_rows(tables.items(), "part"), as_json)
         return
     for title, rows in tables.items():
         if rows:
@@ -110,18 +118,6 @@ def _print_table(rows: list[Row], title: str) -> None:
     console.print(table)
 
 
-def tables_of(solution: Solution) -> dict[str, list[Row]]:
-    """Return a result's figures of merit, its warnings, and the checks that it failed."""
-    from hkt_mdo.results.words import Row
-
-    case, summary = solution.case, solution.summary
-    return summary.tables(case) | {
-        "Notes": [Row("", note, severity="note") for note in solution.notes],
-        "Warnings": [Row("", text, severity="warning") for text in summary.warnings(case)],
-        "Checks not passed": [Row("", x, severity="failure") for x in solution.failed_checks],
-    }
-
-
 def one_form(as_json: bool, as_csv: bool) -> bool:
     """Return whether --json or --csv is given; refuse both at once."""
     if as_json and as_csv:
@@ -129,21 +125,21 @@ def one_form(as_json: bool, as_csv: bool) -> bool:
     return as_json or as_csv
 
 
-def plain_rows(rows: Iterable[Row], **where: Any) -> list[dict[str, Any]]:
-    """Return rows as records of plain values, in the units of the rows.
+def plain_rows(tables: Iterable[tuple[str, list[Row]]], key: str) -> list[dict[str, Any]]:
+    """Return rows as records of plain values, in their units; `key` is the table's name in each.
 
     Of several values, `value` is the smallest and `up_to` the largest; a text is a value as it is.
     """
     import numpy as np
 
     records = []
-    for row in rows:
-        ends: list[Any] = [row.value, None]
+    for title, row in ((title, row) for title, rows in tables for row in rows):
+        low = high = row.value
         if row.value is not None and not isinstance(row.value, str):
             low, high = float(np.min(row.value)), float(np.max(row.value))
-            ends = [low, None if low == high else high]
-        names = {"quantity": row.label, "value": ends[0], "up_to": ends[1]}
-        records.append({**where, **names, "unit": row.unit, "note": row.note})
+        values = {"value": low, "up_to": None if low == high else high}
+        where = {key: title, "quantity": row.label}
+        records.append({**where, **values, "unit": row.unit, "note": row.note})
     return records
 
 

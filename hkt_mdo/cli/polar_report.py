@@ -75,7 +75,7 @@ def report_polars(
         Polar.from_polar_table(polar.table)  # refuses what could not be used
     conditions = f"NeuralFoil {version('neuralfoil')}, model {model}, n_crit {n_crit:g}"
     table = _csv(polars, f"{conditions}, outline {show(Path(source).name)}")
-    picture = style.png(draw_report(f"{name}: {conditions}", polars, others))
+    picture = style.picture(draw_report(f"{name}: {conditions}", polars, others))
     write_new({table_file: table, figure_file: picture}, force)
     return [
         f"{name}: thickness {outline.thickness:.4f} c, area {outline.area:.4f} c²; second moments "

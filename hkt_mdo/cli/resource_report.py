@@ -2,17 +2,14 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import yaml
 
-from hkt_mdo.case.schema import assign
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
 from hkt_mdo.dynamics.resource import YEAR
 from hkt_mdo.files.table import csv_text, write_new
-from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.messages import validated
 from hkt_mdo.results import style
 from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel
@@ -51,14 +48,12 @@ def report_resource(
     InputError
         If a key or the record is not as it should be, or a file is there already.
     """
-    data: dict[str, Any] = {"file": str(file)}
-    given = {assign(data, text, "hkt resource"): text for text in keys}
-    record = validated(RecordResource, data, "hkt resource", given)
+    record = validated(RecordResource, {"file": str(file)}, "hkt resource", keys)
     samples, (speed, share) = record.samples, record.binned()
     rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
-    section = {"profile": "histogram", "file": "resource.csv"}
-    texts, length = {"resource.csv": table, "case.yaml": _yaml(section)}, samples.time[-1]
+    section = {"resource": {"profile": "histogram", "file": "resource.csv"}}
+    texts, length = {"resource.csv": table, "case.yaml": dump(section)}, samples.time[-1]
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
         texts["case.yaml"] = note + texts["case.yaml"]
@@ -67,20 +62,15 @@ def report_resource(
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        texts["tide.yaml"] = _yaml(tide.section)
+        texts["tide.yaml"] = dump({"resource": tide.section})
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
     contents = {out / name: text.encode() for name, text in texts.items()}
     for name, each in panels.items():
         figure = style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
-        contents[out / f"{name}.png"] = style.png(figure)
+        contents[out / f"{name}.png"] = style.picture(figure)
     files = [path.name for path in write_new(contents, force)]
     return [*lines, f"Written: {out}: {', '.join(files)}"]
-
-
-def _yaml(section: dict[str, Any]) -> str:
-    """Return the lines of a case."""
-    return str(yaml.dump({"resource": section}, Dumper=Dumper, sort_keys=False, width=100))
 
 
 def _statistics(speed, share) -> Iterator[str]:

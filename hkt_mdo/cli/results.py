@@ -57,7 +57,7 @@ def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> 
     Exits with 0 for a run that did not succeed, too. --json and --csv print each quantity with its
     value, the upper end if it is a range, unit and note.
     """
-    parts.print_tables(parts.tables_of(read_result(result)), as_json, as_csv)
+    parts.print_tables(read_result(result).overview, as_json, as_csv)
 
 
 def plot(
@@ -88,8 +88,7 @@ def plot(
         written = save_figures(solution, folder, forms)
     if not written:
         raise InputError("holds no data to draw", "let the run finish", file=result)
-    for path in written:
-        echo(str(path))
+    parts.print_lines(written)
 
 
 def report(
@@ -135,7 +134,7 @@ def compare(
     results to which another result of the same turbine in the same flow is superior: it keeps the
     limits of their case and has a better objective.
     """
-    from hkt_mdo.results.nesting import dominated, ranked
+    from hkt_mdo.results.nesting import ranked, remarks
     from hkt_mdo.results.words import texts
 
     for_program = parts.one_form(as_json, as_csv)
@@ -145,19 +144,11 @@ def compare(
         known[3:3] = row  # below case, verdict and message
     names = [str(solution.folder) for solution in solutions]
     if for_program:
-        records = (parts.plain_rows(x, result=name) for name, x in zip(names, rows, strict=True))
-        parts.print_records([each for several in records for each in several], as_json)
+        parts.print_records(parts.plain_rows(zip(names, rows, strict=True), "result"), as_json)
     else:
         _print_beside(names, [texts(each) for each in rows])
     finished = [each for each in solutions if each.finished]
-    if len({each.case.objective.kind for each in finished}) > 1:
-        echo("note: the objectives differ: results are in the order given", err=for_program)
-    flow = {"inflow", "resource", "scenarios"}
-    if len({each.case.model_dump_json(include=flow) for each in finished}) > 1:
-        note = "note: the flows differ: objectives and loads are not of the same conditions"
-        echo(note, err=for_program)
-    for line in dominated(finished):
-        echo(f"note: {line}", err=for_program)
+    parts.print_lines((f"note: {line}" for line in remarks(finished)), err=for_program)
     for each in solutions:
         if not each.finished:
             left_out = "it is not ranked and not in the figures"
@@ -165,8 +156,7 @@ def compare(
     if out is not None and finished:
         from hkt_mdo.results.figures import save_figures
 
-        for path in save_figures(finished, out):
-            echo(str(path), err=for_program)
+        parts.print_lines(save_figures(finished, out), err=for_program)
 
 
 _WIDEST = 44  # characters of a column; longer texts take more lines
@@ -208,8 +198,8 @@ def export(
     from hkt_mdo.exports.base import export
 
     formats = [name.strip() for each in to for name in each.split(",")]
-    for path in export(read_result(result), formats, out, options=options or (), force=force):
-        echo(str(path))
+    solution = read_result(result)
+    parts.print_lines(export(solution, formats, out, options=options or (), force=force))
 
 
 def simulate(
@@ -272,8 +262,8 @@ def simulate(
         quiet = " without noise" if noise else ""
         over = f" of {len(told)} simulations" if several else ""
         parts.print_tables({f"Largest values{quiet}{over}": rows})
-    for path in write(out, told) if out is not None else ():
-        echo(str(path), err=for_program)
+    if out is not None:
+        parts.print_lines(write(out, told), err=for_program)
     broken = [limit_words(name) for name, x in largest(told).items() if x.kept is False]
     if strict and broken:
-        raise parts.ended(parts.NO_SUCCESS, f"not kept: {', '.join(broken)}")
+        raise parts.failed(f"not kept: {', '.join(broken)}")

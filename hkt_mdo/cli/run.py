@@ -7,8 +7,9 @@ import sys
 import time
 from collections import Counter
 from datetime import timedelta
+from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -17,6 +18,9 @@ from typer import Argument, BadParameter, Option, confirm, echo
 
 from hkt_mdo.cli import parts
 from hkt_mdo.errors import InputError
+
+if TYPE_CHECKING:
+    from hkt_mdo.case import Case
 
 _SECONDS_BETWEEN_LINES = 5.0
 ASKED = 1000
@@ -67,42 +71,51 @@ def run(
         raise BadParameter("--resume continues a run without changes: give no other option")
     if no_figures and pdf:
         raise BadParameter("--pdf draws figures and --no-figures none: give one of them")
-    how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
-    how["records"] = not no_records
-    if cases is not None and len(cases) > 1:
-        return _run_several(cases, changes, out or Path("results"), jobs, force, quiet, how)
     if not cases and resume is None:
         raise BadParameter("give a CASE, or --resume DIR")
-    loaded = parts.read_case(cases[0] if cases else Path(resume or "", "case.yaml"), changes)
-    folder = resume or out or Path("results") / loaded.name
-    if resume is None:
-        from hkt_mdo.results.folder import check_folder
+    how: dict[str, Any] = {"figures": ("png", "pdf") if pdf else not no_figures}
+    how["records"] = not no_records
+    loaded = [parts.read_case(x, changes) for x in cases or [Path(resume or "", "case.yaml")]]
+    if len(loaded) > 1:
+        _run_several(loaded, out or Path("results"), jobs, force, quiet, how)
+    else:
+        _run_one(loaded[0], resume or out, None if resume else force, quiet, how)
 
+
+def _run_one(
+    case: Case, out: Path | None, force: bool | None, quiet: bool, how: dict[str, Any]
+) -> None:
+    """Run a case into a folder, or with `force` None continue its run there; tell what came out."""
+    from hkt_mdo.files.table import file_state
+    from hkt_mdo.results.folder import check_folder
+
+    folder = out or Path("results", case.name)
+    if force is not None:
         check_folder(folder, force)  # which takes no time, unlike what a run imports
-    before = _written(folder)
-    try:
-        unit = loaded.objective.unit or ""
-        with _Live(f"{loaded.name}: searching for a start", quiet, loaded.name, unit) as live:
-            from hkt_mdo.run import run as runner
+    before = file_state(folder / "summary.json")
 
-            how |= {"progress": live.evaluated, "on_pass": live.passed, "on_start": live.started}
-            if resume is None:
-                solution = runner.run_case(loaded, folder, force=force, **how)
-            else:
-                solution = runner.resume_case(folder, **how, extensions=parts.EXTENSIONS.get())
-    except KeyboardInterrupt:
-        saved = "nothing was saved"
-        if _written(folder) not in ([], before):
-            names = sorted(path.name for path in folder.iterdir())
-            saved = f"the results so far are saved in {folder}: {', '.join(names)}"
-        raise parts.ended(parts.INTERRUPTED, saved) from None
+    def saved() -> str:
+        if file_state(folder / "summary.json") in (None, before):
+            return "nothing was saved"
+        names = sorted(path.name for path in folder.iterdir())
+        return f"the results so far are saved in {folder}: {', '.join(names)}"
+
+    parts.SAVED.set(saved)
+    first, unit = f"{case.name}: searching for a start", case.objective.unit or ""
+    with _Live(first, quiet, case.name, unit) as live:
+        from hkt_mdo.run import run as runner
+
+        how |= {"progress": live.evaluated, "on_pass": live.passed, "on_start": live.started}
+        if force is None:
+            solution = runner.resume_case(folder, **how, extensions=parts.EXTENSIONS.get())
+        else:
+            solution = runner.run_case(case, folder, force=force, **how)
     if not quiet:
-        parts.print_tables(parts.tables_of(solution))
-        echo(f"\n{loaded.name}: {solution.summary.verdict(solution.case)}. Results: {folder}")
+        parts.print_tables(solution.overview)
+        echo(f"\n{case.name}: {solution.summary.verdict(solution.case)}. Results: {folder}")
     if not solution.success:
         reason = solution.message or "the run gives no reason"
-        text = f"no success: {reason} (the result is in {folder})"
-        raise parts.ended(parts.NO_SUCCESS, text)
+        raise parts.failed(f"no success: {reason} (the result is in {folder})")
 
 
 class _Live(Progress):
@@ -182,49 +195,31 @@ class _Live(Progress):
         self.show(line, ends=done == now.total)
 
 
-def _written(folder: Path) -> list[int]:
-    """Return the time at which a folder's summary was written (ns), if it is there."""
-    return [path.stat().st_mtime_ns for path in folder.glob("summary.json")]
-
-
 def _run_several(
-    files: list[Path],
-    changes: list[str],
-    out: Path,
-    jobs: int | None,
-    force: bool,
-    quiet: bool,
-    how: dict[str, Any],
+    cases: list[Case], out: Path, jobs: int | None, force: bool, quiet: bool, how: dict[str, Any]
 ) -> None:
     """Run several cases into folders of their names; tell each that ends."""
     from hkt_mdo.results.folder import check_folder
     from hkt_mdo.run.batch import begun, run_batch
 
-    loaded = [parts.read_case(file, changes) for file in files]
-    names = [each.name for each in loaded]
+    names = [each.name for each in cases]
     if twice := [name for name in names if names.count(name) > 1]:
         given = {"key": "name", "value": twice[0]}
         raise InputError("is the name of two cases", "give each its own", **given)
-    plan = {out / each.name: each for each in loaded}
+    plan, ended = {out / each.name: each for each in cases}, count(1)
     for folder, case in plan.items():
         if not begun(folder, case):
             check_folder(folder, force)
-    done = 0
 
     def told(folder: Path, word: str) -> None:
-        nonlocal done
-        done += 1
+        number = next(ended)
         if not quiet:
-            echo(f"{done} of {len(plan)}: {folder}: {word}")
+            echo(f"{number} of {len(plan)}: {folder}: {word}")
 
-    try:
-        found = run_batch(plan, jobs, told, **how)
-    except KeyboardInterrupt:
-        saved = f"finished results are in {out}; the same command continues"
-        raise parts.ended(parts.INTERRUPTED, saved) from None
-    failed = [path for path, each in found.items() if each is None or not each.success]
-    if failed:
-        raise parts.ended(parts.NO_SUCCESS, f"no success: {', '.join(map(str, failed))}")
+    parts.SAVED.set(lambda: f"finished results are in {out}; the same command continues")
+    found = run_batch(plan, jobs, told, **how)
+    if failed := [path for path, each in found.items() if each is None or not each.success]:
+        raise parts.failed(f"no success: {', '.join(map(str, failed))}")
 
 
 # Sweeps ------------------------------------------------------------------------------------------
@@ -258,26 +253,22 @@ def sweep(
     asked = load_sweep(sweep, parts.EXTENSIONS.get())
     folder = out or Path("results") / sweep.stem
     how: dict[str, Any] = {"scheduler": scheduler, "extensions": parts.EXTENSIONS.get()}
-    try:
-        with _Live(f"{sweep.stem}: {asked.size:,} runs", quiet) as live:
-            from hkt_mdo.run.sweep import run_sweep
+    parts.SAVED.set(lambda: f"finished runs are in {folder}; the same command continues")
+    with _Live(f"{sweep.stem}: {asked.size:,} runs", quiet) as live:
+        from hkt_mdo.run.sweep import run_sweep
 
-            if asked.size > ASKED and not yes:
-                first = run_sweep(asked, folder, 1, most=2, **how)
-                seconds = [x for row in first if (x := row.get("wall_seconds"))]
-                live.stop()
-                _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
-                live.start()
-            rows = run_sweep(asked, folder, jobs, live.swept, **how)
-    except KeyboardInterrupt:
-        saved = f"finished runs are in {folder}; the same command continues"
-        raise parts.ended(parts.INTERRUPTED, saved) from None
+        if asked.size > ASKED and not yes:
+            first = run_sweep(asked, folder, 1, most=2, **how)
+            seconds = [x for row in first if (x := row.get("wall_seconds"))]
+            live.stop()
+            _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
+            live.start()
+        rows = run_sweep(asked, folder, jobs, live.swept, **how)
     states = Counter(row["state"] for row in rows)
     if not quiet:
         _summarize(rows, states, folder)
     if not states["verified"]:
-        text = f"no run is a success: see {folder / 'table.csv'}"
-        raise parts.ended(parts.NO_SUCCESS, text)
+        raise parts.failed(f"no run is a success: see {folder / 'table.csv'}")
 
 
 def _ask(size: int, seconds: list[float], workers: int) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -16,8 +15,7 @@ from typing import Any
 import numpy as np
 from pydantic import create_model
 
-from hkt_mdo.case.schema import assign
-from hkt_mdo.errors import InputError, did_you_mean, install, program_version
+from hkt_mdo.errors import InputError, did_you_mean, install, needed, program_version
 from hkt_mdo.exports import FORMATS, PACKAGES
 from hkt_mdo.files.table import write_new
 from hkt_mdo.files.template import templates
@@ -79,17 +77,13 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
         if name not in FORMATS:
             remedy = f"{did_you_mean(name, FORMATS)}known: {', '.join(FORMATS)}"
             raise InputError("unknown format", remedy, key="--to", value=name)
-        package, extra = PACKAGES.get(name, ("", ""))
-        if package and find_spec(package) is None:
-            remedy = f"install it with: {install(extra)}"
-            problem = f"needs {package}, which is not installed"
-            raise InputError(problem, remedy, key="--to", value=name)
+        if name in PACKAGES:
+            package, extra = PACKAGES[name]
+            needed(package, f"install it with: {install(extra)}", key="--to", value=name)
         kind = resolve_name(f"hkt_mdo.exports.{FORMATS[name]}")
         fields[name] = kind, kind()
     root = create_model("Exports", __base__=Section, **fields)
-    data: dict[str, Any] = {}
-    given = {assign(data, override, "hkt export"): override for override in overrides}
-    made = validated(root, data, "hkt export", given)
+    made = validated(root, {}, "hkt export", overrides)
     return [getattr(made, name) for name in fields]
 
 

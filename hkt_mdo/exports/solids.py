@@ -84,10 +84,7 @@ class Outer(Format, ABC):
         blade = design.blade
         chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
         fractions = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, self.points // 2 + 1)))
-        sides = design.turbine.along_span(
-            [each.resampled(fractions) for each in design.outlines], r
-        )
-        x, upper, lower = np.moveaxis(sides, 1, 0)
+        x, upper, lower = design.sides(r, fractions)
         thickness = upper - lower
         largest = np.max(thickness, axis=1)
         least = TRAILING_EDGE if self.trailing_edge is None else self.trailing_edge / chord
@@ -313,10 +310,9 @@ def airfoils(design: Design) -> list[Airfoil]:
     """
     outlines, r = design.outlines, design.blade.r
     if design.physics.rotor.follows_thickness:
-        sides = design.turbine.along_span([each.resampled() for each in outlines], r)
         outlines = tuple(
             Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-            for x, upper, lower in sides
+            for x, upper, lower in zip(*design.sides(r), strict=True)
         )
     built = design.physics.rotor.as_built(design.blade)
     found: dict[tuple, Airfoil] = {}

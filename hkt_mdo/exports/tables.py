@@ -80,7 +80,8 @@ class Csv(_Tables):
         found, source = {}, provenance(design.solution)
         for table in tables(design, self.flow_range):
             about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
-            rows = zip(*map(_plain, table.columns.values()), strict=True)
+            plain = (np.asarray(column.values).tolist() for column in table.columns.values())
+            rows = zip(*plain, strict=True)
             text = csv_text(table.columns, rows, (*source, table.title, *about))
             found[f"{table.name}.csv"] = text.encode()
         return found
@@ -93,7 +94,7 @@ class Json(_Tables):
         solution, found = design.solution, {}
         for table in tables(design, self.flow_range):
             columns = {
-                name: {"unit": c.unit, "long_name": c.text, "values": _plain(c)}
+                name: {"unit": c.unit, "long_name": c.text, "values": np.asarray(c.values)}
                 for name, c in table.columns.items()
             }
             found[table.name] = {"title": table.title, "columns": columns}
@@ -116,16 +117,12 @@ class Netcdf(_Tables):
             first, *_ = table.columns
             group.createDimension(first, len(table.columns[first].values))
             for name, column in table.columns.items():
-                values = np.asarray(_plain(column))
+                values = np.asarray(column.values)
                 kind = str if values.dtype.kind == "U" else values.dtype
                 variable = group.createVariable(name, kind, (first,))
                 variable.setncatts({"units": column.unit or "1", "long_name": column.text})
                 variable[:] = values.astype(object) if kind is str else values
         return {"result.nc": bytes(file.close())}
-
-
-def _plain(column: Column) -> list[Any]:
-    return np.asarray(column.values).tolist()
 
 
 @lru_cache(maxsize=1)
@@ -326,10 +323,8 @@ def _station_loads(design: Design, steady: dict | None) -> list[Table]:
     found = design.physics.rotor.at_flow(flow).sections(blade, points["tip_speed_ratio"])
     across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
     pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
-    by_station = (
-        np.broadcast_to(number[:, None], speed.shape),
-        np.broadcast_to(blade.r, speed.shape),
-        np.broadcast_to(blade.chord, speed.shape),
+    by_station = np.broadcast_arrays(
+        *(number[:, None], blade.r, blade.chord),
         pressure * found.normal_load,
         pressure * found.tangential_load,
         found.angle_of_attack,

@@ -1,5 +1,6 @@
 """Data files and cases that come with the package: names, paths, and what they hold."""
 
+import os.path
 from pathlib import Path
 from typing import Any
 
@@ -103,11 +104,8 @@ def locate(path_or_name: str | Path, kind: str) -> Path:
     name = str(path_or_name)
     if name in _FILES[kind]:
         return _FOLDER / _FILES[kind][name]
-    try:
-        is_file = Path(name).is_file()
-    except (OSError, ValueError):  # the name is too long or holds a null character
-        is_file = False
-    if not is_file:
+    # unlike Path.is_file, it takes names that are too long or hold a null character
+    if not os.path.isfile(name):  # noqa: PTH113
         problem = f"is neither a shipped {kind} nor a file"
         raise InputError(problem, nearest_names(name, kind), value=name)
     return Path(name)

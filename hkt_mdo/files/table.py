@@ -149,26 +149,6 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
                 part.unlink(missing_ok=True)
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder and those above it, where they are missing.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        The folder.
-
-    Raises
-    ------
-    InputError
-        If that is not possible, such as where a file has its name.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        problem = f"cannot be made a folder ({error.strerror})"
-        raise InputError(problem, "choose another one", file=folder) from error
-
-
 def refuse_existing(files: Iterable[Path], force: bool) -> None:
     """Refuse to write files that are there, unless they are to be replaced.
 
@@ -214,7 +194,11 @@ def write_new(contents: Mapping[Path, bytes], force: bool = False) -> list[Path]
     """
     refuse_existing(contents, force)
     for folder in dict.fromkeys(file.parent for file in contents):
-        make_folder(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"cannot be made a folder ({error.strerror})"
+            raise InputError(problem, "choose another one", file=folder) from error
     write_files(contents)
     return list(contents)
 
@@ -638,9 +622,7 @@ class Csv:
                 remedy += f"the {what} has the columns {','.join(names)}"
                 raise self.refuse(f"lacks the column {name}", remedy)
 
-    def columns(
-        self, names: Sequence[str], what: str, optional: Sequence[str] = ()
-    ) -> dict[str, Column]:
+    def columns(self, names: Sequence[str], what: str) -> dict[str, Column]:
         """Return columns of numbers.
 
         Parameters
@@ -649,8 +631,6 @@ class Csv:
             Columns that must be there.
         what : str
             What the table is, for messages.
-        optional : sequence of str
-            Columns that are returned if they are there.
 
         Returns
         -------
@@ -662,6 +642,5 @@ class Csv:
         InputError
             As of `check`, and if there are no rows, or a cell is no number.
         """
-        self.check(names, what, optional)
-        wanted = (*names, *optional)
-        return number_columns(self.rows, self.header, self.file, wanted)
+        self.check(names, what)
+        return number_columns(self.rows, self.header, self.file, names)

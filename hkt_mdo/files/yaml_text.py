@@ -81,6 +81,27 @@ for _word, _pattern in _WORDS.items():
     Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{_word}", _whole, None)
 
 
+def dump(data: Any, width: float = 100, **style: Any) -> str:
+    """Return data as YAML that `parse` reads.
+
+    Parameters
+    ----------
+    data : Any
+        Dictionaries, lists and plain values.
+    width : float
+        Longest line in characters, where that is possible.
+    **style
+        As `yaml.dump` takes it.
+
+    Returns
+    -------
+    str
+        Keys in their order.
+    """
+    style |= {"Dumper": Dumper, "sort_keys": False, "allow_unicode": True}
+    return str(yaml.dump(data, width=width, **style))
+
+
 @dataclass(frozen=True)
 class Place:
     """A value in a YAML file with its dotted key.

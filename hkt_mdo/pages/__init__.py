@@ -1,6 +1,5 @@
 """Pages for people: a report of one result or several."""
 
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -23,16 +22,11 @@ def rendered(template: str | Path, **values: Any) -> str:
     Returns
     -------
     str
-        The filled template, which has the filter `number(format)` too: a dash for None.
+        The filled template.
     """
     path = _TEMPLATES / template
-    known = templates(path.parent, _TEMPLATES, html=path.suffix == ".html", number=_number)
+    known = templates(path.parent, _TEMPLATES, html=path.suffix == ".html")
     return str(known.get_template(path.name).render(**values))
-
-
-def _number(value: Any, form: str) -> str:
-    """Return a number in a format; a dash where there is none."""
-    return form.format(value) if isinstance(value, Real) else "–"
 
 
 def plotly_script() -> str:

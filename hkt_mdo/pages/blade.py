@@ -51,9 +51,8 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
         A line for each result whose blade is not known as a solid.
     """
     found: list[Body] = []
-    starts: list[Body] = []
+    starts: dict[bytes, Body] = {}
     reasons: list[str] = []
-    known: list[np.ndarray] = []
     for each in labelled:
         try:
             design = each.solution.design()
@@ -63,14 +62,13 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
             found.append(_body(design, kind, name, each.color()))
             if start is None:
                 continue
-            shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist))
-            if not any(np.array_equal(shape, other) for other in known):
-                known.append(shape)
+            shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist)).tobytes()
+            if shape not in starts:
                 name = "blade at the start" + (f" of {each.label}" if starts else "")
-                starts.append(_body(start, kind, name, GREY))
+                starts[shape] = _body(start, kind, name, GREY)
         except InputError as error:
             reasons.append(f"{each.label or each.solution.name}: {error}")
-    return [*found, *starts], reasons
+    return [*found, *starts.values()], reasons
 
 
 def _start(design: Design) -> Design | None:
@@ -183,4 +181,4 @@ def picture(found: Sequence[Body]) -> bytes:
     ax.autoscale_view()
     ax.set_axis_off()
     figure.patch.set_alpha(0.0)
-    return style.png(figure)
+    return style.picture(figure)

@@ -7,10 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from hkt_mdo.case import Case
-from hkt_mdo.case.document import unit_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import read_text, write_new
 from hkt_mdo.pages import plotly_script, rendered
@@ -19,15 +17,8 @@ from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import CheckEntry, Summary, unasked
-from hkt_mdo.results.words import (
-    joined,
-    limit_words,
-    measured,
-    number,
-    plain_unit,
-    printable,
-    texts,
-)
+from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable, texts
+from hkt_mdo.sections import Section
 
 LONGEST_CASE = 1024**2
 """Bytes of a case's file that a report repeats."""
@@ -154,7 +145,7 @@ def _headline(solution: Solution) -> dict[str, str]:
     if year is not None:
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
         doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
-        told = "-" if net is None else f"{number(1e-3 * net)} MWh{doubt}"
+        told = "-" if net is None else measured(1e-3 * net, "MWh", 4) + doubt
         rows["electrical energy a year"] = told
         factor = year.capacity_factor
         rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
@@ -165,8 +156,8 @@ def _headline(solution: Solution) -> dict[str, str]:
         lossless = name == "electrical" and energy == summary.generator_energy_J
         if energy is not None and not lossless and duration:
             power = 1e-3 * energy / duration
-            rows[f"mean {name} power"] = f"{number(power)} kW"
-            rows[f"{name} energy a day"] = f"{number(24.0 * power)} kWh"
+            rows[f"mean {name} power"] = measured(power, "kW", 4)
+            rows[f"{name} energy a day"] = measured(24.0 * power, "kWh", 4)
     alone = [(each, rated_point(each)) for each in solution.by_scenario]
     rated = [point[0] for _, point in alone if point is not None]
     if rated:
@@ -244,13 +235,12 @@ def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
 
 def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
     """Return the values of a section and of the sections in it as texts, by their dotted keys."""
-    if isinstance(value, BaseModel):
-        units = _units(type(value))
+    if isinstance(value, Section):
         parts = [
-            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), units.get(name, ""))
+            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), type(value).unit_of(name))
             for name in type(value).model_fields
         ]
-    elif isinstance(value, list | tuple) and any(isinstance(each, BaseModel) for each in value):
+    elif isinstance(value, list | tuple) and any(isinstance(each, Section) for each in value):
         parts = [_flat(each, f"{key}[{number}]") for number, each in enumerate(value)]
     elif value is None or value == ():
         parts = []
@@ -261,14 +251,6 @@ def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
         words = ", ".join(f"{x:.10g}" if isinstance(x, float) else str(x) for x in several)
         parts = [{key: f"{words} {plain_unit(unit)}".rstrip()}]
     return {name: text for part in parts for name, text in part.items()}
-
-
-def _units(section: type[BaseModel]) -> dict[str, str]:
-    """Return the units of a section's keys."""
-    schema = section.model_json_schema(by_alias=False)
-    kinds = schema, *schema.get("anyOf", ())  # a section may be a name or a number alone
-    fields = (each.get("properties", {}) for each in kinds)
-    return {name: unit_of(about) for each in fields for name, about in each.items()}
 
 
 def not_modelled(case: Case) -> list[str]:

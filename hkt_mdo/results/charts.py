@@ -7,6 +7,7 @@ has the same colour in every chart.
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel, S
 from hkt_mdo.results.sections import STACKING
 from hkt_mdo.results.sections import sections as sections_of
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.steady import BINS, binned, rated_point, steady_curve
+from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, printable
 
 WORDS = {
@@ -156,10 +157,10 @@ def of_scenario(results: Results, name: str) -> list[Labelled]:
     ]
 
 
-def _alone(results: Results) -> list[Labelled]:
-    """Return the scenarios of results that have tables, with the names of the results."""
+def _alone(results: Results, over: str = "") -> list[Labelled]:
+    """Return the scenarios of results that have tables over something, named as the results."""
     parts = [each._replace(solution=one) for each in results for one in each.solution.by_scenario]
-    return [each for each in parts if each.table]
+    return [each for each in parts if each.table and not (over == "time" and each.solution.steady)]
 
 
 def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, float]:
@@ -293,22 +294,15 @@ def margins(solution: Solution) -> dict[str, np.ndarray]:
     return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
 
 
-def largest_shares(solution: Solution) -> dict[str, float]:
-    """Return the largest value of each limit over its bound, of all scenarios."""
-    most: dict[str, float] = {}
-    for one in solution.by_scenario:
-        for name, share in one.limit_shares().items():
-            most[name] = max(most.get(name, -np.inf), float(np.nanmax(share)))
-    return most
-
-
 def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
     across = "largest value over its limit (%)"
     panel = Panel("", across, marks={"limit": 100.0}, across_from_zero=True)
     for each in results:
-        for limit, share in largest_shares(each.solution).items():
-            value, row = np.array([100.0 * share]), np.array([limit_words(limit)])
+        shares = [one.limit_shares() for one in each.solution.by_scenario]
+        for limit in dict.fromkeys(chain.from_iterable(shares)):
+            most = max(float(np.nanmax(share[limit])) for share in shares if limit in share)
+            value, row = np.array([100.0 * most]), np.array([limit_words(limit)])
             name = each.label or "largest value"
             panel.curves.append(each.curve(value, row, name, limit, kind="across"))
     return [panel]
@@ -341,10 +335,10 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
     panel, scale = _panel_of(results, quantity, across)
     panel.left = panel.from_zero = panel.across_from_zero = over != "time"
     for each in results:
-        tables = [one.table for one in _over(each, over)]
+        tables = [one.table for one in _alone([each], over)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
         if parts:
-            place, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
+            place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
             name = each.label or "smallest to largest of all scenarios"
             panel.curves.append(each.curve(place, high, name, quantity, kind="band", low=low))
     return panel
@@ -355,32 +349,19 @@ def smallest_margin(results: Results) -> Panel:
     title = "smallest margin of all limits and scenarios (%)"
     panel = Panel(title, "time (s)", levels={"limit": 0.0})
     for each in results:
-        left = [(one.table["time_s"], margins(one.solution)) for one in _over(each, "time")]
+        left = [(one.table["time_s"], margins(one.solution)) for one in _alone([each], "time")]
         parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
         if parts:
-            x, low, _ = _ranges(parts, ENVELOPE)
+            x, _, low, _ = _ranges(parts, ENVELOPE)
             panel.curves.append(each.curve(x, low, each.label or "smallest margin"))
     return panel
 
 
-def _over(result: Labelled, over: str) -> list[Labelled]:
-    """Return the scenarios with tables; those without time have none over time."""
-    return [one for one in _alone([result]) if over != "time" or not one.solution.steady]
-
-
-def _ranges(
-    parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> Binned:
     """Return the smallest and the largest of several series in classes of their abscissa."""
     x, y = (np.concatenate(each) for each in zip(*parts, strict=True))
     count = max(1, min(most, min(each.size for each, _ in parts) // 2))
-    edges = np.linspace(np.min(x), np.max(x), count + 1)
-    place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, count - 1)
-    low, high = np.full(count, np.inf), np.full(count, -np.inf)
-    np.minimum.at(low, place, y)
-    np.maximum.at(high, place, y)
-    met = np.isfinite(low)
-    return 0.5 * (edges[1:] + edges[:-1])[met], low[met], high[met]
+    return binned(x, y, count=count, fewest=1, ends=(0.0, 100.0))
 
 
 # ---- the blade, its coefficients, its loads, and the convergence

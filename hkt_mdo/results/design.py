@@ -18,7 +18,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import Turbine
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.outline import FRACTIONS, Outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +109,21 @@ class Design:
     def plant(self) -> Plant:
         """The rotor in the water with its generator, by direct BEM."""
         return steady_plant(self.physics, self.physics.rotor, self.blade)
+
+    def sides(self, r: np.ndarray, fractions: np.ndarray = FRACTIONS) -> np.ndarray:
+        """Return the sections at some radii as mass and stress of the program have them.
+
+        Parameters
+        ----------
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m).
+        fractions : ndarray of shape (n_fractions,)
+            Where, over the chord, from 0 to 1.
+
+        Returns
+        -------
+        ndarray of shape (3, n_radii, n_fractions)
+            x, and y of the upper and the lower side, over the chord.
+        """
+        sides = [each.resampled(fractions) for each in self.outlines]
+        return np.moveaxis(self.turbine.along_span(sides, r), 1, 0)

@@ -56,7 +56,7 @@ class Figures(dict[str, Figure]):
     """Figures by their names, which a notebook shows one below the other."""
 
     def _repr_html_(self) -> str:
-        pictures = (base64.b64encode(style.png(figure)).decode() for figure in self.values())
+        pictures = (base64.b64encode(style.picture(figure)).decode() for figure in self.values())
         return "".join(f'<img src="data:image/png;base64,{each}">' for each in pictures)
 
 

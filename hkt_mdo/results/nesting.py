@@ -67,6 +67,28 @@ def dominated(solutions: Iterable[Solution]) -> list[Dominated]:
     return found
 
 
+def remarks(solutions: Iterable[Solution]) -> list[str]:
+    """Return what a reader of results side by side has to know.
+
+    Parameters
+    ----------
+    solutions : iterable of Solution
+        Finished results.
+
+    Returns
+    -------
+    list of str
+        Whether objectives or flows differ, and which results are dominated.
+    """
+    known, found = list(solutions), []
+    if len({each.case.objective.kind for each in known}) > 1:
+        found.append("the objectives differ: results are in the order given")
+    flow = {"inflow", "resource", "scenarios"}
+    if len({each.case.model_dump_json(include=flow) for each in known}) > 1:
+        found.append("the flows differ: objectives and loads are not of the same conditions")
+    return [*found, *map(str, dominated(known))]
+
+
 def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row]]]:
     """Return results by their objectives, as simulated: successes, refused ones, unfinished ones.
 

@@ -1,7 +1,6 @@
 """Sections of a result's blade, from the outlines that its case names."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -35,28 +34,14 @@ def sections(solution: Solution, places: Sequence[float]) -> np.ndarray:
     InputError
         If the run did not finish, or a file or an outline is missing or broken.
     """
-    table, case = solution.blade, solution.case
-    if "chord_m" not in table:
-        raise InputError("holds no blade", "run the case again", file=solution.folder)
-    from hkt_mdo.problem.turbine import build_turbine
-
-    turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design)  # outlines know no flow
-    outline_names(solution, turbine)  # refuses where there is none
-    if turbine.blade.r.size != table["r_m"].size:
-        raise InputError(
-            "has other stations than its files", "run the case again", file=solution.folder
-        )
-    before = turbine.blade.with_rotor_radius(
-        solution.summary.rotor_radius_m or turbine.blade.rotor_radius
-    )
-    r = before.hub_radius + np.array(places) * (before.tip_radius - before.hub_radius)
-    thickness = table.get("thickness_over_chord", before.thickness)
-    turbine = turbine._replace(blade=replace(before, r=table["r_m"], thickness=thickness))
-    sides = turbine.along_span([each.resampled() for each in turbine.outlines], r)
-    x, upper, lower = np.moveaxis(sides, 1, 0)
+    design = solution.design()
+    outline_names(solution, design.turbine)  # refuses where there is none
+    blade = design.blade
+    r = blade.hub_radius + np.array(places) * (blade.tip_radius - blade.hub_radius)
+    x, upper, lower = design.sides(r)
     along = np.hstack((x[:, ::-1], x[:, 1:])) - STACKING
     plane = np.stack((along, np.hstack((upper[:, ::-1], lower[:, 1:]))), axis=-1)
-    return np.interp(r, table["r_m"], table["chord_m"])[:, None, None] * plane
+    return np.interp(r, blade.r, blade.chord)[:, None, None] * plane
 
 
 def outline_names(solution: Solution, turbine: Any) -> str:

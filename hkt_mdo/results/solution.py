@@ -23,7 +23,7 @@ from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, RATES
 from hkt_mdo.results.summary import BLADE, ScenarioEntry, Summary
-from hkt_mdo.results.words import measured, printable
+from hkt_mdo.results.words import Row, measured, printable
 
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
@@ -340,6 +340,16 @@ class Solution:
     def failed_checks(self) -> tuple[str, ...]:
         """Checks that the result did not pass, each as one printable line."""
         return tuple(str(check) for check in self.summary.checks or () if not check.passed)
+
+    @property
+    def overview(self) -> dict[str, list[Row]]:
+        """Figures of merit, notes, warnings and failed checks: rows by the titles of tables."""
+        warnings = self.summary.warnings(self.case)
+        return self.summary.tables(self.case) | {
+            "Notes": [Row("", note, severity="note") for note in self.notes],
+            "Warnings": [Row("", text, severity="warning") for text in warnings],
+            "Checks not passed": [Row("", text, severity="failure") for text in self.failed_checks],
+        }
 
     @property
     def blade(self) -> dict[str, np.ndarray]:

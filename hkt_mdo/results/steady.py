@@ -21,31 +21,45 @@ class Binned(NamedTuple):
     high: np.ndarray
 
 
-def binned(speed: np.ndarray, values: np.ndarray, steady: bool = False) -> Binned:
+def binned(
+    speed: np.ndarray,
+    values: np.ndarray,
+    steady: bool = False,
+    count: int = BINS,
+    fewest: int = FEWEST,
+    ends: tuple[float, float] = (5.0, 95.0),
+) -> Binned:
     """Return the mean and the range of 90 % of some values in classes of the flow speed.
 
     Parameters
     ----------
     speed : numpy.ndarray, shape (n_times,)
-        Flow speed, m/s.
+        Flow speed, m/s, or something else that the values are over.
     values : numpy.ndarray, shape (n_times,)
         A quantity at the same instants, which count alike.
     steady : bool
         Whether they are no instants but speeds without time, each of which is a class.
+    count : int
+        Number of the classes.
+    fewest : int
+        Of the instants of a class.
+    ends : tuple of float
+        Percentiles at the ends of the range.
 
     Returns
     -------
     Binned
-        Of the classes with at least `FEWEST` instants.
+        Of the classes with at least `fewest` instants.
     """
     if steady:
         order = np.argsort(speed)
         return Binned(speed[order], *[values[order]] * 3)
-    edges = np.linspace(np.min(speed), np.max(speed), BINS + 1)
-    place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, BINS - 1)
-    classes = [place == each for each in range(BINS) if np.sum(place == each) >= FEWEST]
-    pairs = [(speed[place], values[place]) for place in classes]
-    rows = [(np.mean(x), np.mean(y), *np.percentile(y, (5.0, 95.0))) for x, y in pairs]
+    edges = np.linspace(np.min(speed), np.max(speed), count + 1)
+    place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, count - 1)
+    order = np.argsort(place, kind="stable")
+    classes = np.split(order, np.cumsum(np.bincount(place, minlength=count))[:-1])
+    pairs = [(speed[each], values[each]) for each in classes if each.size >= fewest]
+    rows = [(np.mean(x), np.mean(y), *np.percentile(y, ends)) for x, y in pairs]
     return Binned(*np.reshape(rows, (-1, 4)).T)
 
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import make_folder, write_files
+from hkt_mdo.files.table import write_new
 from hkt_mdo.results.panel import COLORS, Curve, Panel
 
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
@@ -33,11 +33,6 @@ MOST_MARKERS = 40
 """On a curve: more would hide it."""
 BESIDES = 1.3
 """Inches of a figure's height that its axes do not share: labels, legend and title."""
-
-
-def new_axes() -> Axes:
-    """Return the axes of a new figure."""
-    return figure_of(6.2, 3.9, [lambda ax: ax]).axes[0]
 
 
 def figure_of(
@@ -115,7 +110,7 @@ def bar(index: int) -> dict[str, Any]:
 
 def draw(panel: Panel, ax: Axes | None = None) -> Axes:
     """Draw a panel on axes, by default of a new figure, and return them."""
-    ax = ax or new_axes()
+    ax = ax or figure_of(6.2, 3.9, [lambda ax: ax]).axes[0]
     if panel.log:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:.0e}")
@@ -260,17 +255,18 @@ def _widen(ax: Axes) -> None:
     ax.set_ylim(middle - half, middle + half)
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as a PNG."""
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=DPI)
-    return drawn.getvalue()
-
-
 _OPTIONS: dict[str, dict[str, Any]] = {
     "pdf": {"metadata": {"CreationDate": None}},  # equal results give equal files
     "png": {"pil_kwargs": {"compress_level": 3}},  # a tenth larger, in half the time
 }
+
+
+def picture(figure: Figure, form: str = "png") -> bytes:
+    """Return a figure as a file of a format."""
+    drawn = io.BytesIO()
+    with rc_context({"pdf.fonttype": 42}):  # as journals ask for
+        figure.savefig(drawn, format=form, dpi=DPI, **_OPTIONS.get(form, {}))
+    return drawn.getvalue()
 
 
 def save(
@@ -286,13 +282,9 @@ def save(
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    make_folder(Path(folder))
-    written = []
-    for name, figure in figures.items():
-        for form in formats:
-            drawn = io.BytesIO()
-            with rc_context({"pdf.fonttype": 42}):  # as journals ask for
-                figure.savefig(drawn, format=form, dpi=DPI, **_OPTIONS.get(form, {}))
-            written.append(Path(folder, f"{name}.{form}"))
-            write_files({written[-1]: drawn.getvalue()})
-    return written
+    contents = {
+        Path(folder, f"{name}.{form}"): picture(figure, form)
+        for name, figure in figures.items()
+        for form in formats
+    }
+    return write_new(contents, force=True)

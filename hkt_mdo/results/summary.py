@@ -10,14 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationError,
-    field_validator,
-)
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from hkt_mdo.case import Case
@@ -361,8 +354,9 @@ class YearEntry(_Entry):
         yield Row("capacity factor", factor, note=most, digits=4)
         yield Row(
             "hours of operation",
-            f"{measured(self.operation_h, '', 5)} h",
-            note=joined(
+            self.operation_h,
+            "h",
+            joined(
                 f"standstill {measured(self.standstill_h, '', 4)} h",
                 f"at the largest electrical power {measured(self.rated_h, '', 4)} h",
                 *(
@@ -481,9 +475,7 @@ class Summary(_Entry, Mapping[str, Any]):
     rotor's axis; it changes its sign in half a turn."""
     at_bounds: list[BoundEntry] | None = None
     """Design variables that end at a bound of the case: a wider one may give more."""
-    scenarios: dict[Annotated[str, StringConstraints(pattern=SCENARIO)], ScenarioEntry] | None = (
-        None
-    )
+    scenarios: dict[Annotated[str, Field(pattern=SCENARIO)], ScenarioEntry] | None = None
     """Results of each scenario of the case."""
     branches: list[BranchEntry] | None = None
     """Overspeed and underspeed, where limits can be kept by both, the one that was taken first."""
@@ -717,11 +709,8 @@ class Summary(_Entry, Mapping[str, Any]):
 
     def _optimization(self) -> Iterator[Row]:
         """Yield the rows of the computation."""
-        for label, error in (
-            ("torque curve, relative error", self.surrogate_error),
-            ("rotor speed, relative error", self.max_speed_error),
-        ):
-            yield Row(label, None if error is None else f"{error:.2g}")
+        yield Row("torque curve, relative error", self.surrogate_error, digits=2)
+        yield Row("rotor speed, relative error", self.max_speed_error, digits=2)
         if self.bins_error is not None:
             yield Row("energy by bins of the flow, relative error", f"{self.bins_error:+.2g}")
         seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
@@ -731,7 +720,7 @@ class Summary(_Entry, Mapping[str, Any]):
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
             note = "; ".join(remedies).replace("_", " ")
-            yield Row("optimizations", str(len(self.passes)), "", note)
+            yield Row("optimizations", len(self.passes), "", note)
         if self.starts:
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")

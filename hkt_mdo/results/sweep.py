@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case.document import unit_at
+from hkt_mdo.case.document import quantity_at
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, read_text, write_files
@@ -67,7 +67,7 @@ def row_of(solution: Solution) -> Row:
     return row | {"message": "" if solution.success else solution.message}
 
 
-def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
+def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
     """Write the table of a sweep: CSV, and as packages allow Parquet and, of a grid, NetCDF.
 
     Parameters
@@ -78,11 +78,6 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
         What was asked.
     rows : sequence of dict
         A row for each point, in the order of the points.
-
-    Returns
-    -------
-    list of pathlib.Path
-        The files.
     """
     names = list(dict.fromkeys(name for row in rows for name in row))
     names.sort(key="message".__eq__)  # a text, the last one
@@ -103,8 +98,6 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> list[Path]:
         along = {key: np.moveaxis(shaped.pop(key), at, 0) for at, key in enumerate(keys)}
         axes = {key: each.reshape(len(each), -1)[:, 0] for key, each in along.items()}
         Dataset({name: (keys, each) for name, each in shaped.items()}, axes).to_netcdf(grid)
-        files[grid] = b""
-    return list(files)
 
 
 def _column(values: Iterable[Any]) -> np.ndarray:
@@ -206,7 +199,7 @@ class SweepTable:
         if name == "objective":
             words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
         elif name in self.sweep.over:
-            words, unit = name, unit_at(name)
+            words, unit = name, getattr(quantity_at(name), "unit", None) or ""
         elif unit not in ("W", "J", "N", "Pa", "Nm", "kg"):
             return values, name
         plain = plain_unit(unit.replace("Nm", "N m"))

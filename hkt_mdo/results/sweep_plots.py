@@ -53,12 +53,12 @@ def _map(table: SweepTable) -> Panel:
     return Panel(up, across, [each for each in curves if each.x.size], shades=label)
 
 
-def plot_parallel(table: SweepTable, ax: Axes | None = None) -> Axes:
+def plot_parallel(table: SweepTable, ax: Axes) -> Axes:
     """Plot each verified run as a line across keys and outcomes, each from least to largest.
 
     The colour is that of the objective.
     """
-    ax, good = ax or style.new_axes(), np.flatnonzero(table.verified)
+    good = np.flatnonzero(table.verified)
     names = [*table.sweep.columns, *(x for x in _OUTCOMES if x in table.columns)]
     heights, labels = [], []
     for name in names:

@@ -10,8 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case.document import unit_of
-
 _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
 PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
@@ -169,7 +167,7 @@ def flow_words(section: Any) -> str:
     """Return the kind of a flow and the values that make it, without those that change nothing."""
     if section.profile == "sum":
         return " + ".join(flow_words(part) for part in section.parts)
-    words, schema = [], type(section).model_json_schema(by_alias=False)["properties"]
+    words = []
     for name, field in type(section).model_fields.items():
         value, usual = getattr(section, name), field.default
         if name == "file" and value is not None:
@@ -177,7 +175,7 @@ def flow_words(section: Any) -> str:
         elif name == "constituents":
             words += [part.name or duration(part.period) for part in value]
         elif name != "profile" and value is not None and (name not in _IDLE or value != usual):
-            unit = plain_unit(unit_of(schema[name]))
+            unit = plain_unit(type(section).unit_of(name))
             words.append(f"{name.replace('_', ' ')} {measured(value, '', 4)} {unit}".rstrip())
     return f"{section.profile}: {', '.join(words)}"
 

@@ -97,13 +97,13 @@ class _Plan:
                 case = self.sweep.case_at(point, self.extensions)
             except InputError as error:
                 name = f"none-{len(self.points)}"
-                self.points.append((self.sweep.row_at(point, None), name))
+                self.points.append((self.sweep.row_at(point, self.extensions), name))
                 self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
             name = _name(case)
             case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
-            self.points.append((self.sweep.row_at(point, case), name))
+            self.points.append((self.sweep.row_at(point, self.extensions), name))
             if name in self.rows:  # the same case at another point
                 self.total -= 1
                 continue

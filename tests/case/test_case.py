@@ -34,12 +34,6 @@ FLOWS = {
 }
 
 
-def write(folder: Path, text: str, name: str = "a.yaml") -> Path:
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
 def same(case: Case, other: Case) -> bool:
     """Tell whether two cases are equal, and in all that follows from it."""
     texts = case.to_yaml() == other.to_yaml()
@@ -50,14 +44,14 @@ def same(case: Case, other: Case) -> bool:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_shipped_case_says_what_its_name_says_and_comes_back_from_its_own_yaml(name, tmp_path):
+def test_shipped_case_says_what_its_name_says_and_comes_back_from_its_own_yaml(name, put):
     case = load_case(CASES / f"{name}.yaml")
     assert case.name == name
     assert isinstance(case.control, LAWS[name.rpartition("_")[2]])
     assert isinstance(case.inflow, StepInflow if name.startswith("step") else SineInflow)
     assert case.control.torque_limit == (700.0 if "limited" in name else None)
     assert case.design.blade == ("fixed" if "baseline" in name else "optimized")
-    assert same(load_case(write(tmp_path, case.to_yaml())), case)
+    assert same(load_case(put("a.yaml", case.to_yaml())), case)
 
 
 def test_defaults_are_the_numbers_of_the_paper():
@@ -107,10 +101,10 @@ def test_values_are_taken_in_the_unit_of_the_key(override, expected):
         *(f"inflow: {flow}" for flow in FLOWS.values()),
     ],
 )
-def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, tmp_path):
-    write(tmp_path, "time_s,speed_m_s\n0,1\n", "river.csv")
+def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, put):
+    folder = put("river.csv", "time_s,speed_m_s\n0,1\n").parent
     minimal = "control: linear\n" + ("" if "inflow" in text else "inflow: sine\n")
-    case = read_case(minimal + text, folder=tmp_path)
+    case = read_case(minimal + text, folder=folder)
     assert same(read_case(case.to_yaml()), case)
     assert same(pickle.loads(pickle.dumps(case)), case)
 
@@ -135,14 +129,12 @@ def test_a_blade_under_limits_has_stations_that_resolve_it(limits):
         ("inflow: {profile: record, file: own/f.csv}", "inflow", "file", "is not a file; give the"),
     ],
 )
-def test_paths_count_from_the_folder_of_the_case(text, key, name, told, tmp_path):
-    (tmp_path / "own").mkdir()
-    file = write(tmp_path / "own", "r_over_R,c_over_R,pitch_deg\n0.2,0.1,10\n", "f.csv")
-    path = write(tmp_path, f"control: linear\n{text}")
+def test_paths_count_from_the_folder_of_the_case(text, key, name, told, put):
+    file = put("own/f.csv", "r_over_R,c_over_R,pitch_deg\n0.2,0.1,10\n")
+    path = put("a.yaml", f"control: linear\n{text}")
     case = load_case(path)
     assert getattr(getattr(case, key), name) == str(file.resolve())
-    (tmp_path / "elsewhere").mkdir()
-    assert load_case(write(tmp_path / "elsewhere", case.to_yaml())) == case
+    assert load_case(put("elsewhere/a.yaml", case.to_yaml())) == case
     file.unlink()
     with pytest.raises(InputError, match=told):
         load_case(path)
@@ -183,7 +175,7 @@ def test_another_blade_brings_its_own(old, new):
 # Cases from Python, bare names --------------------------------------------------------------------
 
 
-def test_a_case_from_a_dict_is_that_of_a_file(tmp_path, monkeypatch):
+def test_a_case_from_a_dict_is_that_of_a_file(put, monkeypatch):
     data = {
         "inflow": {"profile": "sine", "mean": "150 cm/s"},
         "control": {"law": "linear"},
@@ -195,11 +187,11 @@ def test_a_case_from_a_dict_is_that_of_a_file(tmp_path, monkeypatch):
     assert repr(data) == before
     text = "inflow: {profile: sine, mean: 1.5}\ncontrol: {law: linear, gain: 80}\n"
     text += "rotor: {stations: [0.3, 0.6, 0.9], blade: river, radius: 2}"
-    assert same(load_case(write(tmp_path, text)), case)
-    write(tmp_path, "", "own.csv")
-    monkeypatch.chdir(tmp_path)  # relative paths count from the current folder
+    assert same(load_case(put("a.yaml", text)), case)
+    own = put("own.csv", "")
+    monkeypatch.chdir(own.parent)  # relative paths count from the current folder
     data["rotor"]["blade"] = "own.csv"
-    assert load_case(data).rotor.blade == str((tmp_path / "own.csv").resolve())
+    assert load_case(data).rotor.blade == str(own.resolve())
 
 
 @pytest.mark.parametrize(

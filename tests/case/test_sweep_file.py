@@ -8,18 +8,16 @@ from hkt_mdo.case.sweep import load_sweep
 from hkt_mdo.errors import InputError
 
 
-def read(folder, over, more=""):
+def read(put, over, more=""):
     """Return the sweep of a file with some axes and more."""
-    path = folder / "s.yaml"
-    path.write_text(f"case: sine_limited_quadratic\nover: {over}\n{more}", encoding="utf-8")
-    return load_sweep(path)
+    return load_sweep(put("s.yaml", f"case: sine_limited_quadratic\nover: {over}\n{more}"))
 
 
-def test_a_grid_has_every_combination(tmp_path):
+def test_a_grid_has_every_combination(put):
     mean = "{from: 1.3 m/s, to: 1.5 m/s, count: 3}"
     power = "{from: 1, to: 100, count: 3, spacing: log}"
     over = f"{{control.torque_limit: [600 N m, 700], inflow.mean: {mean}, limits.power: {power}}}"
-    sweep = read(tmp_path, over)
+    sweep = read(put, over)
     assert (sweep.shape, sweep.size) == ((2, 3, 3), 18)
     points = list(sweep.points())
     assert len(points) == 18
@@ -30,14 +28,15 @@ def test_a_grid_has_every_combination(tmp_path):
     assert case.control.torque_limit == 700.0  # in place of the case's own
     assert case.inflow.mean == 1.5
     assert case.limits.power.bound == 100.0
-    again = read(tmp_path, sweep.to_yaml().partition("over:")[2].partition("seed")[0])
+    again = read(put, sweep.to_yaml().partition("over:")[2].partition("seed")[0])
     assert list(again.points()) == points
+    assert "name: '1e3'" in read(put, "{rotor.radius: [1]}", "set: {name: '1e3'}").to_yaml()
 
 
-def test_objectives_laws_and_whole_sections_are_axes(tmp_path):
+def test_objectives_laws_and_whole_sections_are_axes(put):
     laws = "[{law: quadratic}, {law: curve, knots: 6}]"
     over = f"{{objective: [captured, electrical], control: {laws}, limits.power: [4 kW, null]}}"
-    sweep = read(tmp_path, over)
+    sweep = read(put, over)
     cases = [sweep.case_at(point) for point in sweep.points()]
     assert [case.objective.kind for case in cases] == ["captured"] * 4 + ["electrical"] * 4
     assert [case.control.law for case in cases[::2]] == ["quadratic", "curve"] * 2
@@ -46,9 +45,9 @@ def test_objectives_laws_and_whole_sections_are_axes(tmp_path):
     assert bounds == [4000.0, None] * 4
 
 
-def test_samples_are_a_latin_hypercube_with_their_seed(tmp_path):
+def test_samples_are_a_latin_hypercube_with_their_seed(put):
     over = "{rotor.radius: {from: 1.2, to: 1.5}, limits.power: {from: 1, to: 100, spacing: log}}"
-    sweep = read(tmp_path, over, "samples: 8\nseed: 3\n")
+    sweep = read(put, over, "samples: 8\nseed: 3\n")
     points = list(sweep.points())
     assert sweep.size == 8
     drawn = qmc.LatinHypercube(2, seed=3).random(8)
@@ -83,9 +82,9 @@ BAD = {
 
 
 @pytest.mark.parametrize(("over", "words"), BAD.items(), ids=BAD)
-def test_axes_that_are_refused(tmp_path, over, words):
+def test_axes_that_are_refused(put, over, words):
     with pytest.raises(InputError, match=words):
-        read(tmp_path, over)
+        read(put, over)
 
 
 OTHER = {
@@ -98,20 +97,17 @@ OTHER = {
 
 
 @pytest.mark.parametrize(("more", "words"), OTHER.items(), ids=OTHER)
-def test_other_keys_that_are_refused(tmp_path, more, words):
+def test_other_keys_that_are_refused(put, more, words):
     with pytest.raises(InputError, match=words):
-        read(tmp_path, "{control.torque_limit: [600]}", more)
+        read(put, "{control.torque_limit: [600]}", more)
 
 
-def test_a_case_that_is_not_there_is_told_at_its_key(tmp_path):
-    (tmp_path / "s.yaml").write_text("case: none.yaml\nover: {rotor.radius: [1]}\n")
+def test_a_case_that_is_not_there_is_told_at_its_key(put):
     with pytest.raises(InputError, match=r"s.yaml: case = 'none.yaml': is not a file; give a case"):
-        load_sweep(tmp_path / "s.yaml")
-    (tmp_path / "s.yaml").write_text("case: sine_oloc\novr: {rotor.radius: [1]}\n")
+        load_sweep(put("s.yaml", "case: none.yaml\nover: {rotor.radius: [1]}\n"))
     with pytest.raises(InputError, match=r"did you mean over.*\(and 1 more: over is missing\)"):
-        load_sweep(tmp_path / "s.yaml")
-    (tmp_path / "s.yaml").write_text("- 1\n")
+        load_sweep(put("s.yaml", "case: sine_oloc\novr: {rotor.radius: [1]}\n"))
     with pytest.raises(InputError, match=r"must hold keys and values at its top"):
-        load_sweep(tmp_path / "s.yaml")
+        load_sweep(put("s.yaml", "- 1\n"))
     with pytest.raises(InputError, match=r"no.yaml: does not exist"):
-        load_sweep(tmp_path / "no.yaml")
+        load_sweep("no.yaml")

@@ -116,6 +116,12 @@ def test_interrupted_run_exits_with_130(fake, capsys, saves):
     assert f"interrupted: {told}" in capsys.readouterr().err
 
 
+def test_any_command_says_that_it_was_interrupted(monkeypatch, capsys):
+    monkeypatch.setattr("hkt_mdo.case.load_case", lambda *_, **__: os.kill(os.getpid(), 2))
+    assert main(["check", CASE]) == 130
+    assert capsys.readouterr().err == "interrupted: nothing was saved\n"
+
+
 ERRORS = [
     (InputError("folder exists", "give --force", file="a"), 2, "a: folder exists; give --force"),
     (OSError(errno.ENOSPC, "No space left on device", "a.csv"), 2, "a.csv: cannot be .*space"),
@@ -269,6 +275,7 @@ def test_show_and_compare_print_for_programs(result_folder, linear_result_folder
     assert main(["show", str(result_folder), form]) == 0
     rows = {row["quantity"]: row for row in records_of(capsys.readouterr().out, form)}
     assert (float(rows["energy"]["value"]), rows["energy"]["unit"]) == (322239.0, "J")
+    assert form == "--csv" or isinstance(rows["rotor speed, relative error"]["value"], float)
     ratio = Solution.load(result_folder).summary.tip_speed_ratio
     ends = [float(rows["tip speed ratio"][key]) for key in ("value", "up_to")]
     assert ends == pytest.approx([ratio.min, ratio.max], rel=1e-12)

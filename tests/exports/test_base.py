@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -61,7 +62,8 @@ def test_what_is_not_understood_is_reported_with_the_remedy(hkt, tmp_path, argum
 
 
 def test_a_missing_package_is_reported_with_the_line_that_installs_it(hkt, tmp_path, monkeypatch):
-    monkeypatch.setattr("hkt_mdo.exports.base.find_spec", lambda name: None)
+    for module in ("OCP", "netCDF4"):
+        monkeypatch.setitem(sys.modules, module, None)
     for name, extra in (("step", "cad"), ("netcdf", "records")):
         code, told = hkt("export", RESULT, "--to", "controller", "--to", name, "--out", tmp_path)
         assert code == 2

@@ -19,18 +19,6 @@ from tests.properties import examples
 METRES = "r_m,chord_m,twist_rad\n0.5,0.25,0.5\n1,0.125,0.25\n"
 
 
-@pytest.fixture
-def put(tmp_path):
-    """Return a function that writes a file and returns its path."""
-
-    def write(name, text):
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        return path
-
-    return write
-
-
 def changed(text, changes):
     """Return a text with other parts in place of those it has."""
     for old, new in changes.items():
@@ -291,17 +279,15 @@ def test_a_path_that_is_no_file(path):
         read_blade(path)
 
 
-def test_radians_below_the_name_of_degrees_are_suspected(tmp_path):
-    path = tmp_path / "b.csv"
-    path.write_text("r_m,chord_m,twist_deg\n0.2,0.2,0.4\n0.6,0.15,0.2\n1.0,0.1,0.05\n")
+def test_radians_below_the_name_of_degrees_are_suspected(put):
+    path = put("b.csv", "r_m,chord_m,twist_deg\n0.2,0.2,0.4\n0.6,0.15,0.2\n1.0,0.1,0.05\n")
     told = r"b\.csv: twist_deg is in degrees, and no value is above 0\.4: .* twist_rad"
     with pytest.warns(UserWarning, match=told):
         read_blade(path)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for text in ("twist_rad\n0.2,0.2,0.4\n1.0,0.1,0.05\n", "twist_deg\n0.2,0.2,0\n1,0.1,0\n"):
-            path.write_text(f"r_m,chord_m,{text}")
-            read_blade(path)
+            read_blade(put("b.csv", f"r_m,chord_m,{text}"))
 
 
 def test_a_written_blade_has_the_twist_in_degrees_too(tmp_path):

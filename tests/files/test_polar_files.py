@@ -117,12 +117,6 @@ WITH_PRESSURE = {
 }
 
 
-def write(folder, text):
-    path = folder / "section.dat"
-    path.write_text(text, encoding="utf-8", newline="")
-    return path
-
-
 def check(table, reynolds, with_moment=True):
     """Hold a table to the curves; AeroDyn's may have the lowest pressure in the moment's place."""
     assert table.reynolds == pytest.approx(reynolds, rel=1e-12)
@@ -134,8 +128,8 @@ def check(table, reynolds, with_moment=True):
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_format_gives_the_same_tables(tmp_path, name):
-    tables = read_polars(write(tmp_path, FORMATS[name]))
+def test_every_format_gives_the_same_tables(put, name):
+    tables = read_polars(put("section.dat", FORMATS[name]))
     for table, reynolds in zip(tables, REYNOLDS, strict=True):
         assert np.allclose(table.alpha, np.deg2rad(ALPHA), rtol=0.0, atol=1e-15)
         check(table, reynolds)
@@ -143,9 +137,9 @@ def test_every_format_gives_the_same_tables(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", WITH_PRESSURE)
-def test_every_format_may_have_the_smallest_pressure(tmp_path, name):
+def test_every_format_may_have_the_smallest_pressure(put, name):
     text, n_surfaces = WITH_PRESSURE[name]
-    for table, reynolds in zip(read_polars(write(tmp_path, text)), REYNOLDS, strict=True):
+    for table, reynolds in zip(read_polars(put("section.dat", text)), REYNOLDS, strict=True):
         expected = [pressure(ALPHA, reynolds, 0.1 * place) for place in range(n_surfaces)]
         assert np.allclose(table.smallest_pressure, expected, rtol=0.0, atol=1e-12)
         check(table, reynolds, with_moment=name != "aerodyn")
@@ -171,25 +165,25 @@ XFLR5 = text_of(  # version 6.61, with two numbers more than names
 
 
 @pytest.mark.parametrize("text", [AIRFOIL_TOOLS, XFLR5], ids=["tools", "xflr5"])
-def test_polars_of_airfoil_tools_and_xflr5(tmp_path, text):
-    (table,) = read_polars(write(tmp_path, text))
+def test_polars_of_airfoil_tools_and_xflr5(put, text):
+    (table,) = read_polars(put("section.dat", text))
     check(table, 5e4)
 
 
-def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(tmp_path):
+def test_a_table_of_qblade_has_no_reynolds_number_and_may_repeat_a_row(put):
     lines = [f" {a:.3f} {cl} {cd}" for a, cl, cd, _ in rows(ALPHA, 5e4)]
     head = "made by hand\n\n1 Number of airfoil tables in this file\n0 Table ID parameter\n"
     text = "\n".join([*lines[:4], lines[3], *lines[4:]])
-    (table,) = read_polars(write(tmp_path, f"{head}12.0 Stall angle (deg)\n{text}\n"))
+    (table,) = read_polars(put("section.dat", f"{head}12.0 Stall angle (deg)\n{text}\n"))
     assert table.reynolds is None
     np.testing.assert_array_equal(table.lift, lift(ALPHA, 5e4))
     assert "1 repeated rows are left out" in table.messages[0]
 
 
-def test_airfoil_tools_must_say_the_reynolds_number(tmp_path):
+def test_airfoil_tools_must_say_the_reynolds_number(put):
     text = AIRFOIL_TOOLS.replace("number,50000", "number,fast")
     with pytest.raises(InputError, match=r"line 4, Re = 'fast': is no Reynolds"):
-        read_polars(write(tmp_path, text))
+        read_polars(put("section.dat", text))
 
 
 # Half of a symmetric section
@@ -206,8 +200,8 @@ def symmetric_text(first, camber=0.0, noise=0.0):
 
 
 @pytest.mark.parametrize("first", [-2.0, -4.0, 0.0])
-def test_half_of_a_symmetric_section_is_mirrored_and_reported(tmp_path, first):
-    (table,) = read_polars(write(tmp_path, symmetric_text(first, noise=0.002)))
+def test_half_of_a_symmetric_section_is_mirrored_and_reported(put, first):
+    (table,) = read_polars(put("section.dat", symmetric_text(first, noise=0.002)))
     degrees = np.round(np.rad2deg(table.alpha), 9)
     assert degrees.tolist() == list(range(-16, 17))
     mirrored = slice(None, int(16 + first))
@@ -220,9 +214,9 @@ def test_half_of_a_symmetric_section_is_mirrored_and_reported(tmp_path, first):
 
 
 @pytest.mark.parametrize("changes", [{"camber": 0.02}, {"noise": 0.02}, {"first": 1.0}])
-def test_what_is_not_symmetric_is_not_mirrored(tmp_path, changes):
+def test_what_is_not_symmetric_is_not_mirrored(put, changes):
     with pytest.raises(InputError, match="must reach from -5 or less to 12 or more"):
-        read_polars(write(tmp_path, symmetric_text(**{"first": -2.0} | changes)))
+        read_polars(put("section.dat", symmetric_text(**{"first": -2.0} | changes)))
 
 
 def test_both_surfaces_change_places_in_the_mirror():
@@ -245,8 +239,8 @@ def circle_text(n_rows=73, gap=0.0):
     return "\n".join(["alpha_deg,cl,cd", *lines]) + "\n"
 
 
-def test_full_circle_is_used_as_it_is(tmp_path):
-    (table,) = read_polars(write(tmp_path, circle_text()))
+def test_full_circle_is_used_as_it_is(put):
+    (table,) = read_polars(put("section.dat", circle_text()))
     assert table.full_circle
     assert table.alpha[0] == -np.pi
     assert table.alpha[-1] == np.pi
@@ -258,20 +252,20 @@ def test_full_circle_is_used_as_it_is(tmp_path):
     assert np.allclose(cd, 1.0 - 0.98 * np.cos(2.0 * alpha), atol=1e-4)
 
 
-def test_ends_of_a_full_circle_are_one_angle(tmp_path):
+def test_ends_of_a_full_circle_are_one_angle(put):
     with pytest.raises(InputError, match=r"line 74, column cl = .*differs.*one angle"):
-        read_polars(write(tmp_path, circle_text(gap=0.01)))
+        read_polars(put("section.dat", circle_text(gap=0.01)))
 
 
-def test_cylinder_needs_but_its_ends(tmp_path):
+def test_cylinder_needs_but_its_ends(put):
     for angles in ((-180, 180), (-180, 0, 180)):
         text = "alpha_deg,cl,cd\n" + "".join(f"{angle},0,0.5\n" for angle in angles)
-        polar = PolarFamily.from_file(write(tmp_path, text)).polars[0]
+        polar = PolarFamily.from_file(put("section.dat", text)).polars[0]
         cl, cd = polar.evaluate(np.linspace(-4.0, 4.0, 99))
         assert np.allclose(cl, 0.0, atol=1e-14)
         assert np.allclose(cd, 0.5, atol=1e-14)
     with pytest.raises(InputError, match="at least 8"):
-        read_polars(write(tmp_path, text.replace("\n0,0,", "\n0,0.1,")))
+        read_polars(put("section.dat", text.replace("\n0,0,", "\n0,0.1,")))
 
 
 # Blend and family
@@ -291,19 +285,19 @@ def test_family_is_linear_in_the_logarithm_and_clamped():
 # Curves that overshoot
 
 
-def test_drag_that_dips_below_zero_between_rows_is_refused(tmp_path):
+def test_drag_that_dips_below_zero_between_rows_is_refused(put):
     """A spline through rows far apart may go where no row is."""
     angles = -10, -8, -6, -4, -2, 0, 2, 4, 14, 15
     drags = 0.9, 0.5, 0.3, 0.2, 0.1, 0.03, 0.01, 0.01, 0.9, 1.8
     lines = [f"{a},{0.05 * a},{cd}\n" for a, cd in zip(angles, drags, strict=True)]
-    path = write(tmp_path, "".join(["alpha_deg,cl,cd\n", *lines]))
+    path = put("section.dat", "".join(["alpha_deg,cl,cd\n", *lines]))
     read_polars(path)  # the rows themselves are well
     with pytest.raises(InputError, match=r"section\.dat: .*drag coefficient of -.*add rows"):
         PolarFamily.from_file(path)
 
 
-def test_rows_too_close_together_are_refused(tmp_path):
+def test_rows_too_close_together_are_refused(put):
     angles = [*range(-8, 5), 4.0000001, *range(5, 17)]
     lines = [f"{a:.8g},{0.1 * a + 0.01 * (a != int(a)):.4f},1.0\n" for a in angles]
     with pytest.raises(InputError, match="too close together"):
-        PolarFamily.from_file(write(tmp_path, "".join(["alpha_deg,cl,cd\n", *lines])))
+        PolarFamily.from_file(put("section.dat", "".join(["alpha_deg,cl,cd\n", *lines])))

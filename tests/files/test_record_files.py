@@ -451,55 +451,51 @@ JSON = {
 
 
 @pytest.mark.parametrize("form", JSON)
-def test_json_of_noaa_and_usgs(tmp_path, form):
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps(JSON[form]), encoding="utf-8")
+def test_json_of_noaa_and_usgs(put, form):
+    path = put("a.json", json.dumps(JSON[form]))
     record = read_record(path, speed_column="s", speed_unit="cm/s")
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
     np.testing.assert_allclose(record.time, TIME, atol=1e-3)
     assert told(record, "rows sorted by time") == (form == "unsorted")
 
 
-def test_json_with_more_times_than_rows_is_refused(tmp_path):
-    path = tmp_path / "a.json"
-    path.write_text(json.dumps(JSON["split"] | {"index": [*DATES, "2030-01-01"]}))
+def test_json_with_more_times_than_rows_is_refused(put):
+    path = put("a.json", json.dumps(JSON["split"] | {"index": [*DATES, "2030-01-01"]}))
     assert "times and" in refused(read_record, path, speed_column="s", speed_unit="cm/s")
 
 
 @pytest.mark.parametrize(("unit", "seconds"), [("s", 1.0), ("us", 1e-6), ("ns", 1e-9)])
-def test_json_times_are_in_the_unit_of_a_plausible_year(tmp_path, unit, seconds):
+def test_json_times_are_in_the_unit_of_a_plausible_year(put, unit, seconds):
     """As pandas' to_json writes them by its option date_unit."""
-    path = tmp_path / "a.json"
     times = [round((1_478_606_640 + 60 * row) / seconds) for row in range(TIME.size)]
-    path.write_text(json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
+    path = put("a.json", json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
     record = read_record(path, speed_unit="m/s")
     assert record.step == pytest.approx(60.0, rel=1e-6)
     chosen = read_record(path, speed_unit="m/s", time_unit=unit)
     np.testing.assert_allclose(chosen.time, record.time, atol=1e-3)
     times = [60_000 * row for row in range(TIME.size)]  # of no plausible year
-    path.write_text(json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
+    path = put("a.json", json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
     with pytest.raises(InputError, match=r"column time: has no unit that is known.*give time_unit"):
         read_record(path, speed_unit="m/s")
     assert read_record(path, speed_unit="m/s", time_unit="ms").step == pytest.approx(60.0)
 
 
-def test_one_of_several_sensors_or_sites_of_usgs_is_chosen_by_name(tmp_path):
-    name = "Velocity, feet per second"
-    path, first = tmp_path / "a.json", usgs_series(1.0)
+def test_one_of_several_sensors_or_sites_of_usgs_is_chosen_by_name(put):
+    name, first = "Velocity, feet per second", usgs_series(1.0)
     del first["values"][0]["value"][40:]
     first["values"] += usgs_series(2.0, method="[new]")["values"]
     old, new = (f"{name}, site 1 A RIVER, method 1 [{age}]" for age in ("old", "new"))
-    path.write_text(json.dumps({"value": {"timeSeries": [first]}}))
+    path = put("a.json", json.dumps({"value": {"timeSeries": [first]}}))
     assert f"give speed_column: of '{old}', '{new}'" in refused(read_record, path)
     record = read_record(path, speed_column=new)
     np.testing.assert_allclose(record.speed, 2.0 * 0.3048 * SMOOTH, rtol=1e-9)
     first["values"][0]["value"] = []  # the only one with samples needs no name
-    path.write_text(json.dumps({"value": {"timeSeries": [first]}}))
+    path = put("a.json", json.dumps({"value": {"timeSeries": [first]}}))
     record = read_record(path)
     assert record.time.size == TIME.size
     assert told(record, f"{old}: no samples")
     two = [usgs_series(1.0), usgs_series(2.0, "2 A CREEK")]
-    path.write_text(json.dumps({"value": {"timeSeries": two}}))
+    put("a.json", json.dumps({"value": {"timeSeries": two}}))
     assert f"'{name}, site 1 A RIVER', '{name}, site 2 A CREEK'" in refused(read_record, path)
     record = read_record(path, speed_column=f"{name}, site 2 A CREEK")
     np.testing.assert_allclose(record.speed, 2.0 * 0.3048 * SMOOTH, rtol=1e-9)
@@ -558,10 +554,8 @@ def test_two_columns_are_the_components_of_a_speed(tmp_path):
         ('{"s": {"1478606640000": 1}}', "column s: has no unit that is known"),
     ],
 )
-def test_json_that_is_no_record(tmp_path, text, message):
-    path = tmp_path / "a.json"
-    path.write_text(text, encoding="utf-8")
-    assert message in refused(read_record, path)
+def test_json_that_is_no_record(put, text, message):
+    assert message in refused(read_record, put("a.json", text))
 
 
 def test_other_objects_are_refused():

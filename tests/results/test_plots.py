@@ -1,6 +1,5 @@
 """Plots: axes in, axes out, nothing global touched, and the numbers of the result."""
 
-import types
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -30,43 +29,22 @@ def of_whole(make, *what):
     return drawn_by(make, *what, of=list)
 
 
-OVER_TIME = {
-    "rotor_speed": "rotor_speed",
-    "control_torque": "control_torque",
-    "power": "generator_power",
-    "thrust": "thrust",
-    "tip_speed_ratio": "tip_speed_ratio",
-    "hydrodynamic_torque": "hydrodynamic_torque",
-    "stress_over_time": "stress",
-}
-OVER_FLOW = {
-    "power_curve": "generator_power",
-    "speed_curve": "rotor_speed",
-    "torque_curve": "control_torque",
-    "thrust_curve": "thrust",
-}
-OVER_SPAN = {
-    "stress": "stress_Pa",
-    "flapwise_moment": "flapwise_moment_Nm",
-    "suction": "cavitation",
-}
-plots = types.SimpleNamespace(
-    plot_chord=of_whole(charts.over_radius, "chord_m"),
-    plot_twist=of_whole(charts.over_radius, "twist_deg"),
-    plot_planform=of_whole(charts.planform),
-    plot_sections=of_whole(charts.sections),
-    plot_power_coefficient=of_whole(charts.coefficient, "power"),
-    plot_thrust_coefficient=of_whole(charts.coefficient, "thrust"),
-    plot_convergence=of_whole(lambda results: charts.convergence(results)[0]),
-    plot_limits=drawn_by(lambda results: charts.limits(results)[0]),
+PLOTS = {
+    "chord": of_whole(charts.over_radius, "chord_m"),
+    "twist": of_whole(charts.over_radius, "twist_deg"),
+    "planform": of_whole(charts.planform),
+    "sections": of_whole(charts.sections),
+    "power_coefficient": of_whole(charts.coefficient, "power"),
+    "thrust_coefficient": of_whole(charts.coefficient, "thrust"),
+    "convergence": of_whole(lambda results: charts.convergence(results)[0]),
+    "limits": drawn_by(lambda results: charts.limits(results)[0]),
     **{
-        f"plot_{name}": drawn_by(partial(charts.over_time, nodes=True), each)
-        for name, each in OVER_TIME.items()
+        f"{each} over time": drawn_by(partial(charts.over_time, nodes=True), each)
+        for each in (*charts.TIME, "hydrodynamic_torque", "stress")
     },
-    **{f"plot_{name}": drawn_by(charts.over_flow, each) for name, each in OVER_FLOW.items()},
-    **{f"plot_{name}": drawn_by(charts.over_span, each) for name, each in OVER_SPAN.items()},
-)
-PLOTS = [*vars(plots).values()]
+    **{f"{each} over flow": drawn_by(charts.over_flow, each) for each in charts.FLOW},
+    **{f"{each} over span": drawn_by(charts.over_span, each) for each in charts.OVER_SPAN},
+}
 FIGURES = ("blade", "coefficients", "operation", "power_curve", "limits", "loads", "convergence")
 
 
@@ -86,16 +64,16 @@ def both(solution: Solution, linear_result_folder: Path) -> list[Solution]:
     return [solution, Solution.load(linear_result_folder)]
 
 
-@pytest.mark.parametrize("plot", PLOTS)
+@pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
 def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     """In axes of its own or in given ones, with units and names, and without global changes."""
     before = dict(mpl.rcParams)
     ax = plot(both[0])
     assert ax.lines
     # a unit; sections lie one beside the other
-    assert ax.get_xlabel().endswith(")") or plot is plots.plot_sections
-    assert ax.get_ylabel().endswith(")") or plot is plots.plot_limits  # whose bars have names
-    if plot is not plots.plot_limits:  # of which the other result has none
+    assert ax.get_xlabel().endswith(")") or plot is PLOTS["sections"]
+    assert ax.get_ylabel().endswith(")") or plot is PLOTS["limits"]  # whose bars have names
+    if plot is not PLOTS["limits"]:  # of which the other result has none
         ax = Figure().subplots()
         assert plot(both, ax) is ax
         ax.figure.canvas.draw()
@@ -112,14 +90,14 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
 
 
 def test_plots_show_the_numbers(solution: Solution) -> None:
-    nodes = line_of(plots.plot_rotor_speed(solution), "collocation nodes")
+    nodes = line_of(PLOTS["rotor_speed over time"](solution), "collocation nodes")
     rpm = 30.0 / np.pi * solution.trajectory["rotor_speed_rad_s"]
     np.testing.assert_allclose(nodes.get_ydata(), rpm, rtol=1e-14)
-    drawn = plots.plot_control_torque(solution)
+    drawn = PLOTS["control_torque over time"](solution)
     limit = line_of(drawn, "generator torque limit 700 N m")
     assert list(limit.get_ydata()) == [700.0, 700.0]
     reach = solution.summary["tip_speed_ratio"]
-    for plot in (plots.plot_power_coefficient, plots.plot_thrust_coefficient):
+    for plot in (PLOTS["power_coefficient"], PLOTS["thrust_coefficient"]):
         (span,) = plot(solution).patches
         assert span.get_x() == reach["min"]
         assert span.get_x() + span.get_width() == pytest.approx(reach["max"])
@@ -143,7 +121,7 @@ def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path
         result_folder,
         "power: 5 kW, tip_speed: 12 m/s, thrust: 6.5 kN, stress: 100 MPa, cavitation: {depth: 3}",
     )
-    table, ax = solution.simulation, plots.plot_limits(solution)
+    table, ax = solution.simulation, PLOTS["limits"](solution)
     expected = {
         "generator torque": table["control_torque_Nm"] / 700.0,
         "power": table["control_torque_Nm"] * table["rotor_speed_rad_s"] / 5000.0,
@@ -189,7 +167,7 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
     longer = steady.steady_curve(replace(solution, case=stopped))
     assert longer["inflow_speed_m_s"][-1] == 2.5
-    drawn = plots.plot_power_curve(replace(solution, case=stopped))
+    drawn = PLOTS["generator_power over flow"](replace(solution, case=stopped))
     assert "cut-out 2.5 m/s" in legend_texts(drawn)
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
@@ -219,7 +197,7 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
     flow, power = steady.rated_point(solution)
     assert 1.4 < flow < 1.46
     assert power == pytest.approx(bound, rel=0.02)
-    labels = legend_texts(plots.plot_power_curve(solution))
+    labels = legend_texts(PLOTS["generator_power over flow"](solution))
     assert f"rated at {flow:.2f} m/s" in labels
 
 

@@ -103,9 +103,10 @@ def test_load_refuses_a_corrupt_table(result_folder: Path, text: str, told: str)
     assert "convergence.csv" in str(caught.value)
 
 
-def test_load_refuses_a_large_table(result_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hkt_mdo.results.solution.MAX_CSV_BYTES", 1000)
-    with pytest.raises(InputError, match=r"trajectory\.csv: is larger than"):
+@pytest.mark.parametrize(("most", "file"), [("MAX_CSV", "trajectory.csv"), ("MAX", "summary.json")])
+def test_load_refuses_a_large_file(result_folder: Path, monkeypatch, most: str, file: str) -> None:
+    monkeypatch.setattr(f"hkt_mdo.results.solution.{most}_BYTES", 1000)
+    with pytest.raises(InputError, match=f"{file}: is larger than"):
         Solution.load(result_folder)
 
 

@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results import solution as module
 from hkt_mdo.results.folder import to_json, write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
@@ -93,12 +92,6 @@ def test_a_newer_summary_is_refused(result_folder: Path) -> None:
     told = "version = 2: was written by a newer hkt_mdo; update hkt_mdo, which reads version 1"
     with pytest.raises(InputError, match=told):
         edit(result_folder, version=2, energy_J="of another type")
-
-
-def test_a_large_summary_is_refused(result_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MAX_BYTES", 100)
-    with pytest.raises(InputError, match=r"summary\.json: is larger than"):
-        Solution.load(result_folder)
 
 
 def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
