@@ -32,7 +32,7 @@ ALLOWED = {
         *("case", "dynamics", "errors", "files", "messages", "problem", "quantities", "results"),
         *("rotor", "sections"),
     },
-    "pages": {"case", "errors", "exports", "files", "quantities", "results"},
+    "pages": {"case", "errors", "exports", "files", "quantities", "results", "sections"},
     "studies": {
         *("case", "compiled", "dynamics", "errors", "files", "problem", "quantities", "results"),
         *("rotor", "run", "start"),
