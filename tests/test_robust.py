@@ -197,7 +197,7 @@ def test_the_water_that_blades_move_is_that_of_the_scenario():
     made = physics(
         load_case(case({"inflow": "sine"}, {"inflow": "sine", "density": 2e3}, rotor=rotor))
     )
-    river, sea = (plant_of(made, made.rotor_in(each), made.blade) for each in made.scenarios)
+    river, sea = (plant_of(made, each, made.blade) for each in made.scenarios)
     water = made.rotor.water_inertias(made.blade)["ellipse"]
     assert sea.inertia - river.inertia == pytest.approx(water * (2e3 / made.density - 1.0))
 

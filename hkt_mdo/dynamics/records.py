@@ -281,7 +281,7 @@ def check_speeds(
         problem = f"differs from its neighbours like a spike{others}"
         raise raw.refuse(problem, SPIKES, int(found[0]), 1)
     if found.size:
-        text = f"{_count(found.size, 'spike')} replaced ({_percent(spikes)})"
+        text = f"{_count(found.size, 'spike')} replaced ({100.0 * np.mean(spikes):.2g} %)"
         notes.append(f"{text}, at t = {_times(raw.time[found])}")
     for row in np.flatnonzero(((speed > most) | (speed < least)) & ~spikes)[:1]:
         problem = f"is faster than any river, {FASTEST:g} m/s" if most == FASTEST else "is negative"
@@ -372,9 +372,10 @@ class _Record:
             gaps[index[np.isfinite(raw.speed)].astype(np.intp)] = False
             begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
             if begins.size:
-                missing = _count(int(np.sum(gaps)), "sample")
+                share = f"{100.0 * np.mean(gaps):.2g} %"
+                missing = f"{_count(int(np.sum(gaps)), 'sample')} ({share})"
                 messages.append(
-                    f"{_count(begins.size, 'gap')} interpolated, {missing} ({_percent(gaps)}), the "
+                    f"{_count(begins.size, 'gap')} interpolated, {missing}, the "
                     f"longest {longest:.6g} s, at t = {_times(step * begins)}"
                 )
         return step, _interpolate(time, raw.speed, ~spikes, step * np.arange(count))
@@ -448,10 +449,6 @@ def _interpolate(time, speed, good, at):
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'s' if number != 1 else ''}"
-
-
-def _percent(which: np.ndarray) -> str:
-    return f"{100.0 * np.mean(which):.2g} %"
 
 
 def _times(times: np.ndarray) -> str:

@@ -4,7 +4,6 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.dynamics.formulas import STEP
-from hkt_mdo.dynamics.generator import LOSSLESS
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.rotor.components import refuse_complex_step
@@ -40,7 +39,7 @@ class RotorODE(om.Group):
     `hydrodynamics` has the attributes of `CoefficientComp`, or of `RememberingComp`.
     """
 
-    def __init__(self, num_nodes, inflow, hydrodynamics, law, generator=LOSSLESS):
+    def __init__(self, num_nodes, inflow, hydrodynamics, law, generator):
         super().__init__()
         n, parts = num_nodes, {"flow": InflowComp(num_nodes, inflow=inflow)}
         if "band" in hydrodynamics:

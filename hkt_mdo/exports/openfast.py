@@ -19,7 +19,7 @@ from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import extended_to_ends
-from hkt_mdo.rotor.loads import Cavitation
+from hkt_mdo.rotor.loads import ATMOSPHERIC, VAPOUR
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, place_weights
 from hkt_mdo.sections import Quantity, Section
@@ -58,7 +58,7 @@ class OpenFast(Format):
     since AeroDyn takes both or none."""
 
     def files(self, design: Design) -> dict[str, bytes]:
-        blade, rotor = design.blade, design.physics.rotor
+        blade = design.blade
         if blade.blade_count > MOST_BLADES:
             problem = f"takes {MOST_BLADES} blades, and the rotor has {blade.blade_count}"
             raise InputError(problem, "leave out openfast", key="--to", value="openfast")
@@ -72,7 +72,7 @@ class OpenFast(Format):
             "design": design,
             "blade": blade,
             "fluid": design.physics.case.fluid,
-            "pressure": rotor.cavitation or Cavitation,  # with its defaults
+            "pressure": {"atmospheric": ATMOSPHERIC, "vapour": VAPOUR},
             "precone": 0.0 - float(np.rad2deg(blade.cone)),
             "rotor_speed": float(first.trajectory["rotor_speed_rad_s"][0]) * REVOLUTIONS,
             "has_suction": has_suction,
@@ -90,8 +90,8 @@ class OpenFast(Format):
 
     def _water(self, design: Design) -> dict[str, Any]:
         """Return depths and heights (m), and remarks on those that are assumed."""
-        radius, cavitation = design.blade.rotor_radius, design.physics.rotor.cavitation
-        known = cavitation.depth if cavitation else design.physics.case.site.hub_depth
+        radius, known = design.blade.rotor_radius, design.physics.rotor.depth
+        known = design.physics.case.site.hub_depth if known is None else known
         depth = UNKNOWN_DEPTH * radius if known is None else known
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:

@@ -34,7 +34,6 @@ from hkt_mdo.quantities import LOADS, RATES
 from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
@@ -286,7 +285,6 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
-    cavitation = Cavitation(depth, asked.margin) if depth is not None and computable else None
     return RotorModel(
         polar=flow.polar,
         section_area=turbine.section_area,
@@ -294,7 +292,8 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
         hub_inertia=case.rotor.hub_inertia,
         water_density=case.fluid.density,
         structure=turbine.structure,
-        cavitation=cavitation,
+        depth=depth if computable else None,
+        margin=asked.margin,
         inertia_factor=case.condition.inertia,
         added_inertia=case.rotor.added_inertia,
         thickness=turbine.thickness,

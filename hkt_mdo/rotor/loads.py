@@ -63,28 +63,19 @@ class Load(NamedTuple):
         return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 
-@dataclass(frozen=True, eq=False)
-class Cavitation:
-    """Depth of the hub (m), which decides whether a section cavitates at the top of the turn.
-
-    margin is a factor on the suction.
-    """
-
-    depth: float
-    margin: float = 1.1
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoadModel(Hydrodynamics):
     """A rotor's hydrodynamics and loads: everything that they depend on besides the blade.
 
-    water_density is in kg/m³. Without a `Structure` there is no
-    stress, without a `Cavitation` no cavitation.
+    water_density is in kg/m³. Without a `Structure` there is no stress, without the depth of the
+    hub (m) no cavitation: a section does that at the top of the turn. margin is a factor on the
+    suction.
     """
 
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
-    cavitation: Cavitation | None = None
+    depth: float | None = None
+    margin: float = 1.1
 
     @property
     def load_names(self):
@@ -95,8 +86,8 @@ class LoadModel(Hydrodynamics):
         tuple of str
             Some of thrust, root_moment, stress and cavitation.
         """
-        structural = ("stress",) if self.structure else ()
-        return "thrust", "root_moment", *structural, *(("cavitation",) if self.cavitation else ())
+        known = {"stress": self.structure, "cavitation": self.depth}
+        return "thrust", "root_moment", *(name for name, x in known.items() if x is not None)
 
     def loads(self, blade, tip_speed_ratio, derivatives=False, names=None, flow=None):
         """Return a `Load` for each name: thrust, root_moment, stress, cavitation, all over q.
@@ -464,16 +455,16 @@ def _outboard(fine, area, power):
 
 
 def _cavitation(model, blade, flow, ratio):
-    settings, cosine = model.cavitation, np.cos(blade.cone)
+    cosine = np.cos(blade.cone)
     height = blade.r * cosine
-    if np.any(np.real(height) >= settings.depth):
+    if np.any(np.real(height) >= model.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
-    static = model.water_density * GRAVITY * (settings.depth - height)
+    static = model.water_density * GRAVITY * (model.depth - height)
     pressure = ATMOSPHERIC - VAPOUR + static
     thickness = () if blade.thickness is None else (blade.thickness,)
     suction, by_angle, *by_section = model.suction(flow.angle_of_attack, *thickness)
     speed = flow.relative_speed
-    scale = settings.margin * cosine**2 / pressure
+    scale = model.margin * cosine**2 / pressure
 
     def flat(values):  # from (2, n_points, ...) to both surfaces beside each other
         return np.concatenate(tuple(values), axis=1)

@@ -21,7 +21,7 @@ class RotorModel(LoadModel):
     ----------
     polar, solver
         See `Hydrodynamics`.
-    water_density, structure, cavitation
+    water_density, structure, depth, margin
         See `LoadModel`.
     section_area : float or ndarray of shape (n_stations,) or CubicSpline
         Area of a section's material over chord squared: one, one a station, or a function of the

@@ -68,7 +68,7 @@ def stability_of(result: Optimized) -> MemoryEntry | None:
         names = "time", "rotor_speed", "inflow_speed", *physics.law.states
         if scenario.steady and not physics.law.is_feedback:
             continue
-        plant = result.plant_in(scenario)
+        plant = plant_of(physics, scenario, result.point.blade)
         controller = result.controller_in(scenario, plant, nodes)
         along.append((plant, controller, [nodes[name] for name in names]))
     return _verdict(physics, along)
@@ -140,7 +140,7 @@ def _at_start(physics, start):
     along = []
     for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True):
         names = "time", "rotor_speed", "inflow_speed", *physics.law.states
-        plant = plant_of(physics, physics.rotor_in(scenario), start.blade)
+        plant = plant_of(physics, scenario, start.blade)
         controller = FeedbackTorque(physics.law_in(scenario), start.gains)
         along.append((plant, controller, [known[name] for name in names]))
     return _verdict(physics, along), along

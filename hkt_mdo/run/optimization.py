@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -107,10 +108,8 @@ def add_recorders(problem: om.Problem, out: Path, whole: bool = True) -> None:
         Whether every iteration has its constraints and what changes over time, which of a long
         flow are up to a gigabyte, and the final case has what Dymos computes in between.
     """
-    number, history = 1, out / "history.db"
-    while history.exists():
-        number += 1
-        history = out / f"history_{number}.db"
+    files = (out / f"history{f'_{number}' * (number > 1)}.db" for number in count(1))
+    history = next(file for file in files if not file.exists())
     problem.driver.add_recorder(_Recorder(str(history.resolve()), record_viewer_data=False))
     solution = out / "solution.db"
     solution.unlink(missing_ok=True)

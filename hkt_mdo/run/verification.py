@@ -67,10 +67,6 @@ class Optimized:
     mesh_error: float = 0.0
     """Relative change of the objective on a finer mesh, as far as it is known."""
 
-    def plant_in(self, scenario: Scenario) -> Plant:
-        """Return the rotor in a scenario with direct BEM and the wake of the case."""
-        return plant_of(self.physics, self.physics.rotor_in(scenario), self.point.blade)
-
     def controller_in(self, scenario: Scenario, plant: Plant, nodes: dict):
         """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
         law = self.physics.law_in(scenario)
@@ -318,7 +314,8 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
     """
     physics, verifications = result.physics, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        rotor, mesh, plant = physics.rotor_in(scenario), scenario.mesh, result.plant_in(scenario)
+        rotor, mesh = physics.rotor_in(scenario), scenario.mesh
+        plant = plant_of(physics, scenario, result.point.blade)
         plant = plant.tabulated(TABULATED)[0] if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
@@ -342,9 +339,10 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
     return tuple(verifications)
 
 
-def plant_of(physics: Physics, rotor: RotorModel, blade: Blade) -> Plant:
-    """Return a rotor, one of those of the physics, with direct BEM and the wake of the case."""
-    plant, dynamics = steady_plant(physics, rotor, blade), physics.case.inflow_dynamics
+def plant_of(physics: Physics, scenario: Scenario, blade: Blade) -> Plant:
+    """Return the rotor in a scenario with direct BEM and the wake of the case."""
+    dynamics = physics.case.inflow_dynamics
+    plant = steady_plant(physics, physics.rotor_in(scenario), blade)
     return plant.with_memory(dynamics.tau1) if dynamics.remembers else plant
 
 

@@ -10,7 +10,7 @@ from hkt_mdo.rotor import bem, loads
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import TablesComp
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.loads import Cavitation, LoadModel, moment_weights
+from hkt_mdo.rotor.loads import LoadModel, moment_weights
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -32,7 +32,7 @@ def model_of(polar, suction=suction, **changes):
     """Return a model whose sections have some suction."""
     kind = type("Model", (LoadModel,), {"suction": staticmethod(suction)})
     structure = Structure.of(Outline.from_file("naca63815"), METAL, 70e9)
-    return kind(polar, **{"structure": structure, "cavitation": Cavitation(3.0)} | changes)
+    return kind(polar, **{"structure": structure, "depth": 3.0} | changes)
 
 
 def rectangle(height=0.2):
@@ -348,7 +348,7 @@ def test_derivatives_of_the_stress_by_the_weight(blade, polar):
 def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     problem = om.Problem()
     model = model_of(polar)
-    about = {"structure": model.structure, "cavitation": model.cavitation}
+    about = {"structure": model.structure, "depth": 3.0}
     rotor = RotorModel(polar, section_area=0.1, material_density=METAL, **about)
     component = TablesComp(blade=blade, rotor=rotor, loads=NAMES, nodes=RATIO)
     problem.model.add_subsystem("table", component, promotes=["*"])
@@ -374,7 +374,7 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
 
 
 def test_what_cannot_be_computed_is_refused(blade, polar):
-    shallow = model_of(polar, cavitation=Cavitation(0.9 * blade.rotor_radius))
+    shallow = model_of(polar, depth=0.9 * blade.rotor_radius)
     with pytest.raises(ValueError, match="out of the water"):
         shallow.loads(blade, RATIO)
     outline = Outline.from_file("naca63815")

@@ -8,7 +8,6 @@ from openmdao.utils.assert_utils import assert_check_partials
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.components import BladeGroup
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.loads import Cavitation
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.shape import Shape
@@ -30,7 +29,7 @@ def rotor():
         material_density=2700.0,
         hub_inertia=0.5,
         structure=Structure.of(outline, 2700.0),
-        cavitation=Cavitation(3.0),
+        depth=3.0,
     )
 
 

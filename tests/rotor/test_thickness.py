@@ -9,7 +9,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.loads import Cavitation, LoadModel
+from hkt_mdo.rotor.loads import LoadModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
@@ -44,7 +44,7 @@ def outlines():
 
 def model_of(family, **changes):
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
-    model = LoadModel(family, structure=structure, cavitation=Cavitation(3.0))
+    model = LoadModel(family, structure=structure, depth=3.0)
     return replace(model, **changes)
 
 
