@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from hkt_mdo.dynamics.generator import LOSSLESS
 from hkt_mdo.rotor.scales import power_scale
 
 SPEEDS = 25  # flow speeds of the table
@@ -49,7 +48,7 @@ class Certificate:
     of flow speeds (axis 0) and tip speed ratios (axis 1).
     """
 
-    def __init__(self, best, inflow, edges, density, rotor_radius, friction=LOSSLESS.friction):
+    def __init__(self, best, inflow, edges, density, rotor_radius, friction):
         self.best, self.friction = best, friction
         self.density, self.radius = density, rotor_radius
         ends = np.array([0.0, 0.5 * RAMP, RAMP])

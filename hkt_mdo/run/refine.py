@@ -280,10 +280,8 @@ def _left(verification, energy, best) -> np.ndarray:
     simulated = verification.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and physics.starting_generator is None:
-        density = physics.rotor_in(scenario).water_density
-        scale = power_scale(
-            density, verification.scalars["rotor_radius"], simulated["inflow_speed"]
-        )
+        density, radius = (verification.scalars[name] for name in ("density", "rotor_radius"))
+        scale = power_scale(density, radius, simulated["inflow_speed"])
         short = scale * best - simulated["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)

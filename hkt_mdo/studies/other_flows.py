@@ -277,9 +277,7 @@ class Run:
         both = {f"with dynamic inflow ({how})": self, "without memory": self.without}
         lines = [f"{word}: {each.outcome}" for word, each in both.items()]
         if self.runs_away is not None:
-            fastest, usual = (
-                float(np.max(each.simulation.rotor_speed)) for each in (self, self.without)
-            )
+            fastest, usual = (np.max(x.simulation.rotor_speed) for x in both.values())
             text = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
             lines.append(f"{text}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
         return lines

@@ -46,8 +46,8 @@ PROFILES = {
 each_profile = pytest.mark.parametrize("inflow", PROFILES.values(), ids=PROFILES)
 
 
-def section(text):
-    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}").inflow
+def section(text, folder="."):
+    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}", folder=folder).inflow
 
 
 # What every profile has ---------------------------------------------------------------------------

@@ -9,12 +9,12 @@ from scipy.signal import periodogram
 from scipy.special import gamma
 from scipy.stats import kstest
 
-from hkt_mdo.case import read_case
 from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow, SumInflow
 from hkt_mdo.dynamics.records import RecordInflow, read_columns, read_record
 from hkt_mdo.dynamics.sampled import SPECTRA, SampledInflow, TurbulentInflow
 from hkt_mdo.errors import InputError
+from tests.dynamics.test_flows import section
 from tests.files.broken.records import SOUND
 
 TIME = np.linspace(0.0, 60.0, 245)
@@ -167,10 +167,6 @@ def test_turbulence_between_its_samples_is_the_sum_of_waves():
 
 
 # Records ------------------------------------------------------------------------------------------
-
-
-def section(text, folder="."):
-    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}", folder=folder).inflow
 
 
 @pytest.fixture

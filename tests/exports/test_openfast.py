@@ -9,7 +9,6 @@ same angle both programs have the same loads to the last digits: `SAME`.
 import shutil
 import subprocess
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +20,8 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor import bem
+from tests.dynamics.aerodyn_runs import DATA, design_of, solution
 
-DATA = Path(__file__).parents[1] / "data" / "openfast"
 NAMES = ("paper", "rm1", pytest.param("river", marks=pytest.mark.slow))
 RATIOS = [f"openfast.tip_speed_ratio.{each}" for each in ("lowest=3", "highest=10", "count=8")]
 # m/s, at which AeroDyn was run
@@ -30,16 +29,6 @@ FLOWS = {"paper": 1.5236273733509285, "rm1": 1.6073333807600794, "river": 1.9998
 APART = 4e-6  # rad, four of the steps with which AeroDyn's search ends
 SAME = 1e-10
 MOST_SWIRL = 1.0  # tangential induction to which AeroDyn limits what it finds
-
-
-@cache
-def solution(name):
-    return Solution.load(DATA / name)
-
-
-@cache
-def design_of(name):
-    return solution(name).design()
 
 
 def rotor_of(design):

@@ -49,7 +49,7 @@ def test_a_cut_sine_is_what_is_left_of_it():
         nodes = scenario.node_weights @ flow(scenario.node_times) ** 3
         assert nodes == pytest.approx(expected, rel=1e-5)
         best = BestPower(np.ones(3), np.ones(3), (1.0, 1.0))
-        passing = Certificate(best, scenario.inflow, scenario.edges, 1.0, 1.0)
+        passing = Certificate(best, scenario.inflow, scenario.edges, 1.0, 1.0, None)
         assert passing.weights @ passing.speed**3 == pytest.approx(expected, rel=1e-5)
         np.testing.assert_allclose(passing.time.min() + passing.time.max(), end - begin)
         assert np.max(flow(scenario.samples)) <= 1.6 * (1.0 + 1e-11)

@@ -42,10 +42,10 @@ def outlines():
     return [base.stretched(each / base.thickness) for each in THICKNESS]
 
 
-def model_of(family, **changes):
-    structure = StructureByThickness.of(THICKNESS, outlines(), METAL)
-    model = LoadModel(family, structure=structure, depth=3.0)
-    return replace(model, **changes)
+def model_of(family, wall=None):
+    walls = None if wall is None else np.full(3, wall)
+    structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
+    return LoadModel(family, structure=structure, depth=3.0)
 
 
 def slope(function, size=1e-4):
@@ -99,10 +99,8 @@ def test_ellipses_have_their_closed_forms_between_the_sections():
 
 @pytest.mark.parametrize("wall", [None, 0.02])
 def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family, wall):
-    walls = None if wall is None else np.full(3, wall)
-    structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
-    found = model_of(family, structure=structure).loads(same, RATIO, names=("stress",))
+    found = model_of(family, wall).loads(same, RATIO, names=("stress",))
     single = Structure.of(outlines()[1], METAL, wall=wall)
     model = LoadModel(family, structure=single).as_built(same)
     expected = model.loads(same, RATIO, names=("stress",))["stress"]
@@ -147,9 +145,7 @@ def test_derivatives_of_sections_by_thickness(thick, family, cone):
 @pytest.mark.parametrize(("cone", "wall"), [(0.0, None), (0.12, None), (0.0, 0.02)])
 def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
     thick = replace(thick, cone=cone)
-    walls = None if wall is None else np.full(3, wall)
-    structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
-    model, n = model_of(family, structure=structure), thick.r.size
+    model, n = model_of(family, wall), thick.r.size
     changes = np.vstack((np.eye(n)[[0, 3, 8]], np.random.default_rng(2).normal(size=n)))
     found = model.loads(thick, RATIO, derivatives=True)
     assert set(found) == {"thrust", "root_moment", "stress", "cavitation"}

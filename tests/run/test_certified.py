@@ -34,6 +34,11 @@ def _simulated(world, blade, torque, speed):
     return simulate(plant, world.inflow, torque, speed, 60.0, samples=601, max_step=1.0).energy
 
 
+def _certificate(world, best):
+    about = world.density, world.blade.rotor_radius, world.case.generator.friction
+    return Certificate(best, world.inflow, np.linspace(0.0, 60.0, 61), *about)
+
+
 # Theory
 
 
@@ -46,8 +51,7 @@ def test_without_a_limit_it_is_the_quasi_steady_bound(law):
 def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
     world = _world("quadratic", None)
     optimum, bound, _ = _certified(world)
-    flow = world.inflow, np.linspace(0.0, 60.0, 61), world.density, world.blade.rotor_radius
-    found = Certificate(_best_power(world, optimum), *flow).of_law(QuadraticFeedback())
+    found = _certificate(world, _best_power(world, optimum)).of_law(QuadraticFeedback())
     assert found == pytest.approx(bound, rel=2e-5)
 
 
@@ -83,9 +87,8 @@ def test_no_torque_history_captures_more():
 def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_than_its_own_bound():
     world = _world("open_loop", 300.0, rotor={"hub_inertia": 2e4}, design={"blade": "fixed"})
     optimum, bound, certified = _certified(world)
-    flow = world.inflow, np.linspace(0.0, 60.0, 61), world.density, world.blade.rotor_radius
     light = replace(_best_power(world, optimum), inertia=(0.0, 0.0))
-    decoupled = Certificate(light, *flow).of_limit(300.0)
+    decoupled = _certificate(world, light).of_limit(300.0)
     simulated = _simulated(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)
     assert decoupled < simulated <= certified <= bound
 
