@@ -81,6 +81,11 @@ class ShapeComp(om.ExplicitComponent):
     Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), thickness_control[n_thickness]
     (over chord), rotor_radius (m), as far as they are designed or scale the blade; outputs chord,
     twist[n_stations] (m, rad) and, where it is designed, thickness[n_stations].
+
+    Parameters
+    ----------
+    shape : Shape
+        What is designed, and its control points.
     """
 
     def __init__(self, shape: Shape):
@@ -111,10 +116,17 @@ class ShapeComp(om.ExplicitComponent):
 
 
 class BladeComp(om.ExplicitComponent):
-    """Base of the components below, whose inputs describe the blade of a rotor, a `RotorModel`.
+    """Base of the components below, whose inputs describe the blade of a rotor.
 
     Inputs chord[n_stations] (m), twist[n_stations] (rad), thickness[n_stations] (over chord) where
     it is designed, and rotor_radius (m), with which hub, stations and tip move.
+
+    Parameters
+    ----------
+    rotor : RotorModel
+        The rotor.
+    blade : Blade
+        Its blade at the start.
     """
 
     def __init__(self, rotor: RotorModel, blade: Blade):
@@ -163,7 +175,22 @@ class TablesComp(BladeComp):
     Inputs are those of `BladeComp`, and tip_speed_ratio[n_nodes] if the nodes vary. Outputs are
     torque_coefficient_table[n_nodes], if torque is asked for, and for each load a
     <load>_table[n_nodes], its smooth largest value along the blade (`Load.envelope`) over the
-    dynamic pressure 0.5 rho v². With a `Band` they are the tables of `Band.solve`.
+    dynamic pressure 0.5 rho v².
+
+    Parameters
+    ----------
+    rotor, blade : RotorModel, Blade
+        Those of `BladeComp`.
+    nodes : numpy.ndarray
+        Tip speed ratios, or their initial values.
+    vary : bool
+        Whether they are an input.
+    torque : bool
+        Whether the torque coefficient has a table.
+    loads : sequence of str
+        Loads with a table, some of the rotor's `load_names`.
+    band : Band or None
+        With it, the tables are those of `Band.solve`.
     """
 
     def __init__(self, rotor, blade, nodes, *, vary=False, torque=True, loads=(), band=None):
@@ -301,14 +328,21 @@ class BladeGroup(om.Group):
 
     It needs no flow and no trajectory, so that any model may have it.
 
-    Its blade is that at the start; `tables` are the keywords of `TablesComp`: nodes[n_nodes], the
-    tip speed ratios of the tables, or their initial values if they `vary`; torque, whether the
-    torque coefficient has a table; loads, some of the rotor's `load_names`; and a `Band`.
-
     Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
     twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one; and
     tip_speed_ratio[n_nodes] if it varies. Outputs are chord, twist and thickness (with a shape);
     mass (kg), inertia (kg*m**2) and the tables of `TablesComp`. Partials are exact.
+
+    Parameters
+    ----------
+    rotor : RotorModel
+        The rotor.
+    blade : Blade
+        Its blade at the start.
+    shape : Shape or None
+        The shape of the blade, if it is designed by control points.
+    **tables : dict
+        `nodes`, `vary`, `torque`, `loads` and `band` of `TablesComp`.
     """
 
     def __init__(self, rotor: RotorModel, blade: Blade, shape: Shape | None = None, **tables):
