@@ -15,7 +15,7 @@ import numpy as np
 import page_data
 from scipy.integrate import quad, trapezoid
 
-from hkt_mdo.dynamics.sampled import von_karman
+from hkt_mdo.dynamics.sampled import SPECTRA
 from hkt_mdo.results.solution import Solution
 
 GRAVITY = 9.80665
@@ -33,13 +33,15 @@ def main():
 def of_formulas():
     """Return the sizes that follow from formulas alone."""
     period, depth, number = 4.0, 3.0, (2.0 * np.pi / 4.0) ** 2 / GRAVITY  # s, m, 1/m
+    a, b, c = SPECTRA["von_karman"]
+    smallest = 4.0 / 2.8  # length scale over diameter
     return {
         "blockage_of_5_percent": 0.95**-2 - 1.0,
         "blockage_of_10_percent": 0.9**-2 - 1.0,
         "wave_of_half_a_metre_m_s": np.pi * 0.5 / period * np.exp(-number * depth),
         "pile": (0.1 / 0.5) ** 2,  # radius over distance
         "turns_a_year": 8.0 / (2.0 * np.pi) * 365.25 * 86400.0,  # at 8 rad/s
-        "small_eddies": quad(von_karman, 4.0 / 2.8, np.inf)[0],  # from length scale over diameter
+        "small_eddies": quad(lambda n: 4.0 / (1.0 + a * n**b) ** c, smallest, np.inf)[0],
     }
 
 
