@@ -57,7 +57,7 @@ def report_resource(
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
         texts["case.yaml"] = note + texts["case.yaml"]
-    lines = [*samples.messages, *_statistics(speed, share), *_length(samples, bool(asked))]
+    lines = [*samples.messages, *_statistics(*record.occurrence()), *_length(samples, bool(asked))]
     panels = {"resource": resource_panels(speed, share, samples)}
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
@@ -79,7 +79,7 @@ def _statistics(speed, share) -> Iterator[str]:
     mean, cube = float(share @ size), float(share @ size**3)
     yield (
         f"mean speed {mean:.4g} m/s, mean cubed speed {cube:.4g} m³/s³ (cube root "
-        f"{np.cbrt(cube):.4g} m/s), at most {np.max(size):.4g} m/s in a bin"
+        f"{np.cbrt(cube):.4g} m/s), at most {np.max(size):.4g} m/s"
     )
     back = float(np.sum(share[speed < 0.0]))
     if back:
@@ -100,7 +100,7 @@ def _length(samples: FlowSamples, tidal: bool) -> Iterator[str]:
     yield f"{what}: {text} {block}"
     if tidal and length < DAYS_201 * 86400.0:
         least = f"IEC TS 62600-201 asks for {DAYS_201:g} days at least"
-        yield f"{span_words(length)} of a tide: {least}"
+        yield f"constituents of the tide from {span_words(length)}: for these {least}"
 
 
 def _of_tide(tide: Tide) -> Iterator[str]:
@@ -122,9 +122,9 @@ def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) 
             order = np.argsort(np.abs(speed[own]))
             x, y = np.abs(speed[own])[order], HOURS * share[own][order]
             hours.curves.append(Curve(x, y, word, COLORS[index], index, "bar"))
-    size = np.sort(np.abs(samples.speed))[::-1]
-    rank = 100.0 * np.arange(1, size.size + 1) / (size.size + 1)
-    every = max(1, size.size // MOST_SHOWN)
+    fastest = np.argsort(-np.abs(samples.speed))
+    every = max(1, fastest.size // MOST_SHOWN)
+    rank, size = 100.0 * np.cumsum(samples.share[fastest]), np.abs(samples.speed[fastest])
     curve = Curve(rank[::every], size[::every], "", COLORS[0])
     exceeded = "exceeded in a share of the time (%)"
     return [hours, Panel("speed of the flow (m/s)", exceeded, [curve])]

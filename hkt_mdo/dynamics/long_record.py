@@ -24,6 +24,7 @@ from hkt_mdo.sections import ExistingFile
 LONGEST_STILL = 1.0  # days
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
 POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
+NEAREST, GAP = 25, 1.5  # steps that give the usual one, and how many times longer a gap is
 _ANGLE = {"speed_unit": "m/s", "component": None, "area": None}  # degrees are read as a speed
 
 
@@ -52,6 +53,28 @@ class FlowSamples:
     speed: np.ndarray
     messages: tuple[str, ...] = ()
 
+    @cached_property
+    def steps(self) -> tuple[np.ndarray, np.ndarray]:
+        """The steps between the samples, and the usual one around each, s, both (n - 1,).
+
+        The usual step is the median of the nearest, so that a new step counts from where it begins.
+        """
+        from scipy.ndimage import median_filter
+
+        steps = np.diff(self.time)
+        return steps, median_filter(steps, NEAREST, mode="nearest")
+
+    @cached_property
+    def share(self) -> np.ndarray:
+        """Share of the time for which each sample counts, (n,): half of the steps beside it.
+
+        Of a gap, a usual step counts.
+        """
+        steps, usual = self.steps
+        steps = np.pad(np.where(steps > GAP * usual, usual, steps), 1, mode="edge")
+        both = steps[1:] + steps[:-1]
+        return both / np.sum(both)
+
     @property
     def block(self) -> float:
         """Length of a block of the record, s: a year, or of a short one a spring-neap cycle."""
@@ -66,14 +89,15 @@ class FlowSamples:
         """
         length = float(self.time[-1])
         count = int(length / self.block + 0.01)
-        if count < FEWEST_BLOCKS or not np.mean(values):
+        mean = float(self.share @ values)
+        if count < FEWEST_BLOCKS or not mean:
             return None
         place = np.minimum((count * self.time / length).astype(int), count - 1)
-        samples = np.bincount(place, minlength=count)
-        means = np.bincount(place, values, count)[samples > 0] / samples[samples > 0]
+        share = np.bincount(place, self.share, count)
+        means = np.bincount(place, self.share * values, count)[share > 0.0] / share[share > 0.0]
         if means.size < FEWEST_BLOCKS:
             return None
-        return float(np.std(means, ddof=1) / np.sqrt(means.size) / abs(np.mean(values)))
+        return float(np.std(means, ddof=1) / np.sqrt(means.size) / abs(mean))
 
 
 class RecordResource(RecordFile, Resource):
@@ -105,7 +129,7 @@ class RecordResource(RecordFile, Resource):
         if self.direction_column is not None:
             angle = np.deg2rad(self._columns(speed_column=self.direction_column, **_ANGLE).speed)
             raw = replace(raw, parts=raw.speed * np.stack((np.sin(angle), np.cos(angle))))
-        return self._made(raw if raw.parts is None else _along_axis(raw))
+        return self._made(raw)
 
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
@@ -150,51 +174,57 @@ class RecordResource(RecordFile, Resource):
     def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""
         records.check_order(raw)
+        notes = []
+        wrong = {"of exactly 0 for over a day": self._standstill(raw)}
         if self.spikes == "replace":
-            wrong = (raw.speed < least) | (raw.speed > most)
-            raw = replace(raw, speed=np.where(wrong, np.nan, raw.speed))
-        if self.spikes != "keep":
-            raw = replace(raw, speed=self._without_standstill(raw))
-        spikes, notes = records.check_speeds(raw, self.spikes, least, most)
+            beyond = "below zero" if least == 0.0 else f"above {most:g} m/s"
+            wrong[beyond] = (raw.speed < least) | (raw.speed > most)
+        for words, rows in wrong.items():
+            raw = replace(raw, speed=np.where(rows, np.nan, raw.speed))
+            if np.any(rows):
+                notes.append(f"{np.sum(rows)} samples {words} left out")
+        whole, raw = raw, raw if raw.parts is None else _along_axis(raw)
+        spikes, others = records.check_speeds(raw, self.spikes, least, most)
+        if raw.parts is not None and np.any(spikes):  # they may have turned the axis
+            speed = np.where(spikes, np.nan, whole.speed)
+            messages = (*whole.messages, *notes, *others)
+            return self._made(replace(whole, speed=speed, messages=messages))
         good = np.isfinite(raw.speed) & ~spikes
         count = int(np.sum(good))
         if count < records.MIN_SAMPLES:
             problem, remedy = f"has {count} samples", f"give {records.MIN_SAMPLES} at least"
             raise InputError(problem, remedy, file=self.file)
-        time, speed = raw.time[good], raw.speed[good]
-        length, steps = time[-1] - time[0], np.diff(time)
+        made = FlowSamples(raw.time[good] - raw.time[good][0], raw.speed[good])
+        length, (steps, usual) = made.time[-1], made.steps
         years, needed = length / YEAR, YEARS_301 if least == 0.0 else YEARS_201
         first = f"{Path(self.file).name}: {count} samples over {span_words(length)}"
         if count < good.size:
-            first += f", {good.size - count} missing"
-        missing = steps[steps > 1.5 * np.median(steps)] - np.median(steps)
-        if missing.size:
-            share = f"{100.0 * np.sum(missing) / length:.2g} % of the time"
-            first += f"; gaps are {share}, the longest {span_words(np.max(missing))}"
+            first += f", {good.size - count} missing or left out"
+        gaps = (steps - usual)[steps > GAP * usual]
+        if gaps.size:
+            share = f"{100.0 * np.sum(gaps) / length:.2g} % of the time"
+            first += f"; gaps are {share}, the longest {span_words(np.max(gaps))}"
             first += ": the flow in them counts as that of the samples"
         if years < 0.98 * needed:
             part = "301" if least == 0.0 else "201"
-            first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)}"
-        messages = (first, *raw.messages, *notes)
-        return FlowSamples(time - time[0], speed, messages=messages)
+            first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)} "
+            first += "where the hours of the speeds are those of the record"
+        return replace(made, messages=(first, *raw.messages, *notes, *others))
 
-    def _without_standstill(self, raw: Columns) -> np.ndarray:
-        """Return the speeds without those of a sensor that gives exactly 0 for a day or more."""
-        speed = raw.speed.copy()
-        still = np.diff(speed == 0.0, prepend=False, append=False)
+    def _standstill(self, raw: Columns) -> np.ndarray:
+        """Return which samples are of a sensor that gives exactly 0 for a day or more."""
+        wrong = np.zeros(raw.speed.size, dtype=bool)
+        still = np.diff(raw.speed == 0.0, prepend=False, append=False)
         for begin, end in np.flatnonzero(still).reshape(-1, 2):
             days = (raw.time[end - 1] - raw.time[begin]) / 86400.0
-            if days < LONGEST_STILL:
-                continue
-            if self.spikes == "refuse":
+            wrong[begin:end] = days >= LONGEST_STILL and self.spikes != "keep"
+            if wrong[begin] and self.spikes == "refuse":
                 problem = f"begins {days:.3g} days of exactly 0, such as of a sensor that failed"
                 raise raw.refuse(problem, records.SPIKES, begin, 1)
-            speed[begin:end] = np.nan
-        return speed
+        return wrong
 
     def occurrence(self):
-        speed = self.samples.speed
-        return speed, np.full(speed.size, 1.0 / speed.size)
+        return self.samples.speed, self.samples.share
 
     def binned(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the speeds of bins, m/s, and their shares; reversed flow has bins of its own."""
@@ -205,13 +235,13 @@ class RecordResource(RecordFile, Resource):
         return np.concatenate((mean, -reverse)), np.concatenate((share, other))
 
     def scatter(self, energies):
-        speed = self.samples.speed
+        speed, share = self.occurrence()
         values = np.zeros(speed.size)
         for way, energy in energies.items():
             runs = way * speed >= 0.0
             bins = np.floor(np.abs(speed[runs]) / self.bin_width + SAME).astype(int)
             place = np.unique(bins, return_inverse=True)[1]
-            values[runs] += (energy / np.bincount(place))[place]
+            values[runs] += (energy / np.bincount(place, share[runs]))[place]
         return self.samples.scatter(values)
 
     @property
@@ -221,7 +251,7 @@ class RecordResource(RecordFile, Resource):
 
 def _along_axis(raw: Columns) -> Columns:
     """Return columns with the speed along the principal axis of its parts, east and north."""
-    good = np.all(np.isfinite(raw.parts), axis=0)
+    good = np.isfinite(raw.speed) & np.all(np.isfinite(raw.parts), axis=0)
     about = raw.parts[:, good]
     _, vectors = np.linalg.eigh(about @ about.T)
     along = vectors[:, -1] @ about

@@ -198,7 +198,7 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
         parts = np.stack((raw.speed, second.speed))
         raw = replace(raw, speed=np.hypot(*parts), parts=parts)
     if raw.parts is not None:
-        good = np.isfinite(raw.time) & np.all(np.isfinite(raw.parts), axis=0)
+        good = np.isfinite(raw.time) & (raw.speed <= FASTEST)  # no gaps, nor what marks them
         _, place = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
         mean = np.sum(np.hypot(*(np.bincount(place, part[good]) for part in raw.parts)))
         if (above := np.sum(raw.speed[good]) - mean) > NOISY * mean:
