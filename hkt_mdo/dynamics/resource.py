@@ -59,6 +59,15 @@ class Speeds:
     idle: float = 0.0
     finer: tuple[np.ndarray, np.ndarray] | None = None
     """Speeds, m/s, and shares of the time from which the bins are made; None: unknown."""
+    whole: tuple[np.ndarray, np.ndarray] | None = None
+    """The same before speeds are left out, or those of the bins where they are unknown."""
+
+    def below(self, speed: np.ndarray) -> np.ndarray:
+        """Return the share of the time in which the flow is slower than speeds, m/s, (n,)."""
+        assert self.whole is not None
+        order = np.argsort(self.whole[0])
+        own, share = (each[order] for each in self.whole)
+        return np.interp(speed, own, np.cumsum(share) - 0.5 * share)
 
     def between(self, slowest: float, fastest: float) -> Speeds:
         """Return the speeds from the slowest to the fastest, m/s; the others are `idle`."""
@@ -249,7 +258,9 @@ class Resource(Inflow):
             low, high = np.min(speed, initial=np.inf), np.max(speed, initial=0.0)
             speed, share = in_bins(speed, share, self.bin_width)
         found = Speeds(speed, share, np.arange(speed.size), speed, idle, finer)
-        found = found.turbulent(self.turbulence_intensity).between(slowest, np.inf)
+        found = found.turbulent(self.turbulence_intensity)
+        found = replace(found, whole=finer or (found.speed, found.share))
+        found = found.between(slowest, np.inf)
         if not found.speed.size or not np.any(found.share):
             problem = "leaves no time of operation: the flow is slower or reversed, all year"
             place = {"key": "resource.cut_in", "value": self.cut_in}

@@ -108,9 +108,9 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
     """Return the relative standard uncertainties of the energy of a year, by their cause.
 
     The uncertainty of the speed of the flow counts by the slope of the power curve, v dP/dv =
-    3 P + v³ d(P/v³)/d(ln v), at unchanged hours of operation, between speeds that are apart by the
-    uncertainty to both sides. The length of a record counts by the scatter of the energy over parts
-    of it.
+    3 P + v³ d(P/v³)/d(ln v), between speeds that are apart by the uncertainty to both sides, and by
+    the hours that cross the cut-in and the cut-out speed, with the power there. The length of a
+    record counts by the scatter of the energy over parts of it.
 
     Parameters
     ----------
@@ -123,19 +123,26 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
         ``speed`` and ``record``, where they are known.
     """
     resource, found, total, slope = verifications[0].scenario.resource, {}, 0.0, 0.0
-    reach, by_bin = max(resource.speed_uncertainty, NARROW) * np.array([[1.0], [-1.0]]), {}
+    reach, by_bin = max(resource.speed_uncertainty, NARROW), {}
     for scenario, verification in ((each.scenario, each) for each in verifications):
         speed, power = (
             verification.integrated[name] for name in ("inflow_speed", "electrical_power")
         )
         place, energy = np.log(speed), scenario.node_weights * power
-        ends = np.clip(place + reach, place[0], place[-1])
+        ends = np.clip((place + reach, place - reach), place[0], place[-1])
         change = np.subtract(*np.interp(ends, place, power / speed**3))
         change = change / np.maximum(np.subtract(*ends), NARROW)
         total += float(np.sum(energy))
         slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
         way = -1.0 if scenario.backwards else resource.forward
         bins = resource.reversed_speeds if scenario.backwards else resource.speeds
+        ends = speed[[0, -1]]
+        near = np.maximum(reach, resource.bin_width / ends)  # shares are known by bins
+        slower, at, faster = (bins.below(ends * np.exp(x)) for x in (-near, 0.0, near))
+        # where the flow is slower than the first speed, or faster than the last one
+        crossing = np.where([at[0] > slower[0], faster[1] > at[1]], faster - slower, 0.0)
+        crossing *= scenario.mesh.duration / (2.0 * near)
+        slope += float(crossing[0] * power[0] - crossing[1] * power[-1])
         by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
     if resource.speed_uncertainty and total:
         found["speed"] = resource.speed_uncertainty * abs(slope / total)

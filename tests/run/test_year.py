@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from openmdao.utils.assert_utils import assert_check_totals
 from scipy.optimize import brentq
+from scipy.stats import norm, weibull_min
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.equilibrium import equilibria
@@ -125,21 +126,29 @@ def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year
     assert f"± {100.0 * share:.2g} %" in row.text
 
 
-def test_turbulence_and_a_cut_out_leave_the_uncertainty_as_it_is():
-    """Bins then hold few of their speeds near the cut-out, and have nearly the same mean speed."""
+@pytest.mark.parametrize("intensity", [0.0, 0.1])
+def test_hours_that_cross_the_cut_off_speeds_count_in_the_uncertainty(intensity):
+    """Held to the energy in a flow that is faster and slower, by quantiles of the distribution."""
     resource = {"profile": "distribution", "scale": 1.4, "shape": 2.2, "cut_in": 0.7}
-    resource |= {"turbulence_intensity": 0.1, "speed_uncertainty": 0.03}
-    control = {"law": "linear", "cut_out": 2.45}
+    resource |= {"turbulence_intensity": intensity, "speed_uncertainty": 0.03}
+    control = {"law": "linear", "cut_out": 1.9}
     scenario = physics(load_case({"resource": resource, "control": control})).scenarios[0]
-    speed, weights = scenario.speeds, scenario.node_weights
+    speed = scenario.speeds
 
     def power(speed):
         return speed**3 / (1.0 + (speed / 2.0) ** 8)
 
     known = {"inflow_speed": speed, "electrical_power": power(speed)}
     found = uncertainty([SimpleNamespace(scenario=scenario, integrated=known)])
-    change = weights @ (power(1.03 * speed) - power(0.97 * speed)) / 2.0
-    assert found == {"speed": pytest.approx(change / (weights @ power(speed)), rel=5e-3)}
+    rank = (np.arange(2000) + 0.5) / 2000.0
+    flow = np.outer(weibull_min.ppf(rank, 2.2, scale=1.4), 1.0 + intensity * norm.ppf(rank))
+
+    def energy(scale):
+        met = scale * flow
+        return np.sum(power(met[(met > 0.7) & (met < 1.9)]))
+
+    expected = abs(energy(1.03) - energy(0.97)) / (2.0 * energy(1.0))
+    assert found == {"speed": pytest.approx(expected, abs=2e-3)}  # bins of 0.1 m/s
 
 
 def force_on_section(flow, chordwise, normal):
