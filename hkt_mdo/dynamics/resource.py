@@ -47,6 +47,8 @@ class Speeds:
         Number of the bin of each, (n,); a bin has several under turbulence.
     mean : np.ndarray
         Mean speed of each bin, m/s, (n_bins,).
+    time : np.ndarray
+        Share of the time of each bin before speeds are left out, (n_bins,).
     idle : float
         Share of the time in which the turbine stands still: the flow is too slow, too fast, or runs
         the other way.
@@ -56,6 +58,7 @@ class Speeds:
     share: np.ndarray
     place: np.ndarray
     mean: np.ndarray
+    time: np.ndarray
     idle: float = 0.0
     finer: tuple[np.ndarray, np.ndarray] | None = None
     """Speeds, m/s, and shares of the time from which the bins are made; None: unknown."""
@@ -100,7 +103,7 @@ class Speeds:
         share = np.outer(self.share, WEIGHTS / WEIGHTS.sum()).ravel()
         order = np.argsort(speed, kind="stable")
         place = np.repeat(self.place, POINTS)
-        found = Speeds(speed[order], share[order], place[order], self.mean, self.idle)
+        found = replace(self, speed=speed[order], share=share[order], place=place[order])
         return found.between(SLOWEST, np.inf)
 
 
@@ -257,7 +260,7 @@ class Resource(Inflow):
             finer = None if self.turbulence_intensity else (speed, share)
             low, high = np.min(speed, initial=np.inf), np.max(speed, initial=0.0)
             speed, share = in_bins(speed, share, self.bin_width)
-        found = Speeds(speed, share, np.arange(speed.size), speed, idle, finer)
+        found = Speeds(speed, share, np.arange(speed.size), speed, share, idle, finer)
         found = found.turbulent(self.turbulence_intensity)
         found = replace(found, whole=finer or (found.speed, found.share))
         found = found.between(slowest, np.inf)

@@ -35,14 +35,14 @@ class SteadyScenario(Scenario):
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `place` is the number
     of the bin of each speed, `resource` the resource of the speeds, and `backwards` tells whether
     they are those of reversed flow, in which the rotor turns backwards. The first and the last
-    speed are the ends of the flow's range, at which limits hold, and have no energy; `finer` is as
-    in `Speeds`.
+    speed are the ends of the flow's range, at which limits hold, and have no energy. `bins` are
+    the speeds that the flow has without a cut-out.
     """
 
     place: np.ndarray = None  # type: ignore[assignment]
     resource: Inflow = None  # type: ignore[assignment]
     backwards: bool = False
-    finer: tuple[np.ndarray, np.ndarray] | None = None
+    bins: Speeds = None  # type: ignore[assignment]
     steady: ClassVar[bool] = True
 
     @classmethod
@@ -55,7 +55,7 @@ class SteadyScenario(Scenario):
             speeds = _without_time(Scenario(inflow, mesh).resolved())
             notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
         curve = speeds.curve(mesh.duration, notes)
-        about = {"resource": inflow, "place": speeds.place, "finer": speeds.finer, **others}
+        about = {"resource": inflow, "place": speeds.place, "bins": speeds, **others}
         return cls(curve, mesh, edges=np.array(curve.ends), **about)
 
     @property
@@ -68,7 +68,8 @@ class SteadyScenario(Scenario):
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self
         shares, idle = np.diff(self.edges) / self.mesh.duration, self.edges[0] / self.mesh.duration
-        found = Speeds(self.speeds, shares, self.place, self.speeds, idle).between(0.0, cut_out)
+        found = replace(self.bins, speed=self.speeds, share=shares, place=self.place, idle=idle)
+        found = found.between(0.0, cut_out)
         if np.sum(found.share) < 3.0 * AT_END:
             problem = f"leaves no time of operation: the flow has at least {self.speeds[0]:.4g} m/s"
             place = {"key": "control.cut_out", "value": cut_out}
@@ -147,7 +148,8 @@ def _without_time(whole: Scenario) -> Speeds:
         finer = finer[0][:1], np.ones(1)
     speed, share = finer if constant else in_bins(*finer, WIDTH)
     dense = whole.inflow.speed_at(whole.dense)
-    found = Speeds(speed, share, np.arange(speed.size), speed, finer=None if constant else finer)
+    about = {"mean": speed, "time": share, "finer": None if constant else finer}
+    found = Speeds(speed, share, np.arange(speed.size), **about)
     return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 

@@ -36,8 +36,8 @@ def table(verifications: Sequence[Verification]) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of numpy.ndarray
-        Columns as of `hkt_mdo.results.solution.TABLES`: means over the speeds of a bin, by the time
-        of each. Speeds at which the rotor turns backwards are negative.
+        Columns as of `hkt_mdo.results.solution.TABLES`: means over the time of a bin, zero while
+        the machine stands still in it. Speeds at which the rotor turns backwards are negative.
     """
     ways = [_of_direction(verification) for verification in verifications]
     order = np.argsort(np.concatenate([way["inflow_speed_m_s"] for way in ways]))
@@ -47,16 +47,14 @@ def table(verifications: Sequence[Verification]) -> dict[str, np.ndarray]:
 def _of_direction(verification: Verification) -> dict[str, np.ndarray]:
     """Return the table of one direction of the flow."""
     scenario, known = verification.scenario, verification.integrated
-    weights, place = scenario.node_weights, scenario.place
-    time = np.bincount(place, weights)
-    used = time > 0.0
+    bins, place = scenario.bins, scenario.place
+    shares, used = scenario.node_weights / scenario.mesh.duration, np.unique(place)
 
     def mean(values):
-        return (np.bincount(place, weights * values)[used]) / time[used]
+        return np.bincount(place, shares * values)[used] / bins.time[used]
 
-    speed = np.cbrt(mean(known["inflow_speed"] ** 3))
-    found = {"inflow_speed_m_s": -speed if scenario.backwards else speed}
-    found["hours"] = time[used] * (YEAR / scenario.mesh.duration) / HOUR
+    found = {"inflow_speed_m_s": (-1.0 if scenario.backwards else 1.0) * bins.mean[used]}
+    found["hours"] = bins.time[used] * YEAR / HOUR
     found |= {column: mean(known[name]) for column, name in MEANS.items()}
     kept = scenario.resource.kept if isinstance(scenario.resource, Resource) else 1.0
     energy = found["electrical_power_W"] * found["hours"] * HOUR
@@ -135,7 +133,7 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
         total += float(np.sum(energy))
         slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
         way = -1.0 if scenario.backwards else resource.forward
-        bins = resource.reversed_speeds if scenario.backwards else resource.speeds
+        bins = scenario.bins
         ends = speed[[0, -1]]
         near = np.maximum(reach, resource.bin_width / ends)  # shares are known by bins
         slower, at, faster = (bins.below(ends * np.exp(x)) for x in (-near, 0.0, near))
@@ -168,7 +166,8 @@ def bins_error(verifications: Sequence[Verification]) -> float | None:
     """
     binned, exact = 0.0, 0.0
     for verification in verifications:
-        scenario, finer = verification.scenario, getattr(verification.scenario, "finer", None)
+        scenario = verification.scenario
+        finer = scenario.bins.finer if isinstance(scenario, SteadyScenario) else None
         if finer is not None:
             at, power = (verification.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
             speed, share = finer
