@@ -70,7 +70,7 @@ class _Tables(Format):
 
     flow_range: Pair[Annotated[float, Quantity("m/s", gt=0)]] | None = None
     """Slowest and fastest flow of the table of steady operation; null: those of the case, a fifth
-    wider, up to the cut-out speed."""
+    wider, between the cut-in and the cut-out speed."""
 
 
 class Csv(_Tables):
@@ -186,8 +186,16 @@ def _design(design: Design) -> Table:
     for name, unit in (("torque_limit", "N*m"), ("cut_out", "m/s")):
         if getattr(law, name) is not None:
             rows.append((name, getattr(law, name), unit, f"control.{name} of the case"))
+    if cut_in := _cut_in(design):
+        rows.append(("cut_in", cut_in, "m/s", "resource.cut_in of the case"))
     columns = _columns("design", zip(*rows, strict=True))
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
+
+
+def _cut_in(design: Design) -> float:
+    """Return the speed, m/s, below which the machine stands still in all scenarios; or zero."""
+    scenarios = design.physics.scenarios
+    return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
 
 
 def _columns(table: str, values: Iterable[Any]) -> dict[str, Column]:
@@ -260,8 +268,8 @@ def steady_operation(
     design : Design
         The design of a result.
     flow_range : tuple of float, optional
-        Slowest and fastest flow (m/s); by default those of the case, a fifth wider, up to the
-        cut-out speed.
+        Slowest and fastest flow (m/s); by default those of the case, a fifth wider, between the
+        cut-in and the cut-out speed.
 
     Returns
     -------
@@ -279,8 +287,9 @@ def steady_operation(
         return None
     if flow_range is None:
         speed = np.concatenate([each.inflow.speed_at(each.samples) for each in world.scenarios])
-        low, high = (1.0 - WIDER) * np.min(speed), (1.0 + WIDER) * np.max(speed)
-        flow_range = round(float(low), 3), round(float(min(high, law.cut_out or np.inf)), 3)
+        low = max((1.0 - WIDER) * float(np.min(speed)), _cut_in(design))
+        high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
+        flow_range = round(low, 3), round(high, 3)
     flow = np.linspace(*flow_range, FLOWS)
     speed, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
     if law.torque_limit is not None:

@@ -183,6 +183,14 @@ def test_flow_range_is_an_option(quadratic, tmp_path):
         steady_operation(made(tmp_path / "weak", QUADRATIC, [1e6]).design(), (0.5, 0.7))
 
 
+def test_steady_operation_of_a_year_lies_between_cut_in_and_cut_out(tmp_path):
+    year = "resource: {profile: histogram, speeds: [0.5, 1.9], hours: [1, 1], cut_in: 0.7}"
+    case = QUADRATIC.replace("inflow: sine", year).replace("700}", "700, cut_out: 2.0}")
+    found = by_name(made(tmp_path / "year", case, [11.0]))
+    assert values(found["operation"])["inflow_speed_m_s"][[0, -1]] == pytest.approx([0.7, 2.0])
+    assert 0.7 in found["design"].columns["value"].values
+
+
 def test_the_stricter_limit_of_two_scenarios_counts(scenarios):
     operation = values(by_name(scenarios)["operation"])
     np.testing.assert_allclose(operation["thrust_over_limit"], operation["thrust_N"] / 4000.0)
