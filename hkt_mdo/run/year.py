@@ -167,7 +167,7 @@ def bins_error(verifications: Sequence[Verification]) -> float | None:
     binned, exact = 0.0, 0.0
     for verification in verifications:
         scenario = verification.scenario
-        finer = scenario.bins.finer if isinstance(scenario, SteadyScenario) else None
+        finer = scenario.bins.finer if scenario.steady else None
         if finer is not None:
             at, power = (verification.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
             speed, share = finer
