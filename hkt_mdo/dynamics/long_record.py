@@ -54,24 +54,21 @@ class FlowSamples:
     messages: tuple[str, ...] = ()
 
     @cached_property
-    def steps(self) -> tuple[np.ndarray, np.ndarray]:
-        """The steps between the samples, and the usual one around each, s, both (n - 1,).
+    def gaps(self) -> np.ndarray:
+        """Times without samples, s, (n - 1,): by how much a step is longer than the usual one.
 
-        The usual step is the median of the nearest, so that a new step counts from where it begins.
+        That is the median of the nearest, so that another step is usual from where it begins.
         """
         from scipy.ndimage import median_filter
 
         steps = np.diff(self.time)
-        return steps, median_filter(steps, NEAREST, mode="nearest")
+        usual = median_filter(steps, NEAREST, mode="nearest")
+        return np.where(steps > GAP * usual, steps - usual, 0.0)
 
     @cached_property
     def share(self) -> np.ndarray:
-        """Share of the time for which each sample counts, (n,): half of the steps beside it.
-
-        Of a gap, a usual step counts.
-        """
-        steps, usual = self.steps
-        steps = np.pad(np.where(steps > GAP * usual, usual, steps), 1, mode="edge")
+        """Share of the time of each sample, (n,): half of the steps beside it, without gaps."""
+        steps = np.pad(np.diff(self.time) - self.gaps, 1, mode="edge")
         both = steps[1:] + steps[:-1]
         return both / np.sum(both)
 
@@ -195,18 +192,16 @@ class RecordResource(RecordFile, Resource):
             problem, remedy = f"has {count} samples", f"give {records.MIN_SAMPLES} at least"
             raise InputError(problem, remedy, file=self.file)
         made = FlowSamples(raw.time[good] - raw.time[good][0], raw.speed[good])
-        length, (steps, usual) = made.time[-1], made.steps
-        years, needed = length / YEAR, YEARS_301 if least == 0.0 else YEARS_201
+        length = made.time[-1]
         first = f"{Path(self.file).name}: {count} samples over {span_words(length)}"
         if count < good.size:
             first += f", {good.size - count} missing or left out"
-        gaps = (steps - usual)[steps > GAP * usual]
-        if gaps.size:
-            share = f"{100.0 * np.sum(gaps) / length:.2g} % of the time"
-            first += f"; gaps are {share}, the longest {span_words(np.max(gaps))}"
+        if np.any(made.gaps):
+            share = f"{100.0 * np.sum(made.gaps) / length:.2g} % of the time"
+            first += f"; gaps are {share}, the longest {span_words(np.max(made.gaps))}"
             first += ": the flow in them counts as that of the samples"
-        if years < 0.98 * needed:
-            part = "301" if least == 0.0 else "201"
+        part, needed = ("301", YEARS_301) if least == 0.0 else ("201", YEARS_201)
+        if length < 0.98 * needed * YEAR:
             first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)} "
             first += "where the hours of the speeds are those of the record"
         return replace(made, messages=(first, *raw.messages, *notes, *others))

@@ -62,12 +62,11 @@ class Speeds:
     idle: float = 0.0
     finer: tuple[np.ndarray, np.ndarray] | None = None
     """Speeds, m/s, and shares of the time from which the bins are made; None: unknown."""
-    whole: tuple[np.ndarray, np.ndarray] | None = None
+    whole: tuple[np.ndarray, np.ndarray] = (np.empty(0), np.empty(0))
     """The same before speeds are left out, or those of the bins where they are unknown."""
 
     def below(self, speed: np.ndarray) -> np.ndarray:
         """Return the share of the time in which the flow is slower than speeds, m/s, (n,)."""
-        assert self.whole is not None
         order = np.argsort(self.whole[0])
         own, share = (each[order] for each in self.whole)
         return np.interp(speed, own, np.cumsum(share) - 0.5 * share)
@@ -262,8 +261,8 @@ class Resource(Inflow):
             speed, share = in_bins(speed, share, self.bin_width)
         found = Speeds(speed, share, np.arange(speed.size), speed, share, idle, finer)
         found = found.turbulent(self.turbulence_intensity)
-        found = replace(found, whole=finer or (found.speed, found.share))
-        found = found.between(slowest, np.inf)
+        whole = finer or (found.speed, found.share)
+        found = replace(found, whole=whole).between(slowest, np.inf)
         if not found.speed.size or not np.any(found.share):
             problem = "leaves no time of operation: the flow is slower or reversed, all year"
             place = {"key": "resource.cut_in", "value": self.cut_in}

@@ -134,13 +134,11 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
         slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
         way = -1.0 if scenario.backwards else resource.forward
         bins = scenario.bins
-        ends = speed[[0, -1]]
+        ends, lost = speed[[0, -1]], power[[0, -1]] * scenario.mesh.duration * [-1.0, 1.0]
         near = np.maximum(reach, resource.bin_width / ends)  # shares are known by bins
         slower, at, faster = (bins.below(ends * np.exp(x)) for x in (-near, 0.0, near))
-        # where the flow is slower than the first speed, or faster than the last one
-        crossing = np.where([at[0] > slower[0], faster[1] > at[1]], faster - slower, 0.0)
-        crossing *= scenario.mesh.duration / (2.0 * near)
-        slope += float(crossing[0] * power[0] - crossing[1] * power[-1])
+        beyond = at[0] > slower[0], faster[1] > at[1]  # else no hours cross the first, the last
+        slope -= float(np.sum(beyond * lost * (faster - slower) / (2.0 * near)))
         by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
     if resource.speed_uncertainty and total:
         found["speed"] = resource.speed_uncertainty * abs(slope / total)
