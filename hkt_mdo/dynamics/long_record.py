@@ -171,15 +171,12 @@ class RecordResource(RecordFile, Resource):
     def _made(self, raw: Columns, least=-records.FASTEST, most=records.FASTEST) -> FlowSamples:
         """Return the samples of checked columns without gaps."""
         records.check_order(raw)
-        notes = []
         wrong = {"of exactly 0 for over a day": self._standstill(raw)}
         if self.spikes == "replace":
             beyond = "below zero" if least == 0.0 else f"above {most:g} m/s"
             wrong[beyond] = (raw.speed < least) | (raw.speed > most)
-        for words, rows in wrong.items():
-            raw = replace(raw, speed=np.where(rows, np.nan, raw.speed))
-            if np.any(rows):
-                notes.append(f"{np.sum(rows)} samples {words} left out")
+        notes = [f"{np.sum(x)} samples {words} left out" for words, x in wrong.items() if np.any(x)]
+        raw = replace(raw, speed=np.where(sum(wrong.values()), np.nan, raw.speed))
         whole, raw = raw, raw if raw.parts is None else _along_axis(raw)
         spikes, others = records.check_speeds(raw, self.spikes, least, most)
         if raw.parts is not None and np.any(spikes):  # they may have turned the axis
@@ -202,8 +199,8 @@ class RecordResource(RecordFile, Resource):
             first += ": the flow in them counts as that of the samples"
         part, needed = ("301", YEARS_301) if least == 0.0 else ("201", YEARS_201)
         if length < 0.98 * needed * YEAR:
-            first += f"; IEC TS 62600-{part} asks for {needed:g} year{'s' * (needed > 1)} "
-            first += "where the hours of the speeds are those of the record"
+            years = f"{needed:g} year{'s' * (needed > 1)}"
+            first += f"; for the hours of each speed IEC TS 62600-{part} asks for {years}"
         return replace(made, messages=(first, *raw.messages, *notes, *others))
 
     def _standstill(self, raw: Columns) -> np.ndarray:
@@ -248,12 +245,10 @@ def _along_axis(raw: Columns) -> Columns:
     """Return columns with the speed along the principal axis of its parts, east and north."""
     good = np.isfinite(raw.speed) & np.all(np.isfinite(raw.parts), axis=0)
     about = raw.parts[:, good]
-    _, vectors = np.linalg.eigh(about @ about.T)
-    along = vectors[:, -1] @ about
-    sign = 1.0 if np.sum(along**3) >= 0.0 else -1.0
-    axis, speed = sign * vectors[:, -1], np.full(good.size, np.nan)
-    speed[good] = sign * along
-    share = float(np.sum(along**2) / max(np.sum(about**2), 1e-300))
+    axis = np.linalg.eigh(about @ about.T)[1][:, -1]
+    axis *= 1.0 if np.sum((axis @ about) ** 3) >= 0.0 else -1.0
+    speed = np.where(good, axis @ raw.parts, np.nan)
+    share = float(np.sum(speed[good] ** 2) / max(np.sum(about**2), 1e-300))
     angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
     note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
     return replace(raw, speed=speed, messages=(*raw.messages, note))

@@ -32,14 +32,12 @@ class SteadyScenario(Scenario):
     """Speeds of a flow, each for its share of the time: one segment and one node for each.
 
     `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
-    `inflow`, a duration curve; the rest of the mesh's duration is standstill. `place` is the number
-    of the bin of each speed, `resource` the resource of the speeds, and `backwards` tells whether
-    they are those of reversed flow, in which the rotor turns backwards. The first and the last
-    speed are the ends of the flow's range, at which limits hold, and have no energy. `bins` are
-    the speeds that the flow has without a cut-out.
+    `inflow`, a duration curve; the rest of the mesh's duration is standstill. `bins` has the speeds
+    and their bins, `resource` is the resource of the speeds, and `backwards` tells whether they are
+    those of reversed flow, in which the rotor turns backwards. The first and the last speed are the
+    ends of the flow's range, at which limits hold, and have no energy.
     """
 
-    place: np.ndarray = None  # type: ignore[assignment]
     resource: Inflow = None  # type: ignore[assignment]
     backwards: bool = False
     bins: Speeds = None  # type: ignore[assignment]
@@ -55,8 +53,8 @@ class SteadyScenario(Scenario):
             speeds = _without_time(Scenario(inflow, mesh).resolved())
             notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
         curve = speeds.curve(mesh.duration, notes)
-        about = {"resource": inflow, "place": speeds.place, "bins": speeds, **others}
-        return cls(curve, mesh, edges=np.array(curve.ends), **about)
+        edges = np.array(curve.ends)
+        return cls(curve, mesh, edges=edges, resource=inflow, bins=speeds, **others)
 
     @property
     def speeds(self) -> np.ndarray:
@@ -67,16 +65,17 @@ class SteadyScenario(Scenario):
         """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self
-        shares, idle = np.diff(self.edges) / self.mesh.duration, self.edges[0] / self.mesh.duration
-        found = replace(self.bins, speed=self.speeds, share=shares, place=self.place, idle=idle)
-        found = found.between(0.0, cut_out)
+        found = self.bins.between(0.0, cut_out)
         if np.sum(found.share) < 3.0 * AT_END:
+            if (cut_in := getattr(self.resource, "cut_in", 0.0)) > cut_out:
+                problem, place = f"is above control.cut_out = {cut_out:g} m/s", "resource.cut_in"
+                raise InputError(problem, "give a smaller one", key=place, value=cut_in)
             problem = f"leaves no time of operation: the flow has at least {self.speeds[0]:.4g} m/s"
             place = {"key": "control.cut_out", "value": cut_out}
             raise InputError(problem, "give a larger one, or null for none", **place)
         found = found.with_ends(found.speed[0], cut_out)
         curve = found.curve(self.mesh.duration, self.messages)
-        return replace(self, inflow=curve, edges=np.array(curve.ends), place=found.place)
+        return replace(self, inflow=curve, edges=np.array(curve.ends), bins=found)
 
     def when(self, time):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
@@ -144,12 +143,11 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
 def _without_time(whole: Scenario) -> Speeds:
     """Return the speeds of a flow over time, in bins and with its ends unless it is constant."""
     finer = whole.inflow.speed_at(whole.node_times), whole.node_weights / np.sum(whole.node_weights)
-    if constant := isinstance(whole.inflow, ConstantInflow):
-        finer = finer[0][:1], np.ones(1)
-    speed, share = finer if constant else in_bins(*finer, WIDTH)
+    speed, share = in_bins(*finer, WIDTH)
+    if isinstance(whole.inflow, ConstantInflow):
+        speed, share, finer = finer[0][:1], np.ones(1), None
     dense = whole.inflow.speed_at(whole.dense)
-    about = {"mean": speed, "time": share, "finer": None if constant else finer}
-    found = Speeds(speed, share, np.arange(speed.size), **about)
+    found = Speeds(speed, share, np.arange(speed.size), speed, share, finer=finer)
     return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 

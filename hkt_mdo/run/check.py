@@ -240,8 +240,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     passing = flow.average(power_scale(density, 1.0, flow.speed)) / np.pi
     yield Row("kind", flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
-    operating = "while operating" if flow.steady else ""
-    yield Row("mean speed", flow.mean, "m/s", operating, 4)
+    operating = " while operating" if flow.steady else ""
+    yield Row(f"mean speed{operating}", flow.mean, "m/s", digits=4)
     share = f"{100.0 * flow.deviation / flow.mean:.3g} % of the mean"
     yield Row("standard deviation", flow.deviation, "m/s", share, 3)
     if isinstance(flow.kind, Resource):
@@ -251,9 +251,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     if len(found.flows) > 1:
         yield Row("share of time", flow.share)
     yield Row("changes", changes)
-    mean = f"mean {operating}".rstrip()
-    yield Row("power through the rotor", passing * area, "W", mean, 4)
-    yield Row("power per square metre", passing, "W", mean, 4)
+    yield Row("power through the rotor", passing * area, "W", f"mean{operating}", 4)
+    yield Row("power per square metre", passing, "W", f"mean{operating}", 4)
 
 
 def _fastest(found: Findings, flow: Flow) -> str:

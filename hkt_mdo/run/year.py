@@ -47,11 +47,11 @@ def table(verifications: Sequence[Verification]) -> dict[str, np.ndarray]:
 def _of_direction(verification: Verification) -> dict[str, np.ndarray]:
     """Return the table of one direction of the flow."""
     scenario, known = verification.scenario, verification.integrated
-    bins, place = scenario.bins, scenario.place
-    shares, used = scenario.node_weights / scenario.mesh.duration, np.unique(place)
+    bins, shares = scenario.bins, scenario.node_weights / scenario.mesh.duration
+    used = np.unique(bins.place)
 
     def mean(values):
-        return np.bincount(place, shares * values)[used] / bins.time[used]
+        return np.bincount(bins.place, shares * values)[used] / bins.time[used]
 
     found = {"inflow_speed_m_s": (-1.0 if scenario.backwards else 1.0) * bins.mean[used]}
     found["hours"] = bins.time[used] * YEAR / HOUR
@@ -81,10 +81,8 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
     powers = [each.integrated["electrical_power"] for each in verifications]
     rated = float(np.max(np.concatenate(powers)))
     hours = sum(each.scenario.duration for each in verifications) * scale / HOUR
-    at_rated = sum(
-        each.integral(np.where(power >= RATED * rated, 1.0, 0.0))
-        for each, power in zip(verifications, powers, strict=True)
-    )
+    pairs = zip(verifications, powers, strict=True)
+    at_rated = sum(each.integral(1.0 * (power >= RATED * rated)) for each, power in pairs)
     parts = uncertainty(verifications)
     return YearEntry(
         energy_kWh=energy / KILOWATT_HOUR,
@@ -122,10 +120,8 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
     """
     resource, found, total, slope = verifications[0].scenario.resource, {}, 0.0, 0.0
     reach, by_bin = max(resource.speed_uncertainty, NARROW), {}
-    for scenario, verification in ((each.scenario, each) for each in verifications):
-        speed, power = (
-            verification.integrated[name] for name in ("inflow_speed", "electrical_power")
-        )
+    for scenario, known in ((each.scenario, each.integrated) for each in verifications):
+        bins, speed, power = scenario.bins, known["inflow_speed"], known["electrical_power"]
         place, energy = np.log(speed), scenario.node_weights * power
         ends = np.clip((place + reach, place - reach), place[0], place[-1])
         change = np.subtract(*np.interp(ends, place, power / speed**3))
@@ -133,13 +129,12 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
         total += float(np.sum(energy))
         slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
         way = -1.0 if scenario.backwards else resource.forward
-        bins = scenario.bins
         ends, lost = speed[[0, -1]], power[[0, -1]] * scenario.mesh.duration * [-1.0, 1.0]
         near = np.maximum(reach, resource.bin_width / ends)  # shares are known by bins
         slower, at, faster = (bins.below(ends * np.exp(x)) for x in (-near, 0.0, near))
         beyond = at[0] > slower[0], faster[1] > at[1]  # else no hours cross the first, the last
         slope -= float(np.sum(beyond * lost * (faster - slower) / (2.0 * near)))
-        by_bin[way] = np.bincount(scenario.place, energy, bins.mean.size)
+        by_bin[way] = np.bincount(bins.place, energy, bins.mean.size)
     if resource.speed_uncertainty and total:
         found["speed"] = resource.speed_uncertainty * abs(slope / total)
     record = resource.scatter(by_bin)
@@ -165,10 +160,9 @@ def bins_error(verifications: Sequence[Verification]) -> float | None:
     binned, exact = 0.0, 0.0
     for verification in verifications:
         scenario = verification.scenario
-        finer = scenario.bins.finer if scenario.steady else None
-        if finer is not None:
+        if scenario.steady and scenario.bins.finer is not None:
             at, power = (verification.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
-            speed, share = finer
+            speed, share = scenario.bins.finer
             inside = (speed >= at[0]) & (speed <= at[-1])
             found = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
             exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ found)

@@ -67,8 +67,7 @@ def _in_speeds(scenario) -> SteadyScenario:
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
     kept = "mesh", "weight", "name", "limits", "interval_of", "density", "condition"
     about = {name: getattr(scenario, name) for name in kept}
-    place = np.arange(speeds.size)
-    return SteadyScenario(curve, edges=ends, place=place, resource=curve, **about)
+    return SteadyScenario(curve, edges=ends, resource=curve, **about)
 
 
 class _Hopeless(Exception):
