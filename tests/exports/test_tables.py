@@ -188,7 +188,6 @@ def test_steady_operation_of_a_year_lies_between_cut_in_and_cut_out(tmp_path):
     case = QUADRATIC.replace("inflow: sine", year).replace("700}", "700, cut_out: 2.0}")
     found = by_name(made(tmp_path / "year", case, [11.0]))
     assert values(found["operation"])["inflow_speed_m_s"][[0, -1]] == pytest.approx([0.7, 2.0])
-    assert 0.7 in found["design"].columns["value"].values
 
 
 def test_the_stricter_limit_of_two_scenarios_counts(scenarios):

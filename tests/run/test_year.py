@@ -151,21 +151,19 @@ def test_hours_that_cross_the_cut_off_speeds_count_in_the_uncertainty(intensity)
     assert found == {"speed": pytest.approx(expected, abs=2e-3)}  # bins of 0.1 m/s
 
 
-def test_rows_of_a_turbulent_year_have_the_speeds_and_hours_of_the_resource():
+def test_rows_of_a_turbulent_year_have_the_hours_of_the_resource():
     """Their power is a mean over all of their time, so that hours times power is the energy."""
-    resource = {"profile": "histogram", "speeds": [0.8, 1.4, 1.8], "hours": [2, 5, 3]}
-    case = {
-        "resource": resource | {"turbulence_intensity": 0.1},
-        "control": {"law": "linear", "cut_out": 1.9},
-    }
+    resource = {"profile": "histogram", "speeds": [0.8, 1.8], "hours": [7, 3]}
+    resource |= {"turbulence_intensity": 0.1, "cut_in": 0.6}
+    case = {"resource": resource, "control": {"law": "linear", "cut_out": 1.9}}
     scenario = physics(load_case(case)).scenarios[0]
     known = dict.fromkeys(MEANS.values(), scenario.speeds**3)
     found = table([SimpleNamespace(scenario=scenario, integrated=known)])
-    np.testing.assert_allclose(found["inflow_speed_m_s"], [0.8, 1.4, 1.8])
-    np.testing.assert_allclose(found["hours"], [1753.2, 4383.0, 2629.8])
+    np.testing.assert_allclose(found["hours"], [0.7 * 8766.0, 0.3 * 8766.0])
     energy = scenario.node_weights @ scenario.speeds**3 / 3.6e6
     assert np.sum(found["energy_kWh"]) == pytest.approx(energy, rel=1e-12)
-    assert found["captured_power_W"][-1] < 0.8 * 1.8**3
+    with pytest.raises(InputError, match=r"cut_in = 2\.0: is above control\.cut_out"):
+        physics(load_case({**case, "resource": {**resource, "cut_in": 2.0}}))
 
 
 def force_on_section(flow, chordwise, normal):
