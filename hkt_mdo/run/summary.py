@@ -49,9 +49,10 @@ SIMULATED = {
     "energy": "simulated_energy_J",
     "generator_energy": "generator_energy_J",
     "electrical_energy": "electrical_energy_J",
-    "kinetic_energy_change": "stored_energy_J",
 }
 """Key in the summary of each energy of a `Simulation`."""
+ENERGIES = SIMULATED | {"kinetic_energy_change": "stored_energy_J"}
+"""The same with what is left in the rotor."""
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
     "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "
@@ -126,8 +127,7 @@ def _energies(finished):
     physics, verifications = finished.physics, finished.verifications
     taken = "generator_energy", "friction_energy", "kinetic_energy_change"
     sums = {
-        name: total(verifications, attrgetter(f"simulation.{name}"))
-        for name in {*SIMULATED, *taken}
+        name: total(verifications, attrgetter(f"simulation.{name}")) for name in {*ENERGIES, *taken}
     }
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
@@ -137,7 +137,7 @@ def _energies(finished):
         "energy_J": finished.result.energy,
         **{
             key: sums[name] if _turning(finished.verifications) else None
-            for name, key in SIMULATED.items()
+            for name, key in ENERGIES.items()
         },
         "energy_bound_J": bound,
         # relative difference of the certificate and the simulated energy
@@ -249,9 +249,9 @@ def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = verifications[0].scenario, finished.physics.start_objective
     simulations, duration = [each.simulation for each in verifications], scenario.mesh.duration
-    sums, power = dict.fromkeys(SIMULATED.values()), None
+    sums, power = dict.fromkeys(ENERGIES.values()), None
     if _turning(verifications):
-        sums = {key: sum(getattr(x, name) for x in simulations) for name, key in SIMULATED.items()}
+        sums = {key: sum(getattr(x, name) for x in simulations) for name, key in ENERGIES.items()}
         power = sum(each.objective(objective) for each in verifications) / duration
     speeds = [each.inflow_speed for each in simulations]
     limits = _over_time(finished, verifications)
