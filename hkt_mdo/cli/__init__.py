@@ -86,8 +86,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parts.SAVED.set(lambda: "nothing was saved")
     try:
         with warnings.catch_warnings(), interrupts_of_compiled_code():
-            warnings.filterwarnings("default", category=UserWarning, module=r"hkt_mdo\b")
-            warnings.showwarning = _show_warning  # type: ignore[assignment]
+            # those of libraries; OpenMDAO sets its own filters when it is imported
+            warnings.showwarning = lambda *_, **__: None
             typer.main.get_command(app)(args=[*begin, *given], prog_name="hkt")
         return 0
     except SystemExit as leaving:
@@ -118,14 +118,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
             gc.freeze()  # the process ends: scanning all objects again takes most of a second
     parts.complain("interrupted" if code == parts.INTERRUPTED else "error", told)
     return code
-
-
-def _show_warning(message: object, category: type[Warning], filename: str, *_: object) -> None:
-    """Print the warnings of this package, and those of the libraries not.
-
-    A filter would not do: OpenMDAO sets its own filters when it is imported.
-    """
-    ours = Path(filename).is_relative_to(Path(__file__).parents[1])
-    library = category.__module__.partition(".")[0] in ("openmdao", "dymos", "numpy", "scipy")
-    if ours and issubclass(category, UserWarning) and not library:
-        parts.complain("warning", str(message))

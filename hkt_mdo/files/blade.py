@@ -1,7 +1,6 @@
 """Blade files: CSV, AeroDyn 15 blade file, windIO turbine; one table of rows for all of them."""
 
 import re
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import chain
@@ -54,19 +53,19 @@ def read_blade(source: str | Path) -> BladeTable:
     head, suffix = "\n".join(lines[:30]), path.suffix.lower()
     if _AERODYN.search(head) or (lines and suffix in {".dat", ".inp"} and "," not in lines[0]):
         table = read_blade_definition(text, path)
-        _suspect_radians(path, "BlTwist", np.rad2deg(table.twist), "convert it")
-        return table
+        doubts = _suspect_radians(path, "BlTwist", np.rad2deg(table.twist), "convert it")
+        return replace(table, doubts=doubts)
     if _WINDIO.search(head) or suffix in {".yaml", ".yml"}:
         return read_windio(text, path)
     return _read_csv(text, path)
 
 
-def _suspect_radians(file: Path, column: str, twist: np.ndarray, remedy: str) -> None:
-    """Warn of twists in degrees that are all so small that they are most likely radians."""
+def _suspect_radians(file: Path, column: str, twist: np.ndarray, remedy: str) -> tuple[str, ...]:
+    """Return a warning of twists in degrees that are so small that they are most likely radians."""
     most = float(np.max(np.abs(twist), initial=0.0))
-    if 0.0 < most < 1.0 and np.ptp(twist) > 0.0:
-        problem = f"{column} is in degrees, and no value is above {most:.3g}"
-        warnings.warn(f"{file}: {problem}: if it is in radians, {remedy}", stacklevel=3)
+    suspected = bool(0.0 < most < 1.0 and np.ptp(twist) > 0.0)
+    problem = f"{column} is in degrees, and no value is above {most:.3g}"
+    return (f"{file}: {problem}: if it is in radians, {remedy}",) * suspected
 
 
 # CSV ----------------------------------------------------------------------------------------------
@@ -109,10 +108,11 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         for name in table.header
         if name not in known
     ]
+    doubts: tuple[str, ...] = ()
     for name, column in columns.items():
         unit = name.rpartition("_")[2]
         if unit == "deg":
-            _suspect_radians(file, name, column.values, "name the column twist_rad")
+            doubts = _suspect_radians(file, name, column.values, "name the column twist_rad")
         if unit in _CONVERSIONS:
             convert, message = _CONVERSIONS[unit]
             columns[name] = replace(column, values=convert(column.values))
@@ -142,6 +142,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
         None if thickness is None else thickness.values,
         section,
         messages=tuple(messages),
+        doubts=doubts,
         file=str(file),
     )
 

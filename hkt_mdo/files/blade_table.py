@@ -64,6 +64,8 @@ class BladeTable:
     """Angle between the blade and the rotor plane, rad."""
     messages: tuple[str, ...] = ()
     """Every conversion made and everything in the file that is ignored."""
+    doubts: tuple[str, ...] = ()
+    """What in the file is probably a mistake."""
     file: str = ""
     """The file, for messages."""
 

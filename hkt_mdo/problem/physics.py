@@ -196,7 +196,7 @@ def physics(case: Case) -> Physics:
         limits,
         case.objective,
         messages,
-        tuple(doubts(case, _derived(turbine, whole))),
+        (*turbine.doubts, *doubts(case, _derived(turbine, whole))),
     )
     return replace(made, ceilings=_ceilings(made)) if case.robustness.relative else made
 

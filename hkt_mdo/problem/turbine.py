@@ -52,6 +52,8 @@ class Turbine(NamedTuple):
     """The different sections of the case, or of the blade's file."""
     reynolds_number: float | None = None
     """At which polars of several are read; None: the case does not say."""
+    doubts: tuple[str, ...] = ()
+    """What in the blade's file is probably a mistake."""
 
     def along_span(self, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
         """Return what belongs to the outlines at some radii.
@@ -146,6 +148,7 @@ def build_turbine(
     rotor, chosen = _with_reynolds(rotor, named)
     messages = (*messages, *notes, *chosen)
     about = {"sections": tuple(named.values()), "reynolds_number": rotor.reynolds_number}
+    about |= {"doubts": table.doubts}
     if design is not None and design.thickness_points:
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)

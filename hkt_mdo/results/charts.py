@@ -52,7 +52,7 @@ OVER_SPAN = {
 YEAR = {
     "electrical_power_W": ("mean electrical\npower (kW)", 1e-3, "power"),
     "hours": ("hours a year (h)", 1.0, "inflow_speed"),
-    "energy_kWh": ("electrical energy\na year (kWh)", 1.0, "power"),
+    "energy_kWh": ("net electrical energy\na year (kWh)", 1.0, "power"),
 }
 """Label, scale and quantity of the columns of a year."""
 RADIUS = {

@@ -50,6 +50,9 @@ BETTER = 1e-3
 """Share by which a branch that was not taken has to be better without time for a warning, as in
 `river25` with open loop (1.7 %)."""
 
+STORED = 1e-3
+"""Share of the captured energy above which that left in the rotor is told."""
+
 ALWAYS = 0.999
 """Share of the time at its limit from which a torque is always there (`all_quadratic`)."""
 
@@ -339,8 +342,7 @@ class YearEntry(_Entry):
     def rows(self) -> Iterator[Row]:
         """Yield the entry as rows."""
         lost = "" if self.kept in (None, 1.0) else f"times {self.kept:.4g} for what is lost"
-        gross = measured(self.energy_kWh, "", 6)
-        net, factor = self.net_energy_kWh, self.capacity_factor
+        gross, net = (measured(x, "", 6) for x in (self.energy_kWh, self.net_energy_kWh))
         both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
         words = {"speed": "by the flow's speed", "record": "by the length of the record"}
         shares = ((word, self.uncertainty_by.get(name)) for name, word in words.items())
@@ -349,9 +351,12 @@ class YearEntry(_Entry):
         note = f"electrical, of 8766 h; {known}"
         yield Row("annual energy", f"{gross} kWh{both}", note=note)
         if lost:
-            yield Row("annual energy, net", f"{measured(net, '', 6)} kWh{both}", note=lost)
+            yield Row("annual energy, net", f"{net} kWh{both}", note=lost)
         most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
-        yield Row("capacity factor", factor, note=most, digits=4)
+        edge = "at an end of the flow's range, which has no hours" if self.rated_h == 0.0 else ""
+        yield Row("capacity factor", self.capacity_factor, note=joined(most, edge), digits=4)
+        known = self.limits_h.items()
+        held = (f"at the limit {name} {measured(x, '', 4)} h" for name, x in known if x)
         yield Row(
             "hours of operation",
             self.operation_h,
@@ -359,11 +364,7 @@ class YearEntry(_Entry):
             joined(
                 f"standstill {measured(self.standstill_h, '', 4)} h",
                 f"at the largest electrical power {measured(self.rated_h, '', 4)} h",
-                *(
-                    f"at the limit {n} {measured(x, '', 4)} h"
-                    for n, x in self.limits_h.items()
-                    if x
-                ),
+                *held,
             ),
         )
 
@@ -386,6 +387,7 @@ class ScenarioEntry(_Entry):
     simulated_energy_J: _Number = None
     generator_energy_J: _Number = None
     electrical_energy_J: _Number = None
+    stored_energy_J: _Number = None
     mean_power_W: _Number = None
     ceiling_W: _Number = None
     decides: bool | None = None
@@ -434,7 +436,9 @@ class Summary(_Entry, Mapping[str, Any]):
     simulated_energy_J: _Number = None
     """Captured energy of the independent integration."""
     generator_energy_J: _Number = None
-    """Energy that the generator takes from the shaft in the integration; the rest is stored."""
+    """Energy that the generator takes from the shaft in the integration."""
+    stored_energy_J: _Number = None
+    """Kinetic energy that the rotor has at the end of the integration beyond that at its begin."""
     electrical_energy_J: _Number = None
     """Energy that the generator delivers, after its losses."""
     starting_energy_J: _Number = None
@@ -653,7 +657,7 @@ class Summary(_Entry, Mapping[str, Any]):
             yield Row("stability with dynamic inflow", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
-        yield Row("energy of the generator", self.generator_energy_J, "J")
+        yield Row("energy of the generator", self.generator_energy_J, "J", self._stored(best))
         yield Row("energy, electrical", self.electrical_energy_J, "J", self._losses())
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
@@ -664,6 +668,14 @@ class Summary(_Entry, Mapping[str, Any]):
         other = "" if captured else "of the captured energy, which is not the objective"
         known = "does not include limits other than that of the torque" if case.limits.given else ""
         yield Row("certificate", gap, "", joined(other, known))
+
+    def _stored(self, captured: float | None) -> str:
+        """Return the energy that is left in the rotor, as text, unless it is small."""
+        stored = self.stored_energy_J or 0.0
+        if not captured or abs(stored) <= STORED * abs(captured):
+            return ""
+        share = f"{measured(abs(stored), 'J')} ({per_cent(abs(stored), captured, 3)} of the energy)"
+        return f"{share} {'left in' if stored > 0.0 else 'taken from'} the turning rotor"
 
     def _losses(self) -> str:
         """Return the energy that the generator loses, and its share, as text."""

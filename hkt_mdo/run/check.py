@@ -42,6 +42,7 @@ FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave t
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
+REACHED = 0.05  # share of a limit by which a value below it counts as held by it
 # radius of the outer stations over that of the last one, and the factor by which their Reynolds
 # number may differ from that of the polars
 OUTER, FAR_REYNOLDS = 0.6, 3.0
@@ -333,16 +334,30 @@ def _control(found: Findings) -> Rows:
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
         yield from (_warning("control", text) for text in law.held(found.start.gains))
         if found.running and found.captured < WASTED:
-            key = f"a gain{_within_bounds(found)}" if own else measured(gains, "", 4)
+            given = f"a gain{_within_bounds(found)}" if own else measured(gains, "", 4)
+            key, cause = (own and _reached(found)) or ("control.gain", given)
             yield _warning(
-                "control.gain",
-                f"{key} lets the starting blade capture "
-                f"{100.0 * found.captured:.2g} % of what its largest power coefficient gives",
+                key,
+                f"{cause} lets the starting blade capture {100.0 * found.captured:.2g} % of what "
+                "its largest power coefficient gives, which in the mean flow is "
+                f"{measured(np.prod(found.at_best(found.mean)), 'W', 4)}",
             )
     initial = found.case.phase.initial_speed
     free = initial == "free" or (initial == "auto" and not law.is_feedback)
     balance = "hydrodynamic and generator torque balance"
     yield Row("at t = 0", "the rotor's speed is free" if free else balance)
+
+
+def _reached(found: Findings) -> tuple[str, str] | None:
+    """Return key and bounds of the limit that the starting blade breaks most, or reaches."""
+    limits = [
+        (float(np.max(limit.excess(found.at_start[flow.name]))), limit.key, _ends(limit))
+        for flow in found.flows
+        for limit in found.physics.limits_in(flow.scenarios[0])
+        if np.isfinite(limit.upper)
+    ]
+    share, *named = max(limits, default=(-1.0,))
+    return tuple(named) if share > -REACHED else None
 
 
 def _within_bounds(found: Findings) -> str:

@@ -167,8 +167,10 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     if not verification.scenario.steady:
         yield from _of_flow(verification.scenario)
     when = verification.scenario.when
-    stops = stopped is not None and f"rotor stops at {when(stopped)}, not generating"
-    word = stops or "the rotor generates until the end"
+    word = "the rotor generates until the end"
+    if stopped is not None:
+        flow = integrated["inflow_speed"][-1]
+        word = f"rotor stops at {when(stopped)} in a flow of {flow:.3g} m/s, not generating"
     if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
         word = f"the rotor's motion has no solution after {when(stopped)}"
     if stopped is not None and verification.scenario.steady:
@@ -447,13 +449,18 @@ def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
 
 
 def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
-    """Return the failed checks as text, with one remedy if the optimizer failed; else nothing."""
+    """Return the failed checks as text, else nothing; if the optimizer failed, after a standstill.
+
+    Of the other checks only the values are then told.
+    """
     failed = [check for check in checks if not check.passed]
     if not failed or failed[0].name != "optimizer":
         return "; ".join(explain(check, physics) for check in failed)
-    others = [f"{check.name} = {check.value:.3g}" for check in failed[1:]]
-    text = explain(failed[0], physics)
-    false = (check for check in failed[1:] if check.name == "max_speed_error")
+    stops = [check for check in failed if check.name.startswith("rotor_keeps_turning")][:1]
+    rest = [check for check in failed[1:] if check not in stops]
+    others = [f"{check.name} = {check.value:.3g}" for check in rest]
+    text = "; ".join(explain(check, physics) for check in (*stops, failed[0]))
+    false = (check for check in rest if check.name == "max_speed_error" and not stops)
     why = "".join(f" ({_remedy(check, physics)})" for check in false)
     return f"{text}; also refused: {', '.join(others)}{why}" if others else text
 

@@ -212,7 +212,7 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
     if message:
         best, held = best_of(state, end)
         if held:
-            message += f"; the folder holds {held}, which is better than the last point"
+            message += f"; the folder and its checks hold {held}, better than this last point"
         why = none_found(state.first, best.start, best.checks)
         message = f"{why}; {message}" if why else message
     result = best.result

@@ -39,6 +39,9 @@ from hkt_mdo.run.verification import (
 # values along the blade the optimization has a smooth largest that is up to as much above them
 BINDING, ENVELOPE = 1e-3, 1e-2
 
+LEAST_WEIGHT = 1e-30
+"""Of a load case, for a mean where all scenarios are load cases."""
+
 MOST_ROWS = 50_000
 """Rows of the independent integration's table, but for extremes; it has 20 a segment."""
 
@@ -48,6 +51,8 @@ SIMULATED = {
     "electrical_energy": "electrical_energy_J",
 }
 """Key in the summary of each energy of a `Simulation`."""
+ENERGIES = SIMULATED | {"kinetic_energy_change": "stored_energy_J"}
+"""The same with what is left in the rotor."""
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
     "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "
@@ -122,8 +127,7 @@ def _energies(finished):
     physics, verifications = finished.physics, finished.verifications
     taken = "generator_energy", "friction_energy", "kinetic_energy_change"
     sums = {
-        name: total(verifications, attrgetter(f"simulation.{name}"))
-        for name in {*SIMULATED, *taken}
+        name: total(verifications, attrgetter(f"simulation.{name}")) for name in {*ENERGIES, *taken}
     }
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
@@ -133,7 +137,7 @@ def _energies(finished):
         "energy_J": finished.result.energy,
         **{
             key: sums[name] if _turning(finished.verifications) else None
-            for name, key in SIMULATED.items()
+            for name, key in ENERGIES.items()
         },
         "energy_bound_J": bound,
         # relative difference of the certificate and the simulated energy
@@ -161,7 +165,7 @@ def _controller(finished):
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(finished.physics.law.gain_units),
-        "tip_speed_ratio": _span(_nodes(finished.verifications, "tip_speed_ratio")),
+        "tip_speed_ratio": _ratios(finished.verifications),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": np.max(_nodes(finished.verifications, "control_torque")),
@@ -219,8 +223,7 @@ def _extremes(finished, scenarios, shadow_prices):
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
             limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
-    for name, entry in over_time.items():
-        limits[name] = entry | {"worth": shadow_prices.get(name)}
+    limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
     blade, model = finished.result.point.blade, physics.rotor
     bent = [loads.tip_deflection(x.rotor, blade, x.simulated) for x in finished.verifications]
@@ -246,14 +249,11 @@ def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = verifications[0].scenario, finished.physics.start_objective
     simulations, duration = [each.simulation for each in verifications], scenario.mesh.duration
-    sums, power = dict.fromkeys(SIMULATED.values()), None
+    sums, power = dict.fromkeys(ENERGIES.values()), None
     if _turning(verifications):
-        sums = {key: sum(getattr(x, name) for x in simulations) for name, key in SIMULATED.items()}
+        sums = {key: sum(getattr(x, name) for x in simulations) for name, key in ENERGIES.items()}
         power = sum(each.objective(objective) for each in verifications) / duration
     speeds = [each.inflow_speed for each in simulations]
-    pairs = [*zip(verifications, speeds, strict=True)]
-    spans = sum(each.integral(np.ones(speed.size)) for each, speed in pairs)
-    mean = sum(each.integral(speed) for each, speed in pairs) / spans
     limits = _over_time(finished, verifications)
     year = None
     if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
@@ -268,8 +268,8 @@ def _scenario(finished, verifications):
         **sums,
         "mean_power_W": power,
         "ceiling_W": finished.physics.ceilings.get(scenario.group),
-        "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
-        "tip_speed_ratio": _span(_nodes(verifications, "tip_speed_ratio")),
+        "inflow_speed": _span(np.concatenate(speeds), _mean(verifications, speeds)),
+        "tip_speed_ratio": _ratios(verifications),
         "operation": _operation(finished, verifications, power),
         "limits": limits,
         "loads": _loads(verifications),
@@ -297,8 +297,23 @@ def _nodes(verifications, quantity):
     return np.concatenate([verification.trajectory[quantity] for verification in verifications])
 
 
-def _span(values):
-    return {"min": np.min(values), "max": np.max(values), "mean": np.mean(values)}
+def _mean(verifications, values):
+    """Return the mean over time of values along each integration, by the scenarios' weights."""
+    sums = np.zeros(2)
+    for each, known in zip(verifications, values, strict=True):
+        weight = max(each.scenario.weight, LEAST_WEIGHT)
+        sums += weight * np.array([each.integral(known), each.integral(np.ones(known.size))])
+    return sums[0] / sums[1]
+
+
+def _ratios(verifications):
+    """Return the range of the tip speed ratio at the nodes, and its mean over time."""
+    simulated = [each.simulated["tip_speed_ratio"] for each in verifications]
+    return _span(_nodes(verifications, "tip_speed_ratio"), _mean(verifications, simulated))
+
+
+def _span(values, mean):
+    return {"min": np.min(values), "max": np.max(values), "mean": mean}
 
 
 def _operation(finished, verifications, power):
@@ -391,19 +406,16 @@ def _limit(pairs, several):
 
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
-    found, binds, spans = [], 0.0, 0.0
-    counts = any(verification.scenario.weight for _, verification in pairs)
+    found, binding = [], []
     for limit, verification in pairs:
         known, simulated = verification.simulated, limit.told(verification.simulated)
         value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
         found.append(_entry(limit, value) | loads.place(known, np.argmax(simulated)))
         found[-1] |= {"scenario": verification.scenario.group} if several else {}
-        binding = np.where(simulated >= _least(limit), 1.0, 0.0)
-        weight = verification.scenario.weight if counts else 1.0
-        binds += weight * verification.integral(binding)
-        spans += weight * verification.integral(np.ones(known["time"].size))
+        binding.append(np.where(simulated >= _least(limit), 1.0, 0.0))
     worst = max(found, key=lambda each: (each["value"] - each["limit"]) / abs(each["limit"]))
-    return worst | {"share_of_time": round(binds / spans, 9)}
+    share = _mean([verification for _, verification in pairs], binding)
+    return worst | {"share_of_time": round(share, 9)}
 
 
 def _loads(verifications):

@@ -173,22 +173,16 @@ def test_bad_input_exits_with_2(result_folder, capsys, command, told):
 
 
 @pytest.mark.filterwarnings("default::RuntimeWarning")
-def test_only_our_warnings_are_shown(fake, capsys, monkeypatch):
-    import hkt_mdo.errors
-
+def test_warnings_of_libraries_are_not_shown(fake, capsys, monkeypatch):
     def run_case(*_, **__):
-        for text, category, module in (
-            ("ours", UserWarning, hkt_mdo.errors),
-            ("of numbers", RuntimeWarning, hkt_mdo.errors),
-            ("theirs", UserWarning, json),
-        ):
-            warnings.warn_explicit(text, category, module.__file__, 1, module.__name__)
+        for category in UserWarning, RuntimeWarning:
+            warnings.warn_explicit("theirs", category, json.__file__, 1, json.__name__)
         return Solution.load(fake.result)
 
     monkeypatch.setattr(fake, "run_case", run_case)
     show = warnings.showwarning
     assert main(["run", CASE, "--quiet"]) == 0
-    assert capsys.readouterr().err == "warning: ours\n"
+    assert not capsys.readouterr().err
     assert warnings.showwarning is show
 
 

@@ -1,5 +1,6 @@
 """Each check refuses alone: results that are doctored in one place, where no other check looks."""
 
+import re
 from dataclasses import replace
 from functools import partial
 from typing import Annotated, ClassVar
@@ -17,7 +18,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.checked import none_found
-from hkt_mdo.run.checks import _behind_open_loop, explain
+from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
@@ -284,6 +285,13 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
     assert "try " in said
     if name not in ("optimizer", "rotor_keeps_turning"):
         assert said.startswith(f"{name} = {refused.value:.3g} exceeds {refused.limit:g}, ")
+
+
+def test_a_standstill_is_told_before_the_optimizers_failure(feedback):
+    said = explain_all(faster_at_a_node(stopped(not_converged(feedback))).checks, feedback.physics)
+    assert re.match(r"the rotor's motion .* after t = 7\.25 s .*; the optimizer did not", said)
+    assert "also refused: max_speed_error" in said
+    assert "too coarse" not in said
 
 
 def test_every_judge_is_asked(feedback, open_loop):

@@ -246,6 +246,10 @@ def test_a_year_is_reported(year):
     assert told.limits_h["control_torque"] == pytest.approx(np.sum(year.year["hours"][held]))
     assert told.limits_h["control_torque"] > 0.0
     rows = {row.label: row.text for row in year.summary.rows(year.case)}
+    assert rows["capacity factor"].endswith("at an end of the flow's range, which has no hours")
+    weights = physics(year.case).scenarios[0].node_weights
+    mean = np.average(year.simulation["tip_speed_ratio"], weights=weights)
+    assert year.summary.tip_speed_ratio.mean == pytest.approx(mean, rel=1e-9)
     assert "kWh" in rows["annual energy, net"]
     assert "in a flow of 2.35 m/s" in rows["largest rotor speed"]
     checks = {check.name: check for check in year.summary.checks}
