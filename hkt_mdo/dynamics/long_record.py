@@ -88,7 +88,7 @@ class RecordResource(RecordFile, Resource):
     """The kind of resource."""
     direction_column: str | None = None
     """Column of the direction that the flow runs to, from north to east, in place of a second
-    component: in degrees, or in radians by its name, such as `dir_rad`."""
+    component; in degrees, or in radians if its name says so, as `dir_rad`."""
     rating: ExistingFile | None = None
     """Path of a CSV file `discharge_m3_s,speed_m_s`, for a record of the discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None
