@@ -318,7 +318,7 @@ class _Record:
         if not along[low] > 0.0:
             row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
             problem = f"falls to {along[low]:.3g} m/s{where} when low-passed: the flow stops or "
-            remedy = "choose a part without this by start and duration, or correct the sign"
+            remedy = "choose a part by start and duration, lower the cutoff, or correct the sign"
             raise raw.refuse(f"{problem}reverses", remedy, row, 1)
         name, count = Path(raw.file).name or "record", _count(smooth.size, "sample")
         summary = f"{name}: {count} every {step:.6g} s, mean {smooth.mean():.4g} m/s, from "
