@@ -6,6 +6,7 @@ stand still and turn, and nothing is low-passed.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -25,7 +26,8 @@ LONGEST_STILL = 1.0  # days
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
 POINTS_301, YEARS_301, YEARS_201 = 15, 10.0, 1.0  # of IEC TS 62600, as MHKiT's examples quote it
 NEAREST, GAP = 25, 1.5  # steps that give the usual one, and how many times longer a gap is
-_ANGLE = {"speed_unit": "m/s", "component": None, "area": None}  # degrees are read as a speed
+_ANGLE = {"speed_unit": "m/s"} | dict.fromkeys(("component", "second_column", "area"))
+"""Options by which angles are read as a speed."""
 
 
 def span_words(seconds: float) -> str:
@@ -106,8 +108,8 @@ class RecordResource(RecordFile, Resource):
     profile: Literal["long_record"] = "long_record"
     """The kind of resource."""
     direction_column: str | None = None
-    """Column of the direction that the flow runs to, degrees from north to east, in place of a
-    second component."""
+    """Column of the direction that the flow runs to, from north to east, in place of a second
+    component; in degrees, or in radians if its name says so, as `dir_rad`."""
     rating: ExistingFile | None = None
     """Path of a CSV file `discharge_m3_s,speed_m_s`, for a record of the discharge."""
     rating_degree: Annotated[int, Field(ge=1, le=5)] | None = None
@@ -124,8 +126,13 @@ class RecordResource(RecordFile, Resource):
             return self._of_discharge()
         raw = self._columns()
         if self.direction_column is not None:
-            angle = np.deg2rad(self._columns(speed_column=self.direction_column, **_ANGLE).speed)
+            way = self._columns(speed_column=self.direction_column, **_ANGLE)
+            radians = re.search(r"(?i)(\b|_)rad(ian)?s?\W*$", way.units[1] or way.names[1])
+            angle = way.speed if radians else np.deg2rad(way.speed)
             raw = replace(raw, parts=raw.speed * np.stack((np.sin(angle), np.cos(angle))))
+            if not radians and not np.any(np.abs(way.speed) > 2.0 * np.pi):
+                note = f"{way.names[1]} is within 6.3 deg: if these are radians, name it dir_rad"
+                raw = replace(raw, messages=(*raw.messages, note))
         return self._made(raw)
 
     def _columns(self, **others: Any) -> Columns:

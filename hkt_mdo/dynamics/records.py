@@ -18,7 +18,7 @@ import numpy as np
 from hkt_mdo.dynamics.sampled import SampledInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
-from hkt_mdo.files.record_table import Columns, RecordFile, read_csv
+from hkt_mdo.files.record_table import LONGEST, Columns, RecordFile, read_csv
 from hkt_mdo.files.record_xarray import columns_from, read_netcdf, read_parquet
 from hkt_mdo.files.table import file_state
 from hkt_mdo.messages import validated
@@ -39,9 +39,6 @@ SPIKE = 6.0
 REPAIRS = {"spikes": "replace", "gaps": "interpolate", "uneven": "resample"}
 """The value of each option that allows a repair."""
 
-LONGEST = 1e10
-"""Longest record, s, some 300 years: a later time is a mistake."""
-
 MAX_ROWS = 10_000_000
 """Largest number of even samples."""
 
@@ -53,6 +50,10 @@ AVERAGED, NOISY = 600.0, 0.01
 
 UNEVEN = 0.05
 """Share of a step by which a sample may be off its even time."""
+
+_OTHERS = {"eastward": "northward", "east": "north", "e": "n", "u": "v", "x": "y"}
+_OTHERS |= {other: name for name, other in _OTHERS.items()}  # words for two components
+_COMPONENT = re.compile(rf"(.*(?<![a-z]))({'|'.join(_OTHERS)})(?![a-z])")
 
 _READERS = dict.fromkeys((".csv", ".txt"), ("CSV", read_csv)) | {".json": ("JSON", read_json)}
 _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf"), ("NetCDF", read_netcdf))
@@ -191,12 +192,18 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
     vector's mean.
     """
     raw, messages = read(options).in_si(options), []
+    if options.second_column == raw.names[1]:
+        raise options.refuse("second_column", "is the first one", "give the other one", raw.file)
     if options.second_column is not None:
         other = options.model_copy(update={"speed_column": options.second_column})
         second = read(other).in_si(other)
         messages.append(f"horizontal speed of {raw.names[1]} and {second.names[1]}")
         parts = np.stack((raw.speed, second.speed))
         raw = replace(raw, speed=np.hypot(*parts), parts=parts)
+    elif raw.parts is None:
+        other = _COMPONENT.sub(lambda found: found[1] + _OTHERS[found[2]], raw.names[1].lower())
+        text = f"{raw.names[1]} alone is the speed: if it is a component, give second_column: "
+        messages += [text + each for each in raw.names[2:] if each.lower() == other]
     if raw.parts is not None:
         good = np.isfinite(raw.time) & (raw.speed <= FASTEST)  # no gaps, nor what marks them
         _, place = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
@@ -232,13 +239,10 @@ def _made(raw: Columns, options: RecordInflow) -> Record:
         return record
     every = {key: word for key, word in REPAIRS.items() if getattr(options, key) == "refuse"}
     if isinstance(tried(**every), Record):
-        needed = [
-            f"{key}: {every[key]}"
-            for key in every
-            if isinstance(tried(**{**every, key: "refuse"}), InputError)
-        ]
+        needed = [key for key in every if isinstance(tried(**every | {key: "refuse"}), InputError)]
         if len(needed) > 1:
-            record.remedy += f"; the whole record needs {', '.join(needed)}"
+            repairs = ", ".join(f"{key}: {every[key]}" for key in needed)
+            record.remedy += f"; the whole record needs {repairs}"
     raise record
 
 
@@ -302,18 +306,23 @@ class _Record:
         raw = self.raw
         spikes, notes = check_speeds(raw, self.options.spikes)
         self.messages += notes
-        step, speed = self.even(spikes)
-        cutoff, smooth = self.low_passed(step, speed)
-        low = int(np.argmin(smooth))
-        if not smooth[low] > 0.0:
+        step, even = self.even(spikes)
+        cutoff, smooth = self.low_passed(step, even(raw.speed))
+        along, where = smooth, ""
+        if raw.parts is not None:
+            parts = np.array([even(part) for part in raw.parts])
+            mean = np.mean(parts, axis=1)
+            along = low_pass(mean @ parts / max(np.hypot(*mean), 1e-9), step, cutoff)
+            where = " along its mean direction"
+        low = int(np.argmin(along))
+        if not along[low] > 0.0:
             row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
-            problem = f"falls to {smooth[low]:.3g} m/s when low-passed: the flow stops or "
-            remedy = "choose a part without this by start and duration, or correct the sign"
+            problem = f"falls to {along[low]:.3g} m/s{where} when low-passed: the flow stops or "
+            remedy = "choose a part by start and duration, lower the cutoff, or correct the sign"
             raise raw.refuse(f"{problem}reverses", remedy, row, 1)
-        summary = (
-            f"{Path(raw.file).name or 'record'}: {_count(smooth.size, 'sample')} every {step:.6g} "
-            f"s, mean {np.mean(smooth):.4g} m/s, from {smooth[low]:.4g} to {np.max(smooth):.4g} m/s"
-        )
+        name, count = Path(raw.file).name or "record", _count(smooth.size, "sample")
+        summary = f"{name}: {count} every {step:.6g} s, mean {smooth.mean():.4g} m/s, from "
+        summary += f"{smooth.min():.4g} to {smooth.max():.4g} m/s"
         time = step * np.arange(smooth.size)
         return Record(time, smooth, step, cutoff, (summary, *self.messages))
 
@@ -327,8 +336,7 @@ class _Record:
             if time[-1] + near < value < np.inf:
                 whole = f"the record ends {time[-1]:.6g} s after it begins"
                 problem = f"{'is' if key == 'start' else 'ends'} at {value:.6g} s, but {whole}"
-                remedy = f"give a smaller {key}"
-                raise options.refuse(key, problem, f"{remedy}, or none", raw.file)
+                raise options.refuse(key, problem, f"give a smaller {key}, or none", raw.file)
         first, last = map(int, np.searchsorted(time, (start - near, end + near)))
         if last - first == time.size:
             return
@@ -342,8 +350,8 @@ class _Record:
         part = raw.at(np.arange(first, last))
         self.raw = replace(part, time=part.time - part.time[0])
 
-    def even(self, spikes: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the step, and the speeds at even times, interpolated where there are none."""
+    def even(self, spikes: np.ndarray) -> tuple[float, Callable]:
+        """Return the step, and the function that brings samples to even times."""
         raw, messages = self.raw, self.messages
         step, index, miss = _grid(raw.time)
         count = int(index[-1]) + 1
@@ -374,11 +382,9 @@ class _Record:
             if begins.size:
                 share = f"{100.0 * np.mean(gaps):.2g} %"
                 missing = f"{_count(int(np.sum(gaps)), 'sample')} ({share})"
-                messages.append(
-                    f"{_count(begins.size, 'gap')} interpolated, {missing}, the "
-                    f"longest {longest:.6g} s, at t = {_times(step * begins)}"
-                )
-        return step, _interpolate(time, raw.speed, ~spikes, step * np.arange(count))
+                text = f"{_count(begins.size, 'gap')} interpolated, {missing}, the longest "
+                messages.append(f"{text}{longest:.6g} s, at t = {_times(step * begins)}")
+        return step, partial(_interpolate, time, ~spikes, step * np.arange(count))
 
     def longest_gap(self, step: float, resample: bool) -> float:
         """Return the longest gap, s; refuse one that may not be interpolated.
@@ -438,7 +444,7 @@ def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     return step, index, np.abs(time - step * index)
 
 
-def _interpolate(time, speed, good, at):
+def _interpolate(time, good, at, speed):
     """Return speeds between the good samples, without overshoot; the end values beyond them."""
     from scipy.interpolate import PchipInterpolator
 

@@ -313,6 +313,7 @@ class HistogramResource(Resource):
     """Hours of a year, or shares of the time, of each speed of the flow."""
 
     own_bins: ClassVar[bool] = True
+    bin_width: ClassVar[float] = WIDEST  # type: ignore[misc]  # no key, since it has no use
 
     profile: Literal["histogram"] = "histogram"
     """The kind of resource."""

@@ -61,7 +61,7 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
     InputError
         If the file is broken; the message names the line.
     """  # noqa: DOC501 - `line_error` returns an InputError
-    tables: list[PolarTable] = []
+    tables = []  # rows and settings of each
     settings: dict[str, tuple[int, str]] = {}  # line and value by name
     lines, at = _lines_without_remarks(text), 0
     while at < len(lines):
@@ -80,15 +80,15 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
             at += _count(settings, "NumCoords", path, 0)
         elif name == "numalf":
             count = _count(settings, "NumAlf", path)
-            where = f"table {len(tables) + 1}"
-            tables.append(_read_table(lines[at : at + count], settings, path, where))
+            tables.append((lines[at : at + count], settings.copy()))
             at += count
-            del settings["re"]
+            settings.pop("re", None)
+    polars = [_read_table(*table, path, f"table {i}") for i, table in enumerate(tables, start=1)]
     count = _count(settings, "NumTabs", path)
     if count != len(tables):
         line, problem = settings["numtabs"][0], f"is not the number of tables, {len(tables)}"
         raise line_error(path, line, problem, _REMEDY, "NumTabs", value=count)
-    return tables
+    return polars
 
 
 def _lines_without_remarks(text: str) -> list[_Line]:

@@ -220,7 +220,8 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
         if in_degrees and np.max(np.abs(angle)) <= np.pi:
-            remedy = f"if these are radians, convert them or name the column alpha_rad; {remedy}"
+            other = " or name the column alpha_rad" * given.name.endswith("alpha_deg")
+            remedy = f"if these are radians, convert them{other}; {remedy}"
     else:
         return radians, circle
     span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"

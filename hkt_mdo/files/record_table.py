@@ -24,6 +24,11 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none"}  # cells of missing samples,
 _LONGEST_DATE = 64  # characters
 _MOST_NAMES = 8  # that a message lists
 
+LONGEST = 1e10
+"""Longest time, s, some 300 years: a later one is a mistake."""
+
+_AXES = {"component": "components", "bins": "depth bins"}  # by the key that chooses along each
+
 # Problem and remedy of a cell.
 _NO_NUMBER = "must be a finite number", "write it with a decimal point, no unit"
 _NO_SPEED = _NO_NUMBER[0], f"{_NO_NUMBER[1]}; leave the cell empty where the sample is missing"
@@ -159,8 +164,8 @@ class Columns:
 
     file: str
     """Its name; empty for data in memory."""
-    names: tuple[str, str]
-    """Names of the time and the speed."""
+    names: tuple[str, ...]
+    """Names of the time and the speed, and of other columns."""
     time: np.ndarray
     """Seconds since the first sample, not checked; NaN where a date is missing, (n_samples,)."""
     speed: np.ndarray
@@ -177,6 +182,8 @@ class Columns:
     """Units of time and speed by the file's attributes, besides the names of the columns."""
     dated: bool = False
     """Whether the times were dates, and are in seconds already."""
+    axes: tuple[str, ...] = ()
+    """Keys of `RecordFile` that have chosen along an axis of the file."""
 
     def refuse(self, problem: str, remedy: str, row: int, column: int) -> InputError:
         """Return the error of a sample.
@@ -212,10 +219,11 @@ class Columns:
         Returns
         -------
         Columns
-            Without the components of the velocity.
+            The columns.
         """
         place, time, speed = self.place, self.time[rows], self.speed[rows]
-        return replace(self, time=time, speed=speed, place=lambda row: place(rows[row]), parts=None)
+        part = replace(self, time=time, speed=speed, place=lambda row: place(rows[row]))
+        return part if self.parts is None else replace(part, parts=self.parts[:, rows])
 
     def in_si(self, options: RecordFile) -> Columns:
         """Return the columns in s and m/s.
@@ -233,17 +241,25 @@ class Columns:
         Raises
         ------
         InputError
-            If a unit is unknown or contradicts an option.
+            If a unit is unknown or contradicts an option, or an option has no use.
         """
+        for key, what in _AXES.items():
+            if key not in self.axes and getattr(options, key) is not None:
+                problem = f"is given for a record without {what}"
+                raise options.refuse(key, problem, "leave it out", self.file)
         time = self.time
         if self.dated and options.time_unit is not None:
             problem = f"holds dates, and time_unit is {options.time_unit}"
             raise self.refuse_column(0, problem, "leave time_unit out")
         if not self.dated:
-            unit = self._unit(0, options)
+            scale = TIME_UNITS[self._unit(0, options)]
             # a value that overflows is refused later, with its row
             with np.errstate(over="ignore"):
-                time = (time - time[:1]) * TIME_UNITS[unit]
+                time = (time - time[:1]) * scale
+            # in minutes and longer units, times may be counted from year 0 or before
+            if scale <= 1.0 and np.any(np.abs(self.time[:1]) * scale > LONGEST):
+                problem = f"begins at {self.time[0] * scale:.6g} s, more than 300 years"
+                raise self.refuse_column(0, problem, "correct its unit, such as time_ms")
         unit, area = self._unit(1, options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
             problem = f"is a speed in {unit}, and area is given for a discharge"
@@ -301,8 +317,8 @@ class Columns:
 
 def choose(
     names: Sequence[str], default: str | None, options: RecordFile, file: str
-) -> tuple[str, str]:
-    """Return the names of the time and the speed column.
+) -> tuple[str, ...]:
+    """Return the names of the time and the speed column, and of the others.
 
     Parameters
     ----------
@@ -318,7 +334,7 @@ def choose(
     Returns
     -------
     tuple of str
-        Names of the time and of the speed.
+        Names of the time, of the speed, and of the others.
 
     Raises
     ------
@@ -334,7 +350,8 @@ def choose(
     if speed is None:
         if len(others) != 1:
             problem = f"has {len(others) or 'no'} columns besides the time, {time[:LONGEST_NAME]}"
-            remedy = f"give speed_column: of {_listed(others)}" if others else "add the speed"
+            remedy = "add the speed after a comma; lines of text above the header begin with #"
+            remedy = f"give speed_column: of {_listed(others)}" if others else remedy
             raise InputError(problem, remedy, file=file)
         speed = others[0]
     shown = _listed(names)
@@ -344,7 +361,7 @@ def choose(
             problem = ("is no column", "is the time")[count] if count < 2 else "appears twice"
             remedy = f"{'' if count else did_you_mean(name, names)}there are {shown}"
             raise InputError(problem, remedy, file=file, key=key, value=name)
-    return time, speed
+    return time, speed, *(name for name in others if name != speed)
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -377,13 +394,13 @@ def read_csv(path: Path, options: RecordFile) -> Columns:
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)
-    indices = [table.place(name) for name in names]
+    indices = [table.place(name) for name in names[:2]]
     cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
     return parse_rows(cells, names, path, "line")
 
 
 def parse_rows(
-    rows: Iterable[tuple[int, str, str]], names: tuple[str, str], file: Path, where: str
+    rows: Iterable[tuple[int, str, str]], names: tuple[str, ...], file: Path, where: str
 ) -> Columns:
     """Return texts of time and speed as numbers.
 
@@ -392,7 +409,7 @@ def parse_rows(
     rows : iterable of (int, str, str)
         Number, time and speed of each row.
     names : tuple of str
-        Names of the time and of the speed.
+        Names of the time, of the speed, and of others.
     file : pathlib.Path
         The file, for messages.
     where : str

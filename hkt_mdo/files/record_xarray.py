@@ -14,6 +14,7 @@ import numpy as np
 from hkt_mdo.errors import InputError, install, needed
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
+    SPEED_UNITS,
     SPEEDS,
     Columns,
     RecordFile,
@@ -138,8 +139,8 @@ def _with_dates(data: Any, decode: Callable) -> Any:
                 alone = decode(type(data)({name: variable}), decode_timedelta=False)
                 dates[name] = alone.variables[name]
         elif "julian day" in unit.lower() and f"{name}2" in data:
-            seconds = 86400.0 * variable.values + 1e-3 * data[f"{name}2"].values
-            dates[name] = variable.dims, seconds, {"units": "s"}
+            days = variable.values + data[f"{name}2"].values / 86.4e6
+            dates[name] = variable.dims, days, {"units": "days"}
     return data.assign(dates)
 
 
@@ -170,7 +171,7 @@ def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
         frame = frame.reset_index(allow_duplicates=True)
     columns = [str(name) for name in frame.columns]
     names = choose(columns, next(iter(columns), None), options, file)
-    time, speed = (frame.iloc[:, columns.index(name)] for name in names)
+    time, speed = (frame.iloc[:, columns.index(name)] for name in names[:2])
     _check_kinds(Columns(file, names, time, speed))
     if hasattr(time.dtype, "tz"):
         time = time.dt.tz_convert(None)
@@ -215,11 +216,8 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
     """Return columns with the speed of a variable, averaged over bins, and its two components."""
     speed: Any = raw.speed
     others = [name for name in speed.dims if name != dimension]
-    labelled = [
-        name
-        for name in others
-        if name in speed.coords and (name == "dir" or speed[name].dtype.kind in "USOT")
-    ]
+    known = [name for name in others if name in speed.coords]
+    labelled = [name for name in known if name == "dir" or speed[name].dtype.kind in "USOT"]
     bins = [name for name in others if name not in labelled]
     if len(bins) > 1 or options.bins is None:  # such as one latitude and one longitude
         speed = speed.squeeze([name for name in bins if speed.sizes[name] == 1])
@@ -228,22 +226,22 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
         remedy = "give a variable over time, depth bins and components at most"
         problem = f"has the dimensions {', '.join(map(str, speed.dims))}"
         raise raw.refuse_column(1, problem, remedy)
-    for key, axis, what in (("component", labelled, "components"), ("bins", bins, "depth bins")):
-        if not axis and getattr(options, key) is not None:
-            problem = f"is given for a record without {what}"
-            raise options.refuse(key, problem, "leave it out", raw.file)
     parts, messages = [speed], []
     for name in labelled:
         labels = [str(label) for label in speed[name].values]
         chosen = _chosen_components(labels, raw, options)
         parts = [speed.isel({name: labels.index(label)}) for label in chosen]
-        kind = "component" if len(chosen) == 1 else "horizontal speed of"
+        horizontal = "horizontal " * (tuple(map(str.lower, chosen)) in _HORIZONTAL)
+        kind = "component" if len(chosen) == 1 else f"{horizontal}speed of"
         messages.append(f"{speed.name}: {kind} {' and '.join(chosen)}")
     for name in bins:
-        if name not in speed.coords or speed[name].dtype.kind not in "iuf" or not speed[name].size:
+        numbers = name in known and speed[name].dtype.kind in "iuf" and speed[name].size
+        unit = speed[name].attrs.get("units") or "m"
+        length = named_unit(f"{unit}/s", SPEEDS)  # a length has the name of its speed
+        if not numbers or length not in SPEED_UNITS:
             remedy = f"give {name} its values in metres"
             raise raw.refuse_column(1, f"has no distances along {name}", remedy)
-        centres = speed[name].values.astype(float)
+        centres = speed[name].values.astype(float) * SPEED_UNITS[length]
         available = f"there are {centres.size} from {_span(centres)}"
         if options.bins is None:
             remedy = f"give bins: [lower, upper]; {available}"
@@ -258,7 +256,8 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
         arrays.append(np.hypot(*arrays))
     *components, size = (np.mean(array, axis=1) if bins else array for array in arrays)
     both = np.stack(components) if components else None
-    return replace(raw, speed=size, parts=both, messages=tuple(messages))
+    axes = ("component",) * bool(labelled) + ("bins",) * bool(bins)
+    return replace(raw, speed=size, parts=both, messages=tuple(messages), axes=axes)
 
 
 def _chosen_components(labels: list[str], raw: Columns, options: RecordFile) -> list[str]:

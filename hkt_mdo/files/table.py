@@ -450,7 +450,7 @@ def array_columns(file: object = "", where: str = "", **arrays: np.ndarray) -> d
 class Csv:
     """A CSV file (RFC 4180): its header, and its rows as (line number, cells) on iteration.
 
-    Lines that are empty or begin with ``#`` are ignored.
+    Lines that are empty or begin with ``#`` or ``%`` are ignored.
 
     Parameters
     ----------
@@ -491,7 +491,7 @@ class Csv:
         """Yield the rows that are neither empty nor remarks."""
         try:
             for cells in reader:
-                if not any(map(str.strip, cells)) or cells[0].lstrip()[:1] == "#":
+                if not any(map(str.strip, cells)) or cells[0].lstrip()[:1] in ("#", "%"):
                     continue
                 if self.header and len(cells) != len(self.header):
                     line, shown = reader.line_num, ",".join(cells)

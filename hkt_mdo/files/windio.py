@@ -217,9 +217,7 @@ class _Turbine:
         error = abs(given / own - 1.0) if given and given > 0.0 else 0.0
         if error > DIAMETER_OFF:
             problem = f"does not fit hub and blade, which give {own:.6g} m (WISDEM scales the axis)"
-            remedy = (
-                "delete it, or correct hub or axis; rotor.radius scales all lengths, chords too"
-            )
+            remedy = "delete it, or correct hub or axis; rotor.radius scales all lengths and chords"
             raise diameter.refuse(problem, remedy)
         if error > DIAMETER_ROUNDED:
             note = f"{given:.8g} m, but hub and blade give {own:.8g} m, which is taken"

@@ -25,6 +25,7 @@ POLAR, OUTLINE = "naca63815_Re2e5", "naca63815"
 AT_HUB = 1e-3  # share of the span by which a first row at the hub may be off it
 OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are reported
 BEYOND = 1.1  # factor by which a Reynolds number may be beyond the polars
+AGAINST = -1e-3  # camber (height of the centroid over the chord) times lift at 0 degrees
 ROUNDED = 1e-3  # by which a bound may exceed the sections' thickness, which files round
 
 
@@ -418,6 +419,11 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
         for each in (*rotor.sections, rotor)
         if each.outline and each.outline == each.polar and Path(each.outline).is_file()
     ]
+    notes += [
+        f"{each.shape or OUTLINE}: its camber is against the lift of {each.name}: check y's sign"
+        for each in sections
+        if each.outline.centroid[1] * each.polars.polars[0].evaluate(0.0)[0] < AGAINST
+    ]
     return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
 
 
@@ -428,14 +434,12 @@ def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Se
     """
     own = outline or Outline.from_file(rotor.outline or OUTLINE)
     thickness = own.thickness if thickness is None else thickness
-    solid = own.area
     if outline is None:
-        stretch = thickness / own.thickness
-        solid, own = solid * stretch, own.stretched(stretch)
+        own = own.stretched(thickness / own.thickness)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
     wall = wall or rotor.wall
     if area is None:
-        area = solid if wall is None else material_section(own, wall)[0]
+        area = own.area if wall is None else material_section(own, wall)[0]
     moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
     return _Section(polars, thickness, area, own, wall, moments, name, shape)
 
@@ -495,10 +499,8 @@ def _pairs(rotor, table, named):
     by_thickness = _in_order(named)
     values = np.array([named[name].thickness for name in by_thickness])
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
-    text = (
-        f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
-        f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
-    )
+    text = f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
+    text += f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)
     places = zip(inner, place, strict=True)

@@ -94,10 +94,8 @@ class Outline:
         sides = (np.minimum(self.x, next_x) <= at) & (at <= np.maximum(self.x, next_x))
         share = (at - self.x) / np.where(next_x == self.x, 1.0, next_x - self.x)
         y = self.y + share * (np.roll(self.y, -1) - self.y)
-        highest, lowest = (
-            np.where(sides, y, -np.inf).max(axis=1),
-            np.where(sides, y, np.inf).min(axis=1),
-        )
+        highest = np.where(sides, y, -np.inf).max(axis=1)
+        lowest = np.where(sides, y, np.inf).min(axis=1)
         return float(np.max(highest - lowest))
 
     @cached_property

@@ -103,6 +103,15 @@ def test_currents_of_noaa_are_signed_along_their_axis(tmp_path):
     assert "principal axis 30.0 deg" in " ".join(samples.messages)
 
 
+def test_a_direction_is_in_radians_by_its_name(tmp_path):
+    rows = "".join(f"{600 * i},1,{0.5 + np.pi * (i > 15)}\n" for i in range(20))
+    (tmp_path / "v.csv").write_text(f"time_s,v_m_s,dir_rad\n{rows}")
+    keys = {"speed_column": "v_m_s", "direction_column": "dir_rad"}
+    found = RecordResource(file=str(tmp_path / "v.csv"), **keys).samples
+    assert "principal axis 28.6 deg" in " ".join(found.messages)
+    assert np.min(found.speed) == pytest.approx(-1.0)
+
+
 def test_gaps_are_left_out_and_nonsense_is_refused(tmp_path):
     path = tmp_path / "v.csv"
     rows = [f"{3600 * i},{1.0 + 0.01 * i if i % 5 else ''}" for i in range(50)]

@@ -115,6 +115,14 @@ def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
         turbine("blade: o.dat, hub_radius_fraction: 0.25, polar: naca4415_Re2e5")
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_outline_upside_down_is_told(turbine, tmp_path, sign):
+    foil = Outline.from_file("naca4415")
+    np.savetxt(tmp_path / "foil.dat", np.column_stack((foil.x, sign * foil.y))[::-sign])
+    notes = " ".join(turbine("blade: river, outline: foil.dat").messages)
+    assert ("its camber is against the lift" in notes) == (sign < 0)
+
+
 def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     foil = Outline.from_file("naca4415")
     points = [f"{x} {y}" for x, y in zip(foil.x, foil.y, strict=True)]

@@ -34,10 +34,12 @@ POLARS, OUTLINES = _spoiled("polars"), _spoiled("outlines")
 _XFOIL, _TABLES = ((DATA / name).read_bytes() for name in ("section.pol", "sections.dat"))
 _MORE, _FEWER = (_TABLES.replace(b"25  ", count) for count in (b"26  ", b"24  "))
 _NO_ROW = "line 41 = '1.000 Re': has 2 numbers where the table has 4 columns"
+_SHORT = _TABLES.replace(b"25  ", b"9  ", 1)  # rows that do not reach 12 degrees
 _A_ROW = "line 39 = '16.00  1.9000  0.03560  -0.0800': comes where a value with its name"
 POLARS |= {
     "AeroDyn polar: NumAlf too large before a table": ("large.dat", _MORE, _NO_ROW),
     "AeroDyn polar: NumAlf too small before a table": ("small.dat", _FEWER, _A_ROW),
+    "AeroDyn polar: NumAlf far too small": ("short.dat", _SHORT, "comes where a value with its"),
     "XFOIL polar: same Re twice": ("twice.pol", 2 * _XFOIL, "Reynolds number = 200000.0"),
 }
 _HEADER = b"x_over_c,y_over_c\n"
