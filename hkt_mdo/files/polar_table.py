@@ -246,10 +246,12 @@ def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
     """Return `PolarTable.smallest_pressure` of the columns of a file."""
     given = {name: table[name] for name in ("cpmin", *SURFACES) if name in table}
     low, high = PRESSURE_RANGE
+    without = all(np.all(column.values >= 0.0) for column in given.values())
     for column in given.values():
         problem = f"is no smallest pressure coefficient: it lies between {low:g} and {high:g}"
+        problem += ", and below 0 at some angle"
         remedy = "give it as Cp is: negative where there is suction"
-        column.refuse((column.values < low) | (column.values > high), problem, remedy)
+        column.refuse((column.values < low) | (column.values > high) | without, problem, remedy)
     surfaces = [given[name] for name in SURFACES if name in given]
     if len(surfaces) == 1:
         remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"
