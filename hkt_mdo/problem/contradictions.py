@@ -59,10 +59,9 @@ def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
     ]
     given.append(("control.torque_limit", case.control.torque_limit or np.inf, "N*m"))
     for key, bound, unit in given:
-        if unit not in scales or isinstance(bound, str):  # allowable
-            continue
-        most, plain = USUAL[unit] * scales[unit], unit.replace("*", " ")
-        if np.max(bound) < LEAST_SHARE * most:
+        most = USUAL.get(unit, 1.0) * scales.get(unit, -np.inf)
+        if not isinstance(bound, str) and np.max(bound) < LEAST_SHARE * most:  # not `allowable`
+            plain = unit.replace("*", " ")
             problem = f"is less than a hundredth of a usual rotor's in the mean flow, {most:.3g}"
             larger = f"{bound:g} {'M' if unit == 'Pa' else 'k'}{plain}"
             remedy = f"check its unit, such as {larger}, and rotor.radius"

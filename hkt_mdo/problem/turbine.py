@@ -52,8 +52,8 @@ class Turbine(NamedTuple):
     """The different sections of the case, or of the blade's file."""
     reynolds_number: float | None = None
     """At which polars of several are read; None: the case does not say."""
-    outermost_row: float = 1.0
-    """Where the rows of the blade's file end, over the tip radius."""
+    reach: float = 1.0
+    """Where the stations or the rows of the blade's file end, over the tip radius."""
 
     def along_span(self, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
         """Return what belongs to the outlines at some radii.
@@ -137,7 +137,7 @@ def build_turbine(
     if station_count is not None:
         rotor = rotor.model_copy(update={"stations": None, "station_count": station_count})
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
-    last = float(table.r[-1]) / (1.0 if table.relative else tip_radius)
+    reach = float(min(stations[-1], table.r[-1])) / (1.0 if table.relative else tip_radius)
     read = () if rotor.blade in shipped_names("blade") else table.messages
     table = _at_stations(table, stations).scaled(tip_radius)
     cone = np.deg2rad(rotor.cone) if rotor.cone is not None else table.cone or 0.0
@@ -149,7 +149,7 @@ def build_turbine(
     rotor, chosen = _with_reynolds(rotor, named)
     messages = (*messages, *notes, *chosen)
     about = {"sections": tuple(named.values()), "reynolds_number": rotor.reynolds_number}
-    about["outermost_row"] = last
+    about["reach"] = reach
     if design is not None and design.thickness_points:
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)

@@ -266,7 +266,7 @@ class Design:
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
                 problem = "stops the machine in this flow or in that of its design, and "
                 problem += "a design is simulated through one interval of operation only"
-                remedy = "give a slower flow, or a design that was made without cut_out or in a year"
+                remedy = "give a slower flow, or a design of a year, or one without cut_out"
                 raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
 
     def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
