@@ -115,7 +115,7 @@ class Rotor(Section):
 
     radius: Annotated[float, Quantity("m", gt=0, le=1000)] | None = None
     """Tip radius R, measured along the blade; null: the blade's own. A blade of another radius is
-    scaled."""
+    scaled, one of a CSV file in metres never."""
     hub_radius_fraction: Annotated[float, Quantity(gt=0, lt=1)] | None = None
     """Hub radius over tip radius; null: the blade's own, or 0.125."""
     blade_count: Annotated[int, Strict(), Field(ge=1, le=10)] | None = None

@@ -89,7 +89,8 @@ class Generator(Section):
         """Return the electrical power, W; torque (N*m) and speed (rad/s) may be complex."""
         shaft = torque * speed
         if self.table is not None:
-            return shaft * self._surface.efficiency(torque, speed)
+            share = self._surface.efficiency(torque, speed)  # a generator that drives draws power
+            return shaft * np.where(np.real(shaft) < 0.0, 1.0, share)
         if self.efficiency is not None:
             return self.efficiency * shaft
         known = {"rated_torque": torque, "rated_speed": speed}

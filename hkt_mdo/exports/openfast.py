@@ -84,8 +84,10 @@ class OpenFast(Format):
         names += ["elastodyn_blade.dat", "elastodyn_tower.dat"]
         texts = {name: filled(name, words) for name in names}
         texts["airfoils/no_load.dat"] = filled("no_load.dat", words)
+        numbers = reynolds_numbers(design)
         for name, kind in sections.items():
-            texts[name] = filled("airfoil.dat", words | _airfoil_words(design, kind, has_suction))
+            about = _airfoil_words(design, kind, numbers, has_suction)
+            texts[name] = filled("airfoil.dat", words | about)
         return {f"openfast/{name}": text.encode() for name, text in texts.items()}
 
     def _water(self, design: Design) -> dict[str, Any]:
@@ -165,12 +167,11 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
     return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))
 
 
-def _airfoil_words(design: Design, kind: Airfoil, has_suction: bool) -> dict[str, Any]:
+def _airfoil_words(
+    design: Design, kind: Airfoil, numbers: list[float], has_suction: bool
+) -> dict[str, Any]:
     """Return what the file of an airfoil names."""
     places = (design.blade.r / design.blade.tip_radius)[kind.stations]
-    polar, numbers = design.physics.rotor.polar, [1.0]  # that of a single table has no effect
-    if isinstance(polar, LocalReynolds):
-        numbers = list(np.exp(polar.log_reynolds) / 1e6)
     rows = [polar_rows(each)[:, : 3 + has_suction] for each in kind.polars]
     return {
         "outline": kind.outline,
@@ -179,6 +180,34 @@ def _airfoil_words(design: Design, kind: Airfoil, has_suction: bool) -> dict[str
         "alpha_max": np.rad2deg(min(polar.alpha_max for polar in kind.polars)),
         "tables": list(zip(numbers, rows, strict=True)),
     }
+
+
+def reynolds_numbers(design: Design) -> list[float]:
+    """Return the Reynolds numbers of the polars, as their files or the case say them.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    list of float
+        One for each table of a section. Where the files say none or different ones, that of the
+        case; without that, one of the operation.
+    """
+    turbine, physics, blade = design.turbine, design.physics, design.blade
+    if isinstance(physics.rotor.polar, LocalReynolds):
+        return np.exp(physics.rotor.polar.log_reynolds).tolist()
+    known = np.unique(np.concatenate([each.polars.reynolds for each in turbine.sections]))
+    known = known[np.isfinite(known)]
+    number = known[0] if known.size == 1 else turbine.reynolds_number
+    if number is None:
+        best = physics.rotor.best_operation(blade).tip_speed_ratio
+        flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)
+        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow
+        number = np.median(speed * blade.chord) / physics.case.fluid.kinematic_viscosity
+    return [float(number)]
 
 
 def polar_rows(polar: Polar) -> np.ndarray:

@@ -11,7 +11,7 @@ import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled, provenance
-from hkt_mdo.exports.openfast import polar_rows
+from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
@@ -20,7 +20,6 @@ from hkt_mdo.results.sections import STACKING, outline_names
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.sections import Quantity
 
 VERSION = "2.0"
@@ -142,7 +141,7 @@ def _grid(design: Design) -> np.ndarray:
 
 def _airfoils(design: Design) -> tuple[list[dict], list[dict]]:
     """Return the airfoils, each once, and their places along the blade."""
-    called, numbers = section_names(design), _reynolds(design)
+    called, numbers = section_names(design), reynolds_numbers(design)
     found, names = [], np.empty(design.blade.r.size, dtype=object)
     for number, (polars, outline, stations) in enumerate(airfoils(design), 1):
         names[stations] = f"section_{number}"
@@ -168,21 +167,6 @@ def _coordinates(outline: Outline) -> dict[str, np.ndarray]:
     x = np.clip(x, 0.0, 1.0)
     moved = np.append(True, (np.diff(x) != 0.0) | (np.diff(y) != 0.0))
     return {"x": x[moved], "y": y[moved]}
-
-
-def _reynolds(design: Design) -> list[float]:
-    """Return the Reynolds numbers of the polars; where none is known, one of the operation."""
-    turbine, physics, blade = design.turbine, design.physics, design.blade
-    if isinstance(physics.rotor.polar, LocalReynolds):
-        return np.exp(physics.rotor.polar.log_reynolds).tolist()
-    known = {number for each in turbine.sections for number in each.polars.reynolds}
-    number = turbine.reynolds_number or (known.pop() if len(known) == 1 else np.inf)
-    if not np.isfinite(number):
-        best = physics.rotor.best_operation(blade).tip_speed_ratio
-        flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)
-        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow
-        number = np.median(speed * blade.chord) / physics.case.fluid.kinematic_viscosity
-    return [float(number)]
 
 
 def _re_sets(polars: tuple[Polar, ...], numbers: list[float]) -> list[dict]:

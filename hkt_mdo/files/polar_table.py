@@ -20,6 +20,9 @@ LARGEST = {"lift": 6.0, "drag": 5.0, "moment": 5.0}
 REYNOLDS_RANGE = 1e3, 1e9
 """Range of Reynolds numbers of blades, with a margin; others are most likely in another unit."""
 
+ATTACHED, LEAST_FALL = 5.0, 0.1
+"""Angle of attack, deg, up to which the lift of sections rises; a smaller fall is a cylinder's."""
+
 PRESSURE_RANGE = -60.0, 1.0
 """Smallest pressure coefficients; 1 is that of a stagnation point."""
 
@@ -96,8 +99,9 @@ def polar_table(
     InputError
         If there are fewer than 8 rows (two suffice where all are equal, as a cylinder's), angles do
         not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full circle, the
-        ends of a full circle differ, drag is not positive, one surface's pressure comes without the
-        other's, or a number is beyond what sections have.
+        ends of a full circle differ, drag is not positive, lift falls or there is no suction
+        anywhere, one surface's pressure comes without the other's, or a number is beyond what
+        sections have.
     """
     messages = []
     unit = next(name for name in ANGLES if name in columns)
@@ -120,6 +124,10 @@ def polar_table(
     for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
         if column is not None:
             _check_coefficient(name, column, circle)
+    below, above = np.interp(np.deg2rad([-ATTACHED, ATTACHED]), radians, lift.values)
+    problem = f"falls from -{ATTACHED:g} to {ATTACHED:g} degrees, where the lift of sections rises"
+    falls = (np.abs(radians) < np.deg2rad(ATTACHED)) & (above < below - LEAST_FALL)
+    lift.refuse(falls, problem, "correct its sign, or that of the angle of attack")
     return PolarTable(
         None if reynolds is None else float(reynolds),
         radians,
@@ -247,10 +255,11 @@ def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
     """Return `PolarTable.smallest_pressure` of the columns of a file."""
     given = {name: table[name] for name in ("cpmin", *SURFACES) if name in table}
     low, high = PRESSURE_RANGE
+    without = all(np.all(column.values >= 0.0) for column in given.values())
     for column in given.values():
-        problem = f"is no smallest pressure coefficient: it lies between {low:g} and {high:g}"
+        problem = f"is no smallest pressure coefficient: {low:g} to {high:g}, somewhere below 0"
         remedy = "give it as Cp is: negative where there is suction"
-        column.refuse((column.values < low) | (column.values > high), problem, remedy)
+        column.refuse((column.values < low) | (column.values > high) | without, problem, remedy)
     surfaces = [given[name] for name in SURFACES if name in given]
     if len(surfaces) == 1:
         remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"

@@ -136,7 +136,7 @@ def _aligned(columns: Sequence[dict[str, Any]]) -> list[tuple[str, list[Any]]]:
 
 def _headline(solution: Solution) -> dict[str, str]:
     """Return the figures that a designer asks for first, by their names."""
-    summary, loads = solution.summary, solution.summary.loads or {}
+    summary, largest = solution.summary, solution.summary.largest
     entries, year = (summary.scenarios or {}).values(), summary.year
     duration = sum((x.weight or 0.0) * (x.duration_s or 0.0) for x in entries)
     if not duration and len(solution.scenarios) == 1:  # an older result
@@ -146,7 +146,7 @@ def _headline(solution: Solution) -> dict[str, str]:
         net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
         doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
         told = "-" if net is None else measured(1e-3 * net, "MWh", 4) + doubt
-        rows["electrical energy a year"] = told
+        rows["net electrical energy a year"] = told
         factor = year.capacity_factor
         rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
     for name, energy in (
@@ -169,8 +169,8 @@ def _headline(solution: Solution) -> dict[str, str]:
     torque = summary.control_torque_max_Nm
     rows |= {} if torque is None else {"largest generator torque": measured(torque, "N*m", 4)}
     for name, label in _LARGEST.items():
-        if name in loads and loads[name].value is not None:
-            rows[label] = measured(loads[name].value, loads[name].unit, 4)
+        if name in largest and largest[name].value is not None:
+            rows[label] = measured(largest[name].value, largest[name].unit, 4)
     if summary.rotor_radius_m is not None:
         rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
     if summary.mass_kg is not None:

@@ -14,9 +14,9 @@ from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
 
 TOLD = 1e-6  # relative excess above rounding
-# of power, thrust, and a shaft's or a blade's moment of a usual rotor; a share of what it then has
-# in the mean flow, below which a limit is a mistake
-USUAL, LEAST_SHARE = {"W": 0.4, "N": 0.8, "N*m": 0.05}, 0.01
+# of power, thrust, and a shaft's or a blade's moment of a usual rotor, and its stress over the
+# dynamic pressure; a share of what it then has in the mean flow, below which a limit is a mistake
+USUAL, LEAST_SHARE = {"W": 0.4, "N": 0.8, "N*m": 0.05, "Pa": 1e4}, 0.01
 
 
 def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float) -> None:
@@ -48,20 +48,23 @@ def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float)
 
 
 def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
-    """Refuse a limit of power, thrust or torque that is next to nothing of a usual rotor's."""
+    """Refuse a limit of power, load or torque that is next to nothing of a usual rotor's."""
     about = case.fluid.density, _radii(shape)[0], mean
     power = float(power_scale(*about))
     scales = {"W": power, "N": power / mean, "N*m": float(torque_scale(*about))}
+    scales["Pa"] = 0.5 * case.fluid.density * mean**2
     sections = [("", case), *((f"scenarios[{i}].", x) for i, x in enumerate(case.scenarios))]
     given = [
         (f"{of}limits.{x.name}", x.upper, x.unit) for of, y in sections for x in y.limits.given
     ]
     given.append(("control.torque_limit", case.control.torque_limit or np.inf, "N*m"))
     for key, bound, unit in given:
-        if unit in scales and np.max(bound) < LEAST_SHARE * USUAL[unit] * scales[unit]:
-            most, plain = USUAL[unit] * scales[unit], unit.replace("*", " ")
+        most = USUAL.get(unit, 1.0) * scales.get(unit, -np.inf)
+        if not isinstance(bound, str) and np.max(bound) < LEAST_SHARE * most:  # not `allowable`
+            plain = unit.replace("*", " ")
             problem = f"is less than a hundredth of a usual rotor's in the mean flow, {most:.3g}"
-            remedy = f"check its unit, such as {bound:g} k{plain}, and rotor.radius"
+            larger = f"{bound:g} {'M' if unit == 'Pa' else 'k'}{plain}"
+            remedy = f"check its unit, such as {larger}, and rotor.radius"
             raise InputError(f"{problem} {plain}", remedy, key=key, value=bound)
 
 

@@ -319,7 +319,7 @@ def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
     flows = {f"{name} of {x.name}" if len(whole) > 1 else name: x.mean_flow for x in whole}
     return flows | {
         "tip radius": turbine.blade.tip_radius,
-        "outermost station": float(turbine.blade.r[-1]) / turbine.blade.tip_radius,
+        "outermost station or row": turbine.reach,
         "thickness of the thinnest section": float(np.min(turbine.thickness)),
     }
 

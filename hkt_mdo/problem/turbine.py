@@ -55,6 +55,8 @@ class Turbine(NamedTuple):
     """At which polars of several are read; None: the case does not say."""
     doubts: tuple[str, ...] = ()
     """What in the blade's file is probably a mistake."""
+    reach: float = 1.0
+    """Where the stations or the rows of the blade's file end, over the tip radius."""
 
     def along_span(self, values: Sequence[Any], r: np.ndarray) -> np.ndarray:
         """Return what belongs to the outlines at some radii.
@@ -138,6 +140,7 @@ def build_turbine(
     if station_count is not None:
         rotor = rotor.model_copy(update={"stations": None, "station_count": station_count})
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
+    reach = float(min(stations[-1], table.r[-1])) / (1.0 if table.relative else tip_radius)
     read = () if rotor.blade in shipped_names("blade") else table.messages
     table = _at_stations(table, stations).scaled(tip_radius)
     cone = np.deg2rad(rotor.cone) if rotor.cone is not None else table.cone or 0.0
@@ -149,7 +152,7 @@ def build_turbine(
     rotor, chosen = _with_reynolds(rotor, named)
     messages = (*messages, *notes, *chosen)
     about = {"sections": tuple(named.values()), "reynolds_number": rotor.reynolds_number}
-    about |= {"doubts": table.doubts}
+    about |= {"doubts": table.doubts, "reach": reach}
     if design is not None and design.thickness_points:
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)

@@ -537,6 +537,11 @@ class Summary(_Entry, Mapping[str, Any]):
         entries = [*(self.scenarios or {}).values()]
         return entries[0].year if len(entries) == 1 else None
 
+    @property
+    def largest(self) -> dict[str, LoadEntry]:
+        """Largest loads and values of limits; a limited load is as its limit counts it."""
+        return {**(self.loads or {}), **(self.limits or {})}
+
     def __getitem__(self, key: str) -> Any:
         return self.model_dump(exclude_unset=True)[key]
 
@@ -626,7 +631,7 @@ class Summary(_Entry, Mapping[str, Any]):
 
     def breaks(self, case: Case) -> list[str]:
         """Return what would break the blade: its stress, and a deflection out of a beam's range."""
-        most, stress = case.rotor.blade_material.allowable_stress, (self.loads or {}).get("stress")
+        most, stress = case.rotor.blade_material.allowable_stress, self.largest.get("stress")
         bent, radius, found = self.tip_deflection_m, self.tip_radius_m, []
         if most and stress and (stress.value or 0.0) > (1.0 + BETWEEN) * most:
             told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)

@@ -25,6 +25,7 @@ from hkt_mdo.results.words import (
     joined,
     measured,
     number,
+    per_cent,
     powers,
     tip_deflection,
     water_inertia,
@@ -333,7 +334,7 @@ def _control(found: Findings) -> Rows:
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
         yield from (_warning("control", text) for text in law.held(found.start.gains))
-        if found.running and found.captured < WASTED:
+        if found.running and 0.0 < found.captured < WASTED:
             given = f"a gain{_within_bounds(found)}" if own else measured(gains, "", 4)
             key, cause = (own and _reached(found)) or ("control.gain", given)
             yield _warning(
@@ -382,7 +383,8 @@ def _start(found: Findings) -> Rows:
         note = f"at {found.rated_speed:.4g} m/s, {above}"
         yield Row("there, at the torque limit", power, "W", note, 4)
     if found.running:
-        share = f"{100.0 * found.captured:.3g} % of what the largest power coefficient gives"
+        share = per_cent(found.captured, 1.0, 3)  # empty without any power
+        share = share and f"{share} of what the largest power coefficient gives"
         energy = found.start.operation.energy
         yield Row("tip speed ratio under the control law", found.working, digits=3)
         yield Row("energy if the rotor followed the flow at once", energy, "J", share, 4)

@@ -237,6 +237,11 @@ class Run:
             time = float(known["time"][np.argmax(slow)])
             remark = "below half of the least tip speed ratio of the design's own flow"
             found["rotor stalls"] = Told(value=time, unit="s", kept=False, remark=remark)
+        fast = known["inflow_speed"] > (physics.law.cut_out or np.inf)
+        if np.any(fast):
+            time, share = float(known["time"][np.argmax(fast)]), 100.0 * np.mean(fast)
+            remark = f"for {share:.3g} % of the time: the simulation does not stop the machine"
+            found["flow above the cut-out"] = Told(value=time, unit="s", remark=remark)
         if (away := self.runs_away) is not None:
             remark = "more than 20 % faster than without memory until then"
             found["rotor runs away"] = Told(value=away, unit="s", kept=False, remark=remark)

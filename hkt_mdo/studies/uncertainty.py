@@ -247,8 +247,9 @@ class Design:
         Raises
         ------
         InputError
-            If this flow, or that of the design, exceeds the cut-out speed, or this one has no
-            course over time.
+            If this flow, or that over time of the design, exceeds the cut-out speed, or this one
+            has no course over time. The cut-out of a year's design is one of mean speeds, through
+            whose gusts the machine operates.
         """
         if inflow.steady:
             problem = "is a resource, which has no flow over time in which to simulate"
@@ -260,12 +261,12 @@ class Design:
             problem = "has a torque for each speed of a year's flow, and none over time"
             raise InputError(problem, "give a design under a feedback law", key="control.law")
         cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
-        both = inflow, *(() if case.inflow.steady else (self.physics.inflow,))
-        for flow in both if cut_out is not None else ():
+        checked = () if cut_out is None or case.inflow.steady else (inflow, self.physics.inflow)
+        for flow in checked:
             if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
                 problem = "stops the machine in this flow or in that of its design, and "
                 problem += "a design is simulated through one interval of operation only"
-                remedy = "give a slower flow, or take a design that was made without cut_out"
+                remedy = "give a slower flow, or a design of a year, or one without cut_out"
                 raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
 
     def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:

@@ -48,6 +48,8 @@ def test_a_table_is_met_at_its_nodes_and_between_them_a_plane_is_a_plane(tmp_pat
     # far beyond the table the efficiency is that of 5 % beyond it
     far = generator.electrical_power(1e5, 60.0 * np.pi / 30.0) / (1e5 * 2.0 * np.pi)
     assert far == pytest.approx(plane(735.0, 60.0), rel=1e-9)
+    # a generator that drives never delivers: an efficiency below zero there made that the best
+    assert generator.electrical_power(-100.0, 3.0) == -300.0
 
 
 def test_between_its_points_a_table_stays_within_its_neighbours(tmp_path):

@@ -18,9 +18,11 @@ from openfast_io.FAST_reader import InputReader_OpenFAST
 from hkt_mdo import Solution
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
+from hkt_mdo.exports.openfast import reynolds_numbers
 from hkt_mdo.files.table import parse_number
 from hkt_mdo.rotor import bem
 from tests.dynamics.aerodyn_runs import DATA, design_of, solution
+from tests.exports.made import made
 
 NAMES = ("paper", "rm1", pytest.param("river", marks=pytest.mark.slow))
 RATIOS = [f"openfast.tip_speed_ratio.{each}" for each in ("lowest=3", "highest=10", "count=8")]
@@ -245,6 +247,18 @@ def test_bad_options_are_reported_with_their_key(tmp_path, options, key):
         export(solution("paper"), ["openfast"], tmp_path / "out", options=options)
     assert told.value.key == key
     assert not (tmp_path / "out").exists()
+
+
+def test_the_reynolds_number_is_that_of_the_only_polar_that_says_one(tmp_path):
+    text = "alpha_deg,cl,cd\n" + "".join(f"{n},{0.1 * n:g},0.01\n" for n in range(-6, 16))
+    (tmp_path / "none.csv").write_text(text)
+    thick = {"polar": str(tmp_path / "none.csv"), "thickness": 0.2}
+    sections = [{"polar": "naca4415_Re1e6", "outline": "naca4415"}, thick]
+    keys = f"rotor: {{blade: rm1, sections: {sections}}}"
+    design = made(
+        tmp_path / "result", f"inflow: sine\ncontrol: quadratic\n{keys}\n", [1e4]
+    ).design()
+    assert reynolds_numbers(design) == [1e6]
 
 
 def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):

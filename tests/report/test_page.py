@@ -74,6 +74,19 @@ def test_page_loads_nothing_and_tells_the_energy(texts):
     assert f"{322240.5 / 60.0 * 24e-3:.4g} kWh" in texts["one"]
 
 
+def test_a_limited_load_is_told_at_the_head_as_its_limit_counts_it(tmp_path):
+    """Such as a stress with its weight, and the energy of a year without what is lost."""
+    folder = make_result(tmp_path / "weighed")
+    loads, limits = ({"stress": {"unit": "Pa", "value": value}} for value in (238e6, 250e6))
+    year = {"energy_kWh": 2000.0, "net_energy_kWh": 1000.0, "kept": 0.5}
+    edit_summary(folder, loads=loads, limits=limits, scenarios={"phase": {"year": year}})
+    found = Solution.load(folder)
+    head = page._headline(found)
+    assert head["largest stress in a blade"] == "250 MPa"
+    assert head["net electrical energy a year"] == "1 MWh"
+    assert "the blade would break" in head["verdict"]
+
+
 def test_texts_are_escaped_and_instability_is_told_at_the_head(texts):
     assert "<script>alert" not in texts["both"]
     assert "&lt;script&gt;alert(1)" in texts["both"]

@@ -164,11 +164,14 @@ def test_implausible_values_are_told(override: str, told: str) -> None:
     assert told in warning
 
 
-@pytest.mark.parametrize("key", ["limits.power", "limits.thrust", "control.torque_limit"])
+@pytest.mark.parametrize(
+    "key", ["limits.power", "limits.thrust", "limits.stress", "control.torque_limit"]
+)
 def test_a_limit_next_to_zero_is_refused(key: str) -> None:
     """Of the paper's rotor in the mean flow, 1.5 m/s: 0.4 of 10.4 kW, 0.8 of 6.93 kN, and so on."""
     usual = 0.5 * 1000.0 * np.pi * 1.4**2 * 1.5**2
-    usual *= {"power": 0.4 * 1.5, "thrust": 0.8}.get(key.split(".")[1], 0.05 * 1.4)
+    shares = {"power": 0.4 * 1.5, "thrust": 0.8, "stress": 1e4 / (np.pi * 1.4**2)}
+    usual *= shares.get(key.split(".")[1], 0.05 * 1.4)
     flow = "inflow={profile: constant, speed: 1.5}"
     physics(read_case(BASE, [flow, f"{key}={0.0101 * usual}"]))
     with pytest.raises(InputError, match=rf"{key} = .* less than a hundredth .* check its unit"):
