@@ -352,20 +352,12 @@ class YearEntry(_Entry):
             yield Row("annual energy, net", f"{measured(net, '', 6)} kWh{both}", note=lost)
         most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
         yield Row("capacity factor", factor, note=most, digits=4)
-        yield Row(
-            "hours of operation",
-            self.operation_h,
-            "h",
-            joined(
-                f"standstill {measured(self.standstill_h, '', 4)} h",
-                f"at the largest electrical power {measured(self.rated_h, '', 4)} h",
-                *(
-                    f"at the limit {n} {measured(x, '', 4)} h"
-                    for n, x in self.limits_h.items()
-                    if x
-                ),
-            ),
-        )
+        hours = {"standstill": self.standstill_h, "at the largest electrical power": self.rated_h}
+        hours |= {
+            f"at the limit {limit_words(x)}": time for x, time in self.limits_h.items() if time
+        }
+        note = joined(*(f"{word} {measured(time, 'h', 4)}" for word, time in hours.items()))
+        yield Row("hours of operation", self.operation_h, "h", note)
 
 
 class ScenarioEntry(_Entry):
