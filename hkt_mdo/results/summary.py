@@ -353,10 +353,9 @@ class YearEntry(_Entry):
         most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
         yield Row("capacity factor", factor, note=most, digits=4)
         hours = {"standstill": self.standstill_h, "at the largest electrical power": self.rated_h}
-        hours |= {
-            f"at the limit {limit_words(x)}": time for x, time in self.limits_h.items() if time
-        }
-        note = joined(*(f"{word} {measured(time, 'h', 4)}" for word, time in hours.items()))
+        limits = {limit_words(name): time for name, time in self.limits_h.items() if time}
+        hours |= {f"at the limit {words}": time for words, time in limits.items()}
+        note = joined(*(f"{words} {measured(time, 'h', 4)}" for words, time in hours.items()))
         yield Row("hours of operation", self.operation_h, "h", note)
 
 
