@@ -16,7 +16,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled, provenance
 from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.design import Design
-from hkt_mdo.results.sections import STACKING, outline_names
+from hkt_mdo.results.sections import STACKING, outline_names, sides
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.inertia import mass_and_inertia
@@ -84,7 +84,7 @@ class Outer(Format, ABC):
         blade = design.blade
         chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
         fractions = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, self.points // 2 + 1)))
-        x, upper, lower = design.sides(r, fractions)
+        x, upper, lower = sides(design.turbine, r, fractions)
         thickness = upper - lower
         largest = np.max(thickness, axis=1)
         least = TRAILING_EDGE if self.trailing_edge is None else self.trailing_edge / chord
@@ -312,7 +312,7 @@ def airfoils(design: Design) -> list[Airfoil]:
     if design.physics.rotor.follows_thickness:
         outlines = tuple(
             Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-            for x, upper, lower in zip(*design.sides(r), strict=True)
+            for x, upper, lower in zip(*sides(design.turbine, r), strict=True)
         )
     built = design.physics.rotor.as_built(design.blade)
     found: dict[tuple, Airfoil] = {}

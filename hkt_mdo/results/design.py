@@ -12,13 +12,13 @@ import numpy as np
 
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.simulation import Plant
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import Turbine
+from hkt_mdo.results.sections import blade_of
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.outline import FRACTIONS, Outline
+from hkt_mdo.rotor.outline import Outline
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +78,7 @@ class Design:
             If a file of the case is gone or broken, or the case has other stations.
         """
         summary, world = solution.summary, physics(solution.case)
-        if len(summary.chord_m) != world.blade.r.size:
-            problem = f"makes {world.blade.r.size} stations, and the result has a chord at "
-            remedy = "give rotor.stations or rotor.station_count of the run, or run the case again"
-            raise InputError(problem + str(len(summary.chord_m)), remedy, file="case.yaml")
-        blade = world.blade.with_rotor_radius(summary.rotor_radius_m or world.blade.rotor_radius)
-        blade = replace(blade, hub_inertia=summary.hub_inertia_kg_m2)
-        twist = np.deg2rad(summary.twist_deg)
-        blade = blade.with_shape(summary.chord_m, twist, summary.thickness_over_chord)
+        blade = replace(blade_of(solution, world.blade), hub_inertia=summary.hub_inertia_kg_m2)
         polars, turbine = world.rotor.as_built(blade).polar, world.turbine
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
         return cls(
@@ -109,21 +102,3 @@ class Design:
     def plant(self) -> Plant:
         """The rotor in the water with its generator, by direct BEM."""
         return steady_plant(self.physics, self.physics.rotor, self.blade)
-
-    def sides(self, r: np.ndarray, fractions: np.ndarray = FRACTIONS) -> np.ndarray:
-        """Return the sections at some radii as mass and stress of the program have them.
-
-        Parameters
-        ----------
-        r : ndarray of shape (n_radii,)
-            Radii along the blade (m).
-        fractions : ndarray of shape (n_fractions,)
-            Where, over the chord, from 0 to 1.
-
-        Returns
-        -------
-        ndarray of shape (3, n_radii, n_fractions)
-            x, and y of the upper and the lower side, over the chord.
-        """
-        sides = [each.resampled(fractions) for each in self.outlines]
-        return np.moveaxis(self.turbine.along_span(sides, r), 1, 0)

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.outline import FRACTIONS
 
 STACKING = 0.25
 """Where the blade's axis meets the chord line, over the chord from the leading edge."""
 
 
-def sections(solution: Solution, places: Sequence[float]) -> np.ndarray:
+def sections(solution: Any, places: Sequence[float]) -> np.ndarray:
     """Return sections of a blade as mass and stress of the program have them.
 
     Parameters
@@ -34,17 +35,71 @@ def sections(solution: Solution, places: Sequence[float]) -> np.ndarray:
     InputError
         If the run did not finish, or a file or an outline is missing or broken.
     """
-    design = solution.design()
-    outline_names(solution, design.turbine)  # refuses where there is none
-    blade = design.blade
+    from hkt_mdo.problem.turbine import build_turbine
+
+    case = solution.case
+    turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design)  # outlines know no flow
+    outline_names(solution, turbine)  # refuses where there is none
+    blade = blade_of(solution, turbine.blade)
     r = blade.hub_radius + np.array(places) * (blade.tip_radius - blade.hub_radius)
-    x, upper, lower = design.sides(r)
+    x, upper, lower = sides(turbine._replace(blade=blade), r)
     along = np.hstack((x[:, ::-1], x[:, 1:])) - STACKING
     plane = np.stack((along, np.hstack((upper[:, ::-1], lower[:, 1:]))), axis=-1)
     return np.interp(r, blade.r, blade.chord)[:, None, None] * plane
 
 
-def outline_names(solution: Solution, turbine: Any) -> str:
+def sides(turbine: Any, r: np.ndarray, fractions: np.ndarray = FRACTIONS) -> np.ndarray:
+    """Return the sections at some radii as mass and stress of the program have them.
+
+    Parameters
+    ----------
+    turbine : Turbine
+        The turbine with its blade.
+    r : numpy.ndarray, shape (n_radii,)
+        Radii along the blade, m.
+    fractions : numpy.ndarray, shape (n_fractions,)
+        Where, over the chord, from 0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray, shape (3, n_radii, n_fractions)
+        x, and y of the upper and the lower side, over the chord.
+    """
+    outlines = [each.resampled(fractions) for each in turbine.outlines]
+    return np.moveaxis(turbine.along_span(outlines, r), 1, 0)
+
+
+def blade_of(solution: Any, blade: Blade) -> Blade:
+    """Return the blade of a case with the radius and the shape of its result.
+
+    Parameters
+    ----------
+    solution : Solution
+        The result, whose summary has a blade.
+    blade : Blade
+        The blade of its case.
+
+    Returns
+    -------
+    Blade
+        The blade of the result.
+
+    Raises
+    ------
+    InputError
+        If the case has other stations.
+    """
+    summary = solution.summary
+    chord = summary.chord_m or []
+    if len(chord) != blade.r.size:
+        problem = f"makes {blade.r.size} stations, and the result has a chord at {len(chord)}"
+        remedy = "give rotor.stations or rotor.station_count of the run, or run the case again"
+        raise InputError(problem, remedy, file="case.yaml")
+    blade = blade.with_rotor_radius(summary.rotor_radius_m or blade.rotor_radius)
+    return blade.with_shape(chord, np.deg2rad(summary.twist_deg), summary.thickness_over_chord)
+
+
+def outline_names(solution: Any, turbine: Any) -> str:
     """Return what the case calls its outlines.
 
     A case may have polars of its own without the outlines that belong to them. The program then

@@ -341,32 +341,23 @@ class YearEntry(_Entry):
 
     def rows(self) -> Iterator[Row]:
         """Yield the entry as rows."""
-        lost = "" if self.kept in (None, 1.0) else f"times {self.kept:.4g} for what is lost"
-        gross, net = (measured(x, "", 6) for x in (self.energy_kWh, self.net_energy_kWh))
         both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
         words = {"speed": "by the flow's speed", "record": "by the length of the record"}
         shares = ((word, self.uncertainty_by.get(name)) for name, word in words.items())
         causes = (f"{word} {100.0 * x:.2g} %" for word, x in shares if x is not None)
         known = f"standard uncertainty: {joined(*causes)}" if both else "uncertainty not known"
-        note = f"electrical, of 8766 h; {known}"
-        yield Row("annual energy", f"{gross} kWh{both}", note=note)
-        if lost:
-            yield Row("annual energy, net", f"{net} kWh{both}", note=lost)
+        gross, net = (measured(x, "kWh", 6) + both for x in (self.energy_kWh, self.net_energy_kWh))
+        yield Row("annual energy", gross, note=f"electrical, of 8766 h; {known}")
+        if self.kept not in (None, 1.0):
+            yield Row("annual energy, net", net, note=f"times {self.kept:.4g} for what is lost")
         most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
         edge = "at an end of the flow's range, which has no hours" if self.rated_h == 0.0 else ""
         yield Row("capacity factor", self.capacity_factor, note=joined(most, edge), digits=4)
-        known = self.limits_h.items()
-        held = (f"at the limit {name} {measured(x, '', 4)} h" for name, x in known if x)
-        yield Row(
-            "hours of operation",
-            self.operation_h,
-            "h",
-            joined(
-                f"standstill {measured(self.standstill_h, '', 4)} h",
-                f"at the largest electrical power {measured(self.rated_h, '', 4)} h",
-                *held,
-            ),
-        )
+        hours = {"standstill": self.standstill_h, "at the largest electrical power": self.rated_h}
+        limits = {limit_words(name): time for name, time in self.limits_h.items() if time}
+        hours |= {f"at the limit {words}": time for words, time in limits.items()}
+        note = joined(*(f"{words} {measured(time, 'h', 4)}" for words, time in hours.items()))
+        yield Row("hours of operation", self.operation_h, "h", note)
 
 
 class ScenarioEntry(_Entry):
