@@ -161,7 +161,7 @@ def _controller(finished):
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(finished.physics.law.gain_units),
-        "tip_speed_ratio": _span(_nodes(finished.verifications, "tip_speed_ratio")),
+        "tip_speed_ratio": _ratios(finished.verifications),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": np.max(_nodes(finished.verifications, "control_torque")),
@@ -268,8 +268,8 @@ def _scenario(finished, verifications):
         **sums,
         "mean_power_W": power,
         "ceiling_W": finished.physics.ceilings.get(scenario.group),
-        "inflow_speed": _span(np.concatenate(speeds)) | {"mean": mean},
-        "tip_speed_ratio": _span(_nodes(verifications, "tip_speed_ratio")),
+        "inflow_speed": _span(np.concatenate(speeds), mean),
+        "tip_speed_ratio": _ratios(verifications),
         "operation": _operation(finished, verifications, power),
         "limits": limits,
         "loads": _loads(verifications),
@@ -297,8 +297,22 @@ def _nodes(verifications, quantity):
     return np.concatenate([verification.trajectory[quantity] for verification in verifications])
 
 
-def _span(values):
-    return {"min": np.min(values), "max": np.max(values), "mean": np.mean(values)}
+def _span(values, mean):
+    return {"min": np.min(values), "max": np.max(values), "mean": mean}
+
+
+def _ratios(verifications):
+    """Return the range of the tip speed ratio at the nodes, and its mean over the time."""
+    ratios = _nodes(verifications, "tip_speed_ratio")
+    pairs = zip(_weights(verifications), verifications, strict=True)
+    times = np.concatenate([weight * each.scenario.node_weights for weight, each in pairs])
+    return _span(ratios, np.average(ratios, weights=times))
+
+
+def _weights(verifications):
+    """Return the weights of the scenarios; equal ones where none counts."""
+    weights = [each.scenario.weight for each in verifications]
+    return weights if any(weights) else np.ones(len(weights))
 
 
 def _operation(finished, verifications, power):
@@ -392,14 +406,13 @@ def _limit(pairs, several):
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
     found, binds, spans = [], 0.0, 0.0
-    counts = any(verification.scenario.weight for _, verification in pairs)
-    for limit, verification in pairs:
+    weights = _weights([verification for _, verification in pairs])
+    for weight, (limit, verification) in zip(weights, pairs, strict=True):
         known, simulated = verification.simulated, limit.told(verification.simulated)
         value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
         found.append(_entry(limit, value) | loads.place(known, np.argmax(simulated)))
         found[-1] |= {"scenario": verification.scenario.group} if several else {}
         binding = np.where(simulated >= _least(limit), 1.0, 0.0)
-        weight = verification.scenario.weight if counts else 1.0
         binds += weight * verification.integral(binding)
         spans += weight * verification.integral(np.ones(known["time"].size))
     worst = max(found, key=lambda each: (each["value"] - each["limit"]) / abs(each["limit"]))
