@@ -192,9 +192,8 @@ class Inflow(Section):
                 remedy += "resource of a year, in which the flow may reverse"
                 raise InputError(problem, remedy, key="inflow")
             if (fastest := float(np.max(speed))) > FASTEST:
-                problem = f"reaches {fastest:.3g} m/s, more than any river or tide"
-                remedy = f"check its unit: speeds without one are in m/s, at most {FASTEST:g}"
-                raise InputError(problem, remedy, key="inflow")
+                remedy = f"check its unit: no river or tide is faster than {FASTEST:g} m/s"
+                raise InputError(f"reaches {fastest:.3g} m/s", remedy, key="inflow")
 
 
 class ConstantInflow(Inflow):

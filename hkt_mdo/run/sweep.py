@@ -161,8 +161,7 @@ class _Plan:
         if self.computed:
             each = (time.monotonic() - self.began) / self.computed
             left = each * max(0, self.total - self.reused - self.computed)
-        counts = self.total, self.reused, self.computed, self.failed
-        self.told(Status(*counts, left, self.older))
+        self.told(Status(self.total, self.reused, self.computed, self.failed, left, self.older))
 
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""

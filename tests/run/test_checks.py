@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.checked import none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain
-from hkt_mdo.run.summary import summarize, write_tables
+from hkt_mdo.run.summary import _ratios, summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
 from tests.conftest import NINE
@@ -483,3 +484,10 @@ def test_one_design_for_two_scenarios_is_accepted(solve_physics, law, tmp_path):
     refused = replace(solved, verifications=(first, doctored))
     assert refused.failed() == ["max_speed_error (step)"]
     assert "phase.segments" in explain(refused.by_name["max_speed_error (step)"], solved.physics)
+
+
+def test_the_mean_tip_speed_ratio_of_an_uneven_mesh_is_that_over_time():
+    """Of a ratio that rises from 0 to 10 in 10 s."""
+    mesh = Scenario(None, Phase(duration=10.0), edges=np.array([0.0, 9.0, 10.0]))
+    found = SimpleNamespace(scenario=mesh, trajectory={"tip_speed_ratio": mesh.node_times})
+    assert _ratios([found])["mean"] == pytest.approx(5.0, rel=1e-12)

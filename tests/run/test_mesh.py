@@ -1,14 +1,7 @@
 """The mesh: it resolves the flow, and the open loop's control where a limit switches."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-
-from hkt_mdo.case.schema import Phase
-from hkt_mdo.dynamics.flows import ConstantInflow
-from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.run import summary
 
 SHORT = {"phase": {"segments": 15, "duration": 15}}
 FIXED = {"design": {"blade": "fixed"}, "rotor": {"set_angle": 5}}
@@ -127,11 +120,3 @@ def test_what_limits_leave_in_their_segments_tells_the_error_of_the_mesh(
     error = 1.0 - coarse.result.objective / fine.result.objective
     assert error > 1e-4
     assert 0.5 * error < coarse.by_name["mesh_error"].value < 4.0 * error
-
-
-def test_the_mean_tip_speed_ratio_of_an_uneven_mesh_is_that_over_time():
-    """Of a ratio that rises from 0 to 10 in 10 s."""
-    edges = np.array([0.0, 9.0, 10.0])
-    scenario = Scenario(ConstantInflow(speed=1.0), Phase(duration=10.0), edges=edges)
-    found = SimpleNamespace(scenario=scenario, trajectory={"tip_speed_ratio": scenario.node_times})
-    assert summary._ratios([found])["mean"] == pytest.approx(5.0, rel=1e-12)
