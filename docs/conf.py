@@ -55,6 +55,8 @@ PUBLIC = {
         "sweep",
         "run.batch.run_batch",
         "simulate",
+        "studies.other_flows.Run",
+        "dynamics.simulation.Simulation",
         "export",
         "report",
     ),

@@ -20,7 +20,7 @@ TABLE = "table.csv"
 """What only the folder of a sweep has."""
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
-    "design: the result's own; A, B or C: the paper's uncertain flows (amplitude x 1.1, frequency "
+    "design: the result's own; A, B or C: the paper's uncertain flows (speeds x 1.1, frequency "
     "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
 )
 _TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."

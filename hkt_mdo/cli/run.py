@@ -141,7 +141,7 @@ class _Live(Progress):
         self.name, self.began, self.last = "", time.monotonic(), time.monotonic()
         self.tell(first)
         self.name, self.line = name, self.add_task(first)
-        self.unit, self.passes, self.starts = unit, 0, 0
+        self.unit, self.passes, self.starts, self.older = unit, 0, 0, 0
 
     def show(self, line: str, ends: bool = False) -> None:
         """Update the line; where it is no terminal, tell it every few seconds, and at the end."""
@@ -185,7 +185,10 @@ class _Live(Progress):
         self.tell(f"{line}; next, {entry.remedy}: {entry.why}" if entry.remedy else line)
 
     def swept(self, now: Any) -> None:
-        """Show how far a sweep is."""
+        """Show how far a sweep is; tell the first result that is replaced."""
+        if now.older and not self.older:
+            self.tell("results of another version, or of other files, are computed again")
+        self.older = now.older
         done = now.reused + now.computed
         line = f"{done:,} of {now.total:,} runs"
         line += f", {now.reused:,} from before" if now.reused else ""

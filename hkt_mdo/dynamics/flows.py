@@ -22,7 +22,9 @@ CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
 LOOKS = 8  # samples between two times, to measure the distance of a flow from a straight line
 UNKNOWN_PIECES = 1000  # of a flow that does not declare where it changes
 PIECES_AT_ONCE = 50_000
-SLOWEST, FASTEST = 1e-4, 1e3  # m/s, of a flow in which a turbine could work
+SLOWEST = 1e-4  # m/s, of a flow in which a turbine could work
+FASTEST = 20.0
+"""Speed, m/s, that no river or tide reaches: a larger number is in another unit or marks a gap."""
 
 
 class Inflow(Section):
@@ -190,7 +192,7 @@ class Inflow(Section):
                 remedy += "resource of a year, in which the flow may reverse"
                 raise InputError(problem, remedy, key="inflow")
             if (fastest := float(np.max(speed))) > FASTEST:
-                remedy = f"give speeds of at most {FASTEST:g} m/s"
+                remedy = f"check its unit: no river or tide is faster than {FASTEST:g} m/s"
                 raise InputError(f"reaches {fastest:.3g} m/s", remedy, key="inflow")
 
 

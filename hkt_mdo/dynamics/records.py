@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
+from hkt_mdo.dynamics.flows import FASTEST
 from hkt_mdo.dynamics.sampled import SampledInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
@@ -26,9 +27,6 @@ from hkt_mdo.sections import Quantity
 
 MIN_SAMPLES = 16
 """Smallest number of samples that make a record."""
-
-FASTEST = 20.0
-"""Speed, m/s, that no river reaches: a larger number is in another unit or marks a gap."""
 
 SPIKES = "give spikes: replace to leave such samples out, or spikes: keep if that is the flow"
 """Remedy of samples that a sensor most likely got wrong."""

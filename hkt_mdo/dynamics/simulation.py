@@ -227,12 +227,29 @@ class FeedbackTorque:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """An integrated trajectory, sampled at `time`, in SI units.
+    """An integrated trajectory; its energies are integrals over the whole run.
 
-    Energies are integrals over the whole run. stopped_at is the time at which the rotor came to
-    rest, None if it kept turning; speed_at gives its speed at any times of the run. states has a
-    row for each state of the control law; wake_at gives the state of the wake's filters at any
-    times, (n_times, n_filters), with no columns where the wake has no memory.
+    Attributes
+    ----------
+    time : ndarray, shape (n_times,)
+        Times at which it is sampled, s.
+    inflow_speed, rotor_speed : ndarray, shape (n_times,)
+        Speeds there, m/s and rad/s.
+    hydrodynamic_torque, control_torque : ndarray, shape (n_times,)
+        Torque of the flow and of the generator, N*m.
+    energy, generator_energy, electrical_energy : float
+        Energy that the rotor captures, the generator takes from the shaft and delivers, J.
+    friction_energy, kinetic_energy_change : float
+        Energy that friction takes, and by which that of the rotor grows, J.
+    stopped_at : float or None
+        Time at which the rotor came to rest, s; None: it kept turning.
+    speed_at : callable
+        Gives the rotor's speed, rad/s, at any times of the run.
+    states : ndarray, shape (n_states, n_times)
+        The states of the control law.
+    wake_at : callable
+        Gives the state of the wake's filters at any times, (n_times, n_filters), with no columns
+        where the wake has no memory.
     """
 
     time: np.ndarray

@@ -26,6 +26,8 @@ from hkt_mdo.results.words import PREFIXED, plain_unit, prefixed
 TABLE = "table.csv"
 VERIFIED, REFUSED, ERROR = "verified", "refused", "error"
 """States of a run: a success; a result that its checks refused; none, see its message."""
+NULL = "null"
+"""What `table.csv` has where a sweep gives null to a key, such as a limit in a run without it."""
 MAX_BYTES = 1024**3
 _MERITS = (
     *("simulated_energy_J", "generator_energy_J", "electrical_energy_J", "energy_bound_J"),
@@ -101,11 +103,11 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
 
 
 def _column(values: Iterable[Any]) -> np.ndarray:
-    """Return values as numbers, NaN for none; as texts if one of them is no number."""
+    """Return values as numbers, NaN for none and null; as texts if another one is no number."""
     known = ["" if value is None else value for value in values]
     with suppress(ValueError):
-        if any(value != "" for value in known):
-            return np.array([np.nan if value == "" else float(value) for value in known])
+        if any(value not in ("", NULL) for value in known):
+            return np.array([np.nan if x in ("", NULL) else float(x) for x in known])
     return np.array([str(value) for value in known])
 
 
@@ -191,7 +193,7 @@ class SweepTable:
         values : numpy.ndarray, shape (n_runs,)
             In kJ, kW, kN or MPa where they are large.
         label : str
-            Name and unit; that of a key of the case is the key.
+            Name and unit; that of a key of the case is the key, with a note where it is null.
         """
         values = self.columns[name].astype(float)
         words, _, unit = name.rpartition("_")
@@ -205,7 +207,8 @@ class SweepTable:
         plain = plain_unit(unit.replace("Nm", "N m"))
         most = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
         prefix, scale = prefixed(most) if plain in PREFIXED else ("", 1.0)
-        return values / scale, f"{words} ({prefix}{plain or '-'})"
+        note = ", null left out" if name in self.sweep.over and np.isnan(values).any() else ""
+        return values / scale, f"{words} ({prefix}{plain or '-'}){note}"
 
     @property
     def numeric(self) -> list[str]:

@@ -102,16 +102,23 @@ def _is(case: Case, written: Case) -> bool:
 def finished_result(folder: Path, case: Case) -> Solution | None:
     """Return what a folder holds if it is the finished result of an equal case.
 
-    The files that the case names and the source code must have the content that the run met. A
-    result that was begun from another's design is one of the case as well.
+    The files that the case names and the source code must have the content that the run met.
+    """
+    found = ended_result(folder, case)
+    return found if found and found.summary.digest == digest(complete(case)) else None
+
+
+def ended_result(folder: Path, case: Case) -> Solution | None:
+    """Return what a folder holds if it is a finished result of an equal case, of any version.
+
+    The files that the case names may have changed, too. A result that was begun from another's
+    design is one of the case as well.
     """
     try:
         solution = Solution.load(folder, extensions=case.extensions)
         source = solution.case.start.from_
         cases = case, *([passed_on(case, source)] if source else [])
         same = any(_is(each, solution.case) for each in cases)
-        made_of = digest(complete(case))
     except InputError:
         return None
-    ended = solution.summary.checks is not None
-    return solution if ended and same and solution.summary.digest == made_of else None
+    return solution if same and solution.summary.checks is not None else None

@@ -386,7 +386,12 @@ def _start(found: Findings) -> Rows:
         share = per_cent(found.captured, 1.0, 3)  # empty without any power
         share = share and f"{share} of what the largest power coefficient gives"
         energy = found.start.operation.energy
-        yield Row("tip speed ratio under the control law", found.working, digits=3)
+        branch = ""
+        for x in found.start.branches[1:]:
+            over = f"; {x.branch} breaks {joined(*x.exceeds)} by up to {100.0 * x.excess:.3g} %"
+            over = over if START_EXCESS < x.excess < np.inf else ""
+            branch = f"branch {found.start.branch}{over}"
+        yield Row("tip speed ratio under the control law", found.working, "", branch, 3)
         yield Row("energy if the rotor followed the flow at once", energy, "J", share, 4)
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")

@@ -19,7 +19,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
-from hkt_mdo.run.batch import finished_result, improved
+from hkt_mdo.run.batch import ended_result, finished_result, improved
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
@@ -30,13 +30,18 @@ RUNS = "runs"
 
 
 class Status(NamedTuple):
-    """How far a sweep is: numbers of runs, and an estimate of the time that is left, s."""
+    """How far a sweep is: numbers of runs, and an estimate of the time that is left, s.
+
+    `older` is the number of finished results that are replaced, since the version or a file is
+    another one now.
+    """
 
     total: int
     reused: int
     computed: int
     failed: int
     left: float | None
+    older: int
 
 
 def run_sweep(
@@ -88,7 +93,7 @@ class _Plan:
         self.points_of: dict[str, Point] = {}  # by the run's name
         self.verified: list[tuple[str, np.ndarray]] = []  # names, and places on the axes
         self.began = self.written = time.monotonic()
-        self.reused = self.computed = self.failed = 0
+        self.reused = self.computed = self.failed = self.older = 0
 
     def tasks(self) -> Iterator[tuple[str, Callable[[], Row]]]:
         """Yield the runs that have no result, in the order of the points."""
@@ -114,6 +119,9 @@ class _Plan:
                 self.reused += 1
                 self.done(name, _row(found, case))
                 continue
+            if ended_result(folder, case):
+                self.older += 1
+                self.tell()
             yield name, partial(run_one, case, folder, self.nearest(point), self.run)
 
     def ended(self, name: str, future: Any) -> None:
@@ -140,16 +148,20 @@ class _Plan:
         return self.out / RUNS / name
 
     def done(self, name: str, row: Row) -> None:
-        """Keep a row, and tell how far the sweep is."""
+        """Keep a row, and tell of it."""
         self.rows[name] = row
         self.failed += row["state"] != VERIFIED
         if row["state"] == VERIFIED:
             self.verified.append((name, self.place(self.points_of[name])))
+        self.tell()
+
+    def tell(self) -> None:
+        """Tell how far the sweep is."""
         left = None
         if self.computed:
             each = (time.monotonic() - self.began) / self.computed
             left = each * max(0, self.total - self.reused - self.computed)
-        self.told(Status(self.total, self.reused, self.computed, self.failed, left))
+        self.told(Status(self.total, self.reused, self.computed, self.failed, left, self.older))
 
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""

@@ -85,7 +85,7 @@ def _told(limit: Limit, known: dict[str, Any]) -> Told:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A simulation of a design in a flow.
+    """A simulation of a design in a flow, made when its results are first asked for.
 
     Attributes
     ----------
@@ -217,7 +217,9 @@ class Run:
         Returns
         -------
         dict of Told
-            In SI units.
+            Each has ``value`` and ``unit`` (SI), ``time_s`` and, along the blade, ``r_m``; of a
+            limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
+            or runs away is an entry with the instant as its value.
         """
         physics, plant = self.design.physics, self.design.plant
         about = physics.rotor, plant, self.simulation, self.design.controller
@@ -294,7 +296,7 @@ class Run:
         Returns
         -------
         dict of float or None
-            By the names of `Simulation`.
+            ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
         run = self.simulation
         return {x: None if run.stopped_at else getattr(run, x) for x in SIMULATED}

@@ -103,7 +103,7 @@ def test_a_flow_of_ones_own_needs_speed_at_alone():
     assert (own.length, own.highest_frequency, own.messages) == (None, None, ())
     assert own.mean_speed == 1.0
     np.testing.assert_allclose(own.rate_at(TIME), 0.02 * TIME, rtol=1e-14)
-    own.check(100.0)
+    own.check(40.0)
 
 
 # Formulas -----------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from hkt_mdo.case.sweep import SWEEP, load_sweep
 from hkt_mdo.cli import main
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import SweepTable, row_of, write_table
-from hkt_mdo.results.sweep_plots import plot_parallel
+from hkt_mdo.results.sweep_plots import plot_parallel, sweep_charts
 from tests.conftest import make_result
 from tests.report.test_browser import browser, start  # noqa: F401 - fixtures
 
@@ -54,6 +54,14 @@ def test_an_outcome_that_no_run_has_is_left_out(folder):
     table.columns["mass_kg"][:] = np.nan
     ax = plot_parallel(table, Figure().add_subplot())
     assert not any("mass" in x.get_text() for x in ax.get_xticklabels())
+
+
+def test_null_beside_numbers_leaves_the_map(folder):
+    table, over = folder / "table.csv", folder / SWEEP
+    table.write_text(table.read_text().replace("700,", "null,"))
+    over.write_text(over.read_text().replace("700", "null"))
+    found = sweep_charts(SweepTable.load(folder))["map"].across
+    assert found == "control.torque_limit (N m), null left out"
 
 
 @pytest.mark.slow

@@ -240,6 +240,11 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     assert broken == ["limits.power", "limits.stress"]
 
 
+def test_a_start_that_stalls_tells_its_branch_and_what_the_other_one_breaks() -> None:
+    told = rows(check("control.law=open_loop", "limits={thrust: 3 kN}"), "Starting blade")
+    assert "branch underspeed; overspeed breaks thrust by up to 13" in told
+
+
 def test_bounds_that_leave_out_the_radius_of_a_file(tmp_path: Path) -> None:
     (tmp_path / "turbine.yaml").write_text(WINDIO)
     (tmp_path / "a.yaml").write_text(

@@ -23,6 +23,7 @@ from hkt_mdo.results.sweep import SweepTable
 from hkt_mdo.run import engine
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.sweep import run_sweep
+from tests.conftest import edit_summary
 
 ROOT = Path(__file__).parents[2]
 SHORT = "set: {phase.duration: 10, phase.segments: 10, design.blade: fixed}\n"
@@ -78,7 +79,7 @@ def test_workers_that_die_lose_nothing(scheduler, tmp_path):
     log = Counter((tmp_path / "out" / "runs" / "log").read_text().split())
     assert len(log) == 100
     assert set(log.values()) == {1}
-    assert states[-1] == (100, 0, 100, 0, 0.0)
+    assert states[-1] == (100, 0, 100, 0, 0.0, 0)
     assert states[50].left > 0.0
 
 
@@ -225,6 +226,17 @@ def test_a_neighbour_wins_only_with_a_better_result(here, tmp_path, monkeypatch)
     assert sources == [str(tmp_path / "out" / rows[place]["run"]) for place in (0, 1)]
     again = hkt_mdo.sweep(tmp_path / "some.yaml", str(tmp_path / "out"), run=None)
     assert [row["start"] for row in again] == ["own", "neighbour", "own"]
+
+
+def test_a_result_of_another_version_is_told(here, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("hkt_mdo.run.sweep.run_sweep", partial(run_sweep, run=stand_in.run))
+    sweep, out = sweep_of(tmp_path, "{control.torque_limit: [600, 700]}"), tmp_path / "out"
+    rows = run_sweep(sweep, out, run=stand_in.run)
+    for changed in (False, True):
+        assert main(["sweep", str(tmp_path / "some.yaml"), "--out", str(out)]) == 0
+        told = "results of another version, or of other files, are computed again"
+        assert (told in capsys.readouterr().out) == changed
+        edit_summary(out / rows[0]["run"], digest="older")
 
 
 def test_other_files_are_not_written_among(tmp_path):
