@@ -94,6 +94,8 @@ def test_a_method_without_derivatives_is_refused(told, kind, argument, code, wor
     ("kind", "code"),
     [
         ("limit", "rotor_speed = np.mean(rotor_speed)"),
+        ("limit", "rotor_speed = np.max(rotor_speed)"),
+        ("law", "speed = speed / np.max(speed)"),
         ("objective", "generator_power = np.cumsum(generator_power)"),
     ],
 )
@@ -222,9 +224,39 @@ def test_a_function_from_elsewhere_is_guarded(static):
         law.torque_by_speed(np.array([2.0]), np.array([]))
 
 
-def test_a_negative_frequency_is_refused():
+@pytest.mark.parametrize("frequency", [-1.0, "0.1 Hz"])
+def test_what_is_no_frequency_is_refused(frequency):
     class Ripple(SineInflow):
-        highest_frequency: ClassVar[float] = -1.0
+        highest_frequency: ClassVar = frequency
 
-    with pytest.raises(InputError, match="is negative; give it in Hz"):
+    with pytest.raises(InputError, match="is no frequency; give a number in Hz"):
         Ripple().check(5.0)
+
+
+class TwoStates(FeedbackLaw):
+    law: Literal["two"] = "two"
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",)
+    states: ClassVar[dict] = {"x": ("rad", "integral"), "s": ("m/s", "sensor")}
+
+    def demand(self, speed, gains, x, s):
+        return gains[0] * (speed - 3.5 * s)
+
+    def rates(self, speed, inflow_speed, gains, x, s):
+        return (speed - x, inflow_speed - s)
+
+    def at_rest(self, torque, inflow_speed):
+        return 0.0 * torque, inflow_speed
+
+    def speed_at_rest(self, inflow_speed, gains):
+        return 5.0 * inflow_speed
+
+    def follow(self, inflow_speed, speed, torque, slope):
+        return np.array([100.0])
+
+
+def test_a_law_with_states_returns_a_row_for_each():
+    law = load_case({"inflow": "sine", "control": "two"}, extensions=[TwoStates]).control
+    speed, flow, gains = np.linspace(6.0, 8.0, 7), np.linspace(1.3, 1.7, 7), np.array([100.0])
+    np.testing.assert_allclose(law.rates(speed, flow, gains, speed, flow), np.zeros((2, 7)))
+    with pytest.raises(InputError, match=r"speed_at_rest: returns -6\.5 rad/s"):
+        law.speed_at_rest(-flow, gains)

@@ -28,9 +28,8 @@ _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
 MAY_BE_INFINITE = "lower", "upper", "features", "last_time"
 COMPLEX = (
-    "let it take complex numbers, for derivatives by complex step: np.abs, math, float() and .real "
-    "drop the imaginary part; write np.sqrt(x * x) for np.abs(x), or take abs, norm and arctan2 of "
-    "openmdao.utils.cs_safe"
+    "derivatives are by complex step, and np.abs, math, float() and .real drop the imaginary part; "
+    "write np.sqrt(x * x) for np.abs(x), or take abs or arctan2 of openmdao.utils.cs_safe"
 )
 CORRECT = "correct the method"
 EACH = "compute the value at each instant from what is known at that instant, without sums or means"
@@ -39,6 +38,7 @@ SLOPES: dict[str, tuple[str, ...]] = {
     **{"value": ("shares",), "speed_at_rest": ("inflow_speed",)},
 }
 """Methods with derivatives by complex step, and the arguments by which none are taken."""
+GAINS_AT = {"demand": 1, "rates": 2}  # place among the arguments; the others are over time
 POINTS = 8  # calls of a method whose derivatives are compared with differences
 MOVE, OFF, SMALL = 1e-6, 1e-3, 1e-10  # of an argument, of a difference and of the value, relatively
 
@@ -109,17 +109,16 @@ def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
             remedy = _remedy(error) if any(map(np.iscomplexobj, given)) else CORRECT
             problem = f"raises {one_line(error)}{line}"
             raise InputError(problem, remedy, file=file, key=place) from error
-        shape = _shape(self, name, args, quantities)
+        problem, remedy, shape = "", CORRECT, _shape(self, name, args, quantities)
         if shape is not None and not (result is None and name in MAY_BE_NONE):
-            infinite = name in MAY_BE_INFINITE
-            problem, result = _checked(result, shape, given, infinite)
-            if problem:
-                raise InputError(problem, CORRECT, file=file, key=place)
-        if left and name in SLOPES and not any(map(np.iscomplexobj, given)):
+            problem, result = _checked(result, shape, given, name in MAY_BE_INFINITE)
+        if not problem and name == "speed_at_rest" and np.max(result) <= 0.0:
+            problem = f"returns {np.max(result):.4g} rad/s, and the rotor must turn forwards"
+        if not problem and left and name in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
             problem, remedy = _wrong_slope(method, name, self, args, quantities)
-            if problem:
-                raise InputError(problem, remedy, file=file, key=place)
+        if problem:
+            raise InputError(problem, remedy, file=file, key=place)
         return result
 
     return told
@@ -147,11 +146,13 @@ def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict)
         try:
             here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
             slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
-            if is_over_time(name) and size.size > 1:
-                one = (np.arange(size.size) == 0).reshape(size.shape)
-                first = np.imag(at(key, value + 1j * STEP * step * one))
-                if np.any(first[first.size > 1 :]):
-                    return f"mixes instants: its value at one depends on {name} at another", EACH
+            own = of in ("demand", "rates", "speed_at") and key not in ("gains", GAINS_AT.get(of))
+            for odd in (0, 1) if own or is_over_time(name) else ():
+                moved = np.arange(size.size).reshape(size.shape) % 2 == odd
+                by = np.imag(at(key, value + 1j * STEP * step * moved)) * np.isfinite(here)
+                rows = np.resize(by, (max(by.size // size.size, 1), *size.shape))
+                if np.any(np.abs(rows[:, ~moved]) > 0.0):
+                    return f"mixes instants: at one it depends on {name} at another", EACH
         except Exception as error:
             return f"raises {one_line(error)} for a complex {name}", _remedy(error)
         sides = np.stack((here - lower, upper - here))
@@ -181,18 +182,19 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
 
     A formula has one value for each instant if it takes anything over time.
     """
-    if name in ("speed_at", "demand"):
+    if name in ("speed_at", "demand", "speed_at_rest"):
         return np.shape(args[0])
+    if name in ("rates", "at_rest") and kind.states:
+        return (len(kind.states), *np.shape(args[0]))
     if name in (*MAY_BE_NONE, "mean_speed", "last_time"):
         return ()
     if name in ("features", "lower", "upper"):
         return (..., 3) if name == "features" else (...,)
-    if isinstance(kind, FeedbackLaw) and name == "fit":
+    if isinstance(kind, FeedbackLaw) and name in ("fit", "follow"):
         return (len(kind.gain_units),)
     if isinstance(kind, Aggregate):
-        unknowns = (...,) if kind.n_unknowns is None else (kind.n_unknowns,)
-        known = {"value": (), "rows": (...,), "best_unknowns": unknowns}
-        return known.get(name)
+        count = ... if kind.n_unknowns is None else kind.n_unknowns
+        return {"value": (), "rows": (...,), "best_unknowns": (count,)}.get(name)
     if isinstance(kind, Formula) and name in ("value", "rate"):
         times = [np.shape(x) for each, x in quantities.items() if is_over_time(each)]
         return times[0] if times else (...,) if isinstance(kind, Limit) else ()

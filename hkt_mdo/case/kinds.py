@@ -24,6 +24,7 @@ from traceback import extract_tb
 from types import FunctionType, ModuleType
 from typing import Any, Literal, get_args
 
+import numpy as np
 from pydantic import Field, create_model
 
 from hkt_mdo import quantities
@@ -123,9 +124,25 @@ def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
     yield from _flaws_of_units(kind)
     if any(_tag(each) == tag and kind_name(each) == name for each in known):
         yield f"has the name {name} of another kind", f"give its {tag} another"
-    if issubclass(kind, FeedbackLaw) and (isinstance(kind.gain_units, str) or not kind.gain_units):
+    if issubclass(kind, FeedbackLaw):
+        yield from _flaws_of_law(kind)
+
+
+def _flaws_of_law(kind: Any) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with the gains, states or methods of a law."""
+    if isinstance(kind.gain_units, str) or not kind.gain_units:
         problem = "names no gains, a tuple with the unit of each"
         yield problem, 'write gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad",), or others'
+    for method in ("rates", "at_rest", "follow", "speed_at_rest") if kind.states else ():
+        if getattr(kind, method) is getattr(FeedbackLaw, method):
+            yield f"has states and no method {method}", f"write {method} as in docs/controllers.md"
+    for method in ("torque_by_speed", "torque_by_gain", "slopes"):
+        if getattr(kind, method) is not getattr(FeedbackLaw, method):
+            yield f"has its own {method}, which follows from demand", f"leave {method} out"
+    for state, about in kind.states.items() if isinstance(kind.states, dict) else ():
+        if not (np.shape(about) == (2,) and (about[0] is None or is_unit(about[0]))):
+            remedy = 'write both, such as ("N*m", "torque behind the lag")'
+            yield f"has {show(about)} for unit and description of the state {state}", remedy
 
 
 def _flaws_of_names(kind: Any) -> Iterator[tuple[str, str]]:

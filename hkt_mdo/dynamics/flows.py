@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from numbers import Real
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -33,7 +34,7 @@ class Inflow(Section):
     `speed_at` must accept complex times. Everything else that a flow declares has a default:
 
     - length: duration (s) of the flow's data, or its period; None: it has no end.
-    - highest_frequency: the highest frequency (Hz) in it; None: it is steady.
+    - highest_frequency: the highest frequency (Hz) in it; None: it is steady, or not known.
     - features: where it changes as fast, (from, to, period) in s; by default everywhere, at its
       highest frequency. The flow is sampled many times in each period (`pieces`). A flow that
       declares neither is sampled in `UNKNOWN_PIECES` of the time span, with a message: shorter
@@ -76,9 +77,10 @@ class Inflow(Section):
     @property
     def features(self) -> tuple[tuple[float, float, float], ...]:
         """Time spans with the shortest period in each, (from, to, period) in s."""
-        if (cutoff := self.highest_frequency or 0.0) < 0.0:
+        cutoff = self.highest_frequency or 0.0
+        if not (isinstance(cutoff, Real) and 0.0 <= cutoff < np.inf):
             place = {"key": f"{type(self).__name__}.highest_frequency", "value": cutoff}
-            raise InputError("is negative", "give it in Hz, or None for a steady flow", **place)
+            raise InputError("is no frequency", "give a number in Hz, or None", **place)
         return ((-np.inf, np.inf, 1.0 / cutoff),) if cutoff else ()
 
     @property
@@ -315,8 +317,7 @@ class TidalConstituent(Section):
     def _check_period(self) -> TidalConstituent:
         if (self.name is None) == (self.period is None):
             problem = "has both a name and a period" if self.name else "has neither name nor period"
-            remedy = "give name: M2 or the like, or a period"
-            raise refusal(problem, remedy)
+            raise refusal(problem, "give name: M2 or the like, or a period")
         return self
 
     @property

@@ -134,9 +134,8 @@ class OpenLoop(Law):
     chooses_torque = property(lambda self: self.unknown == "torque")  # type: ignore[assignment]
 
     def contains(self, other):
-        limit = np.inf if self.torque_limit is None else self.torque_limit
-        same = self.cut_out == other.cut_out
-        return same and (np.inf if other.torque_limit is None else other.torque_limit) <= limit
+        limit, lower = (law.torque_limit or np.inf for law in (self, other))
+        return self.cut_out == other.cut_out and lower <= limit
 
 
 class FeedbackLaw(Law):

@@ -195,6 +195,7 @@ def _state_scales(physics, start):
     names = "rotor_speed", "inflow_speed", *physics.law.states
     speed, flow, *states = (np.concatenate([each[name] for each in found]) for name in names)
     sizes = np.max(np.abs([speed, *states]), axis=1)
+    sizes[sizes == 0.0] = 1.0  # SI unit; a state that is zero in equilibrium has no size there
     slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
     rates = np.max(np.abs(slopes), axis=2) @ sizes
     return dict(zip(physics.law.states, zip(sizes[1:], rates, strict=True), strict=True))

@@ -227,7 +227,8 @@ def _stations(found: Findings) -> Rows:
 
 def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     """Yield a flow; warn of changes that mesh, disc or rotor cannot follow."""
-    cutoff, changes = flow.cutoff, "not counted" if flow.steady else "none: it is steady"
+    unknown = "not declared" if flow.range[0] < flow.range[1] else "none: it is steady"
+    cutoff, changes = flow.cutoff, "not counted" if flow.steady else unknown
     if cutoff:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
@@ -325,8 +326,7 @@ def _control(found: Findings) -> Rows:
         yield _warning(
             "control.torque_limit",
             f"{measured(limit, 'N*m', 4)} is more than the torque of the flow: at its best tip "
-            "speed ratio the starting blade has "
-            f"{measured(torque, 'N*m', 4)} in the fastest flow, "
+            f"speed ratio the starting blade has {measured(torque, 'N*m', 4)} in the fastest flow, "
             f"{found.fastest:.4g} m/s",
         )
     if law.is_feedback:

@@ -108,6 +108,8 @@ HEAD = "from typing import Annotated, ClassVar, Literal\n"
 HEAD += "from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective, Quantity\n"
 NONE = "lambda *_: 0"
 LAW, FLOW = f"law: str = 'a'; demand = {NONE}", f"profile: str = 'a'; speed_at = {NONE}"
+STATES = f"{LAW}; gain_units = 'N', ''; states = {{'x': 'N'}}; "
+STATES += f"rates = at_rest = follow = speed_at_rest = {NONE}"
 GAIN = "gain: Annotated[float, Quantity('kN*m')] | None = None"
 BOUND = "bound: Annotated[float, Quantity('kN')]"
 FORMLESS = "class A(FeedbackLaw):\n    law: Literal['mine'] = 'mine'\n"
@@ -172,6 +174,9 @@ def test_what_is_no_extension_is_reported(extension, told, tmp_path):
         ("Aggregate", "measure: ClassVar[str] = 'none'", "has no method value"),
         ("FeedbackLaw", LAW, "names no gains, .*; write gain_units: "),
         ("FeedbackLaw", f"{LAW}; gain_units = ('N*m')", "names no gains"),
+        ("FeedbackLaw", f"{STATES}; slopes = {NONE}", "has its own slopes, which follows"),
+        ("FeedbackLaw", STATES, "has 'N' for unit and description of the state x"),
+        ("FeedbackLaw", f"{STATES}; rates = FeedbackLaw.rates", "has states and no method rates"),
         (
             "FeedbackLaw",
             f"{LAW}; starting_gain = {NONE}",

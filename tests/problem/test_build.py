@@ -15,6 +15,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.start.find import find_start, steady_optimum
+from tests.test_extension_faults import TwoStates
 
 VARIANTS = {
     "quadratic": "control: {law: quadratic, torque_limit: 700}",
@@ -25,9 +26,9 @@ VARIANTS = {
 NODES = np.linspace(2.5, 9.0, 27)
 
 
-def coarse_physics(control, more="", segments=5):
+def coarse_physics(control, more="", segments=5, extensions=()):
     phase = f"phase: {{segments: {segments}, duration: 20}}\nstart: {{method: blade}}"
-    return physics(read_case(f"inflow: sine\n{control}\n{phase}\n{more}"))
+    return physics(read_case(f"inflow: sine\n{control}\n{phase}\n{more}", extensions=extensions))
 
 
 def assembled(world, **options):
@@ -43,6 +44,11 @@ def _one_thread():
     """As in a run: the matrices are small."""
     with threadpool_limits(1):
         yield
+
+
+def test_a_state_that_is_zero_in_equilibrium_is_scaled():
+    problem, _ = assembled(coarse_physics("control: two", extensions=[TwoStates]))
+    assert all(np.isfinite(x).all() for x in problem.driver.get_constraint_values().values())
 
 
 def check_totals(problem):

@@ -18,6 +18,7 @@ from hkt_mdo.dynamics.flows import (
 from hkt_mdo.dynamics.sampled import TurbulentInflow
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import FLOW_MISSED, Scenario
+from hkt_mdo.run.check import check_case
 
 SEASON = 90 * 86400.0
 GUST = GustInflow(mean=1.4, amplitude=1.0, time=1_000_001.0, width=10.0)
@@ -103,6 +104,8 @@ def test_a_flow_without_features_is_sampled_and_a_message_says_so():
     assert scenario.inflow.pieces(1000.0).size == UNKNOWN_PIECES + 1
     told = "the flow silent gives neither features nor a highest_frequency: it is sampled several"
     assert any(message.startswith(f"{told} times every 1 s") for message in world.messages)
+    (changes,) = (row for row in check_case(world.case).tables["Flow"] if row.label == "changes")
+    assert changes.value == "not declared"
     assert not Silent().tells_features
     assert not SumInflow(parts=(SineInflow(), Silent())).tells_features
     assert SumInflow(parts=(SineInflow(), GUST, ConstantInflow(speed=1.0))).tells_features
