@@ -254,11 +254,8 @@ def test_the_reynolds_number_is_that_of_the_only_polar_that_says_one(tmp_path):
     (tmp_path / "none.csv").write_text(text)
     thick = {"polar": str(tmp_path / "none.csv"), "thickness": 0.2}
     sections = [{"polar": "naca4415_Re1e6", "outline": "naca4415"}, thick]
-    keys = f"rotor: {{blade: rm1, sections: {sections}}}"
-    design = made(
-        tmp_path / "result", f"inflow: sine\ncontrol: quadratic\n{keys}\n", [1e4]
-    ).design()
-    assert reynolds_numbers(design) == [1e6]
+    case = f"inflow: sine\ncontrol: quadratic\nrotor: {{blade: rm1, sections: {sections}}}\n"
+    assert reynolds_numbers(made(tmp_path / "result", case, [1e4]).design()) == [1e6]
 
 
 def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):

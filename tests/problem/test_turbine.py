@@ -79,7 +79,6 @@ def test_counted_stations_are_closer_together_towards_hub_and_tip(turbine):
     angle = np.pi * np.array([1, 3, 5, 7]) / 8
     np.testing.assert_allclose(found.blade.r, 0.1 + 0.45 * (1 - np.cos(angle)), rtol=1e-12)
     assert found.blade.chord[0] == 0.2
-    # no scaling, of which a warning tells
     assert turbine("blade: b.csv, radius: 2, station_count: 4").reach == 0.5
     assert any("continue unchanged to hub and tip" in line for line in found.messages)
 
