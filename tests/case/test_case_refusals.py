@@ -7,12 +7,14 @@ import pytest
 import yaml
 
 from hkt_mdo.case import load_case, read_case
+from hkt_mdo.case.sweep import load_sweep
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.problem.physics import physics
 
 MINIMAL = "inflow: {profile: sine}\ncontrol: {law: quadratic}\n"
 REFUSALS = yaml.safe_load((Path(__file__).parents[1] / "data" / "refusals.yaml").read_text())
 REFUSALS += [["read", "a: " + 5000 * "[" + 5000 * "]", ["line 1", "20 levels"]]]
+TAKE = {"prepared": lambda file: physics(load_case(file)), "swept": load_sweep}
 
 
 @pytest.mark.parametrize(("how", "text", "words"), REFUSALS)
@@ -21,12 +23,10 @@ def test_a_case_is_refused_with_file_key_value_and_remedy(how, text, words, tmp_
     (tmp_path / "river.csv").write_text("time_s,speed_m_s\n0,1\n", encoding="utf-8")
     path = tmp_path / "a.yaml"
     path.write_text(MINIMAL + text if how == "added" else text, encoding="utf-8")
-    prepared = how == "prepared"
-    take = (lambda file: physics(load_case(file))) if prepared else load_case
     with pytest.raises(InputError) as caught:
-        take(path)
+        TAKE.get(how, load_case)(path)
     message = str(caught.value)
-    assert message.startswith(f"{path}: ") or prepared
+    assert message.startswith(f"{path}: ") or how == "prepared"
     assert message.removeprefix(f"{path}: ").startswith(words[0])
     assert message.removeprefix(f"{path}: ").startswith(str(caught.value.key or ""))
     assert [word for word in words if word not in message] == []

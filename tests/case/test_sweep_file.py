@@ -59,55 +59,6 @@ def test_samples_are_a_latin_hypercube_with_their_seed(put):
     assert shares == pytest.approx(drawn[:, 1])
 
 
-BAD = {
-    "{control.gian: [1, 2]}": r"s.yaml: over.control.gian = 1: unknown key; did you mean gain\?",
-    "{limits.power: [600, -2]}": r"over.limits.power = -2: .*must be greater than 0",
-    "{limits.power: 600}": r"over.limits.power = 600: must be a list or a range of numbers",
-    "{limits.power: []}": r"over.limits.power.values = \[\]: must have at least 1 values",
-    "{limits.power: [600, 600]}": "has a value twice; give each value once",
-    "{limits.power: {from: 500, to: 600}}": "has no count, and the sweep no samples",
-    "{limits.power: {from: 500, to: 600, cuont: 3}}": r"cuont = 3: .*did you mean count",
-    "{limits.power: {from: 500, to: 6 kW, count: 3}}": "has ends of two units",
-    "{limits.power: {from: low, to: 6, count: 3}}": "must be a list or a range of numbers",
-    "{limits.power: {from: 500, to: 500, count: 3}}": "begins where it ends",
-    "{limits.power: {from: 500, to: 600, count: 1}}": r"count = 1: must be at least 2",
-    "{limits.power: {from: 0, to: 600, count: 3, spacing: log}}": "without a common sign",
-    "{limits.power: {values: [600], count: 3}}": "has values and a range",
-    "{limits.power: [.nan]}": r"over.limits.power = nan: .*must be a",
-    "{rotor.radius.x: [1]}": r"over.rotor.radius.x = 1: rotor.radius must be a number",
-    "{control: [{law: lineer}]}": r"over.control = .*did you mean linear\?",
-    "{a b: [1]}": "write section.key=value",
-    "{}": "over = {}: must have at least 1",
-}
-
-
-@pytest.mark.parametrize(("over", "words"), BAD.items(), ids=BAD)
-def test_axes_that_are_refused(put, over, words):
-    with pytest.raises(InputError, match=words):
-        read(put, over)
-
-
-OTHER = {
-    "samples: 4": "samples = 4: has no use where every key has a list",
-    "sed: 4": r"sed = 4: unknown key; did you mean se",
-    "seed: -1": "seed = -1: must be at least 0",
-    "set: {rotr.radius: 2}": r"set.rotr.radius = 2: rotr unknown key; did you mean rotor\?",
-    "case: none.yaml": "given twice|more than once|duplicate",
-}
-
-
-@pytest.mark.parametrize(("more", "words"), OTHER.items(), ids=OTHER)
-def test_other_keys_that_are_refused(put, more, words):
-    with pytest.raises(InputError, match=words):
-        read(put, "{control.torque_limit: [600]}", more)
-
-
-def test_a_case_that_is_not_there_is_told_at_its_key(put):
-    with pytest.raises(InputError, match=r"s.yaml: case = 'none.yaml': is not a file; give a case"):
-        load_sweep(put("s.yaml", "case: none.yaml\nover: {rotor.radius: [1]}\n"))
-    with pytest.raises(InputError, match=r"did you mean over.*\(and 1 more: over is missing\)"):
-        load_sweep(put("s.yaml", "case: sine_oloc\novr: {rotor.radius: [1]}\n"))
-    with pytest.raises(InputError, match=r"must hold keys and values at its top"):
-        load_sweep(put("s.yaml", "- 1\n"))
+def test_a_sweep_that_is_not_there_is_told():
     with pytest.raises(InputError, match=r"no.yaml: does not exist"):
         load_sweep("no.yaml")
