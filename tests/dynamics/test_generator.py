@@ -91,35 +91,6 @@ def test_derivatives_by_complex_step(kind, tmp_path):
         np.testing.assert_allclose(exact.imag / STEP, difference / (2.0 * h), rtol=1e-6)
 
 
-# What a case may say ------------------------------------------------------------------------------
-
-HEADER = "torque_Nm,speed_rpm,efficiency\n"
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        (HEADER + "0,0,0.9\n0,9,0.9\n7,0,0.9\n", "no row for torque_Nm = 7 at speed_rpm = 9"),
-        (HEADER + "0,0,0.9\n0,9,1.1\n7,0,0.9\n7,9,0.9\n", "line 3, column efficiency"),
-        (HEADER + "0,0,0.9\n0,9,92\n7,0,0.9\n7,9,0.9\n", "a fraction, not per cent"),
-        (HEADER + "0,0,0.9\n0,9,0\n7,0,0.9\n7,9,0.9\n", "is not above 0 and at most 1"),
-        (HEADER + "0,0,0.9\n0,9,0.9\n0,9,0.8\n7,0,0.9\n7,9,0.9\n", "line 4, column torque_Nm"),
-        (HEADER + "0,0,0.9\n7,0,0.9\n", "has 1 value of speed_rpm"),
-        (HEADER + "-1,0,0.9\n-1,9,0.9\n7,0,0.9\n7,9,0.9\n", "must not be negative"),
-        ("torque_Nm,speed,efficiency\n0,0,0.9\n", "lacks a column of the speed"),
-        ("torque_Nm,speed_rpm,speed_rad_s,efficiency\n0,0,0,0.9\n", "two columns for the speed"),
-        ("torque,speed_rpm,efficiency\n0,0,0.9\n", "lacks the column torque_Nm"),
-    ],
-)
-def test_a_bad_table_is_refused_with_file_and_place(tmp_path, text, told):
-    path = tmp_path / "bad.csv"
-    path.write_text(text)
-    with pytest.raises(InputError) as caught:
-        Generator(table=str(path)).electrical_power(1.0, 1.0)
-    assert told in str(caught.value)
-    assert "bad.csv" in str(caught.value)
-
-
 # Where a rotor works best -------------------------------------------------------------------------
 
 

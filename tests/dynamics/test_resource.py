@@ -17,7 +17,6 @@ from hkt_mdo.dynamics.resource import (
     in_bins,
 )
 from hkt_mdo.dynamics.simulation import FeedbackTorque
-from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 
 CONTROL = {"law": "quadratic"}
@@ -111,31 +110,6 @@ def test_the_ends_of_the_flow_are_speeds_without_energy(resource, cut_out, ends)
         shares = scenario.node_weights / np.sum(scenario.node_weights)
         assert np.max(shares[[0, -1]]) < 1e-13
         assert np.min(shares[1:-1]) > 1e-12
-
-
-def test_a_year_without_flow_is_refused():
-    slow = year(profile="histogram", speeds=[0.1, 0.2], hours=[1, 1])
-    with pytest.raises(InputError, match="no time of operation"):
-        physics(slow)
-    fast = year(profile="histogram", speeds=[2, 3], hours=[1, 1])
-    with pytest.raises(InputError, match="no time of operation"):
-        physics(fast.with_overrides("control.cut_out=1.5"))
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("speed_m_s,hours\n1,-2\n", "line 2, column hours = '-2'"),
-        ("speed_m_s,hours\n1,0\n", "sum to nothing"),
-        ("speed_m_s,hours\n1,inf\n", "finite number"),
-        ("a,b,c\n1,2,3\n", "lacks the column speed_m_s"),
-        ("speed_m_s,hours\n", "no rows"),
-    ],
-)
-def test_a_bad_file_is_refused(tmp_path, text, words):
-    (tmp_path / "year.csv").write_text(text)
-    with pytest.raises(InputError, match=words):
-        physics(year(profile="histogram", file=str(tmp_path / "year.csv")))
 
 
 def test_equilibria_are_those_of_brentq(plant):

@@ -3,10 +3,13 @@
 import re
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.records import read_record
+from hkt_mdo.dynamics.resource import HistogramResource
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.outline import read_outline
@@ -15,11 +18,17 @@ from hkt_mdo.files.table import Csv, parse_number
 from tests.files.broken import blades, polars, records
 from tests.properties import examples
 
+READ = {
+    "generator": lambda path: Generator(table=str(path)).electrical_power(1.0, 1.0),
+    "year": lambda path: HistogramResource(file=str(path)).speeds,
+}
+TABLES = yaml.safe_load((polars.DATA / "tables.yaml").read_text())
 BROKEN = (
     {f"blade {flaw}": (read_blade, *broken) for flaw, broken in blades.BROKEN.items()}
     | {flaw: (read_polars, *broken) for flaw, broken in polars.POLARS.items()}
     | {flaw: (read_outline, *broken) for flaw, broken in polars.OUTLINES.items()}
     | {f"record {flaw}": (read_record, *broken) for flaw, broken in records.BROKEN.items()}
+    | {f"{kind} {told}": (READ[kind], "a.csv", text.encode(), told) for kind, text, told in TABLES}
 )
 SOUND = {
     "blade.csv": (read_blade, blades.CSV.encode()),

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from hkt_mdo.case import read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import TABLES, Solution
 from hkt_mdo.results.words import texts
+from tests.conftest import DATA
 
 
 def test_load_reads_everything(result_folder: Path) -> None:
@@ -79,28 +81,18 @@ def test_load_refuses_pickles(result_folder: Path) -> None:
     assert not (result_folder / "trapped").exists()
 
 
-HEADER = "evaluation,energy_J,infeasibility\n"
+CORRUPT = yaml.safe_load((DATA / "broken" / "results.yaml").read_text())
+CORRUPT += [["summary.json", "[" * 100000, "cannot be read as JSON"]]
+CORRUPT += [["summary.json", f'{{"success": true, "energy_J": {"9" * 5000}}}', "cannot be read as"]]
 
 
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("", "line 1: is empty; its first line is evaluation,energy_J,infeasibility"),
-        ("evaluation,energy_J\n1,2\n", "line 1 = .*: lacks the column infeasibility"),
-        (f"energy_J,{HEADER}1,2,3,4\n", "line 1, column energy_J: appears twice in the header"),
-        (f"{HEADER}1,2\n", "line 2 = '1,2': has 2 cells where the header has 3"),
-        (f"{HEADER}1,2,3\n1,x,3\n", "line 3, column energy_J = 'x': must be a finite number"),
-        (f"{HEADER}1,,3\n", "line 2, column energy_J = '': must be"),
-        (f"{HEADER}1,1_000,3\n", "line 2, column energy_J = '1_000': must be"),
-        (f"{HEADER}1,é,3\n", "line 2, column energy_J = 'é'"),
-        (f"{HEADER}1,\x00,3\n", "line 2: is not UTF-8 text"),
-    ],
-)
-def test_load_refuses_a_corrupt_table(result_folder: Path, text: str, told: str) -> None:
-    (result_folder / "convergence.csv").write_text(text, encoding="utf-8")
+@pytest.mark.parametrize(("name", "text", "told"), CORRUPT)
+def test_load_refuses_a_corrupt_file(result_folder: Path, name: str, text: str, told: str) -> None:
+    (result_folder / name).write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=told) as caught:
         Solution.load(result_folder)
-    assert "convergence.csv" in str(caught.value)
+    assert name in str(caught.value)
+    assert ("run the case again" in str(caught.value)) == (name == "summary.json")
 
 
 @pytest.mark.parametrize(("most", "file"), [("MAX_CSV", "trajectory.csv"), ("MAX", "summary.json")])
