@@ -1,7 +1,6 @@
 """What is wrong with a case is told with file, key, value and remedy."""
 
 import pickle
-from pathlib import Path
 
 import pytest
 import yaml
@@ -10,11 +9,16 @@ from hkt_mdo.case import load_case, read_case
 from hkt_mdo.case.sweep import load_sweep
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.problem.physics import physics
+from tests.conftest import DATA
 
 MINIMAL = "inflow: {profile: sine}\ncontrol: {law: quadratic}\n"
-REFUSALS = yaml.safe_load((Path(__file__).parents[1] / "data" / "refusals.yaml").read_text())
+REFUSALS = yaml.safe_load((DATA / "refusals.yaml").read_text())
 REFUSALS += [["read", "a: " + 5000 * "[" + 5000 * "]", ["line 1", "20 levels"]]]
-TAKE = {"prepared": lambda file: physics(load_case(file)), "swept": load_sweep}
+TAKE = {
+    "prepared": lambda file: physics(load_case(file)),
+    "extended": lambda file: load_case(file, extensions=[DATA / "extension.py"]),
+    "swept": load_sweep,
+}
 
 
 @pytest.mark.parametrize(("how", "text", "words"), REFUSALS)

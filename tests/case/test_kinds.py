@@ -240,21 +240,3 @@ def test_a_limit_is_its_bound_or_a_section():
     assert bare == spelled == plain
     assert bare.limits.tip_acceleration.bound == 160.0
     assert read_case(MINIMAL, extensions=[FILE]).limits.given == ()
-
-
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("limits: {tip_accel: 160 m/s^2}", "unknown key; did you mean tip_acceleration?"),
-        (f"limits: {{{ACCEL}: 15 kg}}", "bound = '15 kg': has the unit kg.*largest tip ac"),
-        (f"limits: {{{ACCEL}: -1}}", f"{ACCEL}.bound = -1: must be greater than 0 m/s"),
-        (f"limits: {{{ACCEL}: {{}}}}", "bound: is missing; give it: Largest tip acceleration"),
-        (f"limits: {{{ACCEL}: true}}", f"{ACCEL} = true: must be a section"),
-        ("objective: priced", "objective.kind = 'priced': unknown; did you mean priced_torque?"),
-        ("objective: {kind: priced_torque, price: -1}", "objective.price = -1: must be at least 0"),
-        ("objective: {kind: captured, price: 1}", "objective.price = 1: unknown key; known here"),
-    ],
-)
-def test_bad_values_of_an_extension_are_reported_as_all_are(text, told):
-    with pytest.raises(InputError, match=told):
-        read_case(MINIMAL + text, extensions=[FILE])

@@ -563,23 +563,6 @@ def test_two_columns_are_the_components_of_a_speed(tmp_path):
     assert share == pytest.approx(100.0 * np.mean(0.045 / SPEED**2), rel=0.2)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("{", "cannot be read as JSON (Expecting property name"),
-        ("[" * 20_000, "cannot be read as JSON"),
-        ("[1, 2]", "is JSON, and no record of a known form; give columns over times"),
-        ('{"a": {"b": 1}}', "is JSON, and no record of a known form"),
-        ('{"s": {"1478606640000": 1, "noon": 2}}', "row 2, column time = 'noon': must be a"),
-        ('{"s": {"1478606640000": 1, "1478606650000": "x"}}', "row 2, column s = 'x': must be a"),
-        ('{"s": {"1478606640000": 1}, "d": {"1478606640000": 1}}', "give speed_column: of s, d"),
-        ('{"s": {"1478606640000": 1}}', "column s: has no unit that is known"),
-    ],
-)
-def test_json_that_is_no_record(put, text, message):
-    assert message in refused(read_record, put("a.json", text))
-
-
 def test_other_objects_are_refused():
     with pytest.raises(InputError, match="'list': is no record; give a pandas DataFrame"):
         record_from([1.0, 2.0])

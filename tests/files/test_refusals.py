@@ -21,14 +21,19 @@ from tests.properties import examples
 READ = {
     "generator": lambda path: Generator(table=str(path)).electrical_power(1.0, 1.0),
     "year": lambda path: HistogramResource(file=str(path)).speeds,
+    "record": read_record,
 }
 TABLES = yaml.safe_load((polars.DATA / "tables.yaml").read_text())
+TABLES += [["record.json", "[" * 20_000, "cannot be read as JSON"]]
 BROKEN = (
     {f"blade {flaw}": (read_blade, *broken) for flaw, broken in blades.BROKEN.items()}
     | {flaw: (read_polars, *broken) for flaw, broken in polars.POLARS.items()}
     | {flaw: (read_outline, *broken) for flaw, broken in polars.OUTLINES.items()}
     | {f"record {flaw}": (read_record, *broken) for flaw, broken in records.BROKEN.items()}
-    | {f"{kind} {told}": (READ[kind], "a.csv", text.encode(), told) for kind, text, told in TABLES}
+    | {
+        f"{name} {place}: {told}": (READ[name.partition(".")[0]], name, text.encode(), told)
+        for place, (name, text, told) in enumerate(TABLES)
+    }
 )
 SOUND = {
     "blade.csv": (read_blade, blades.CSV.encode()),
@@ -40,7 +45,7 @@ SOUND = {
     for place, name in enumerate(polars.WELL)
 }
 WHOLE = re.compile(
-    "is empty|is larger than|is not NetCDF|cannot be read as|"
+    "is empty|is larger than|is not NetCDF|is JSON, and no record|cannot be read as|"
     "has (a header but no|[0-9]+|no|nothing|the file extension)"
 )
 """What is said of a file as a whole, where no place is to be named."""
