@@ -7,7 +7,7 @@ from typing import Any
 
 from numba import njit
 
-SOURCES = sum(path.stat().st_mtime_ns for path in Path(__file__).parent.glob("*/*.py"))
+SOURCES = sum(path.stat().st_mtime_ns for path in Path(__file__).parent.rglob("*.py"))
 """Changes with each file of the package: numba's own cache sees changes of a function's own file
 only, not of functions and constants that it has compiled into it from others."""
 

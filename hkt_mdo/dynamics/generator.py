@@ -152,7 +152,9 @@ LOSSLESS = Generator()
 class _Surface:
     """Efficiency over torque (N*m) and speed (rad/s): cubics in each cell of a table.
 
-    Beyond the table they go on along their slopes, by at most `BEYOND` of its range.
+    Along its rows and columns they stay within their neighbours, inside a cell within some
+    thousandths of its corners. Beyond the table they go on along their slopes, by at most `BEYOND`
+    of its range.
     """
 
     def __init__(self, path: str):

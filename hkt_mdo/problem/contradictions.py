@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.limits import Taper
+from hkt_mdo.dynamics.limits import StressLimit, Taper
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import power_scale, torque_scale
@@ -55,7 +55,10 @@ def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
     scales["Pa"] = 0.5 * case.fluid.density * mean**2
     sections = [("", case), *((f"scenarios[{i}].", x) for i, x in enumerate(case.scenarios))]
     given = [
-        (f"{of}limits.{x.name}", x.upper, x.unit) for of, y in sections for x in y.limits.given
+        (f"{of}limits.{x.name}", x.upper, x.unit)
+        for of, y in sections
+        for x in y.limits.given
+        if x.unit != "Pa" or isinstance(x, StressLimit)
     ]
     given.append(("control.torque_limit", case.control.torque_limit or np.inf, "N*m"))
     for key, bound, unit in given:
@@ -63,7 +66,7 @@ def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
         if not isinstance(bound, str) and np.max(bound) < LEAST_SHARE * most:  # not `allowable`
             plain = unit.replace("*", " ")
             problem = f"is less than a hundredth of a usual rotor's in the mean flow, {most:.3g}"
-            larger = f"{bound:g} {'M' if unit == 'Pa' else 'k'}{plain}"
+            larger = "MPa" if unit == "Pa" else f"{bound:g} k{plain}"
             remedy = f"check its unit, such as {larger}, and rotor.radius"
             raise InputError(f"{problem} {plain}", remedy, key=key, value=bound)
 

@@ -67,10 +67,11 @@ class SteadyScenario(Scenario):
             return self
         found = self.bins.between(0.0, cut_out)
         if np.sum(found.share) < 3.0 * AT_END:
-            if (cut_in := getattr(self.resource, "cut_in", 0.0)) > cut_out:
-                problem, place = f"is above control.cut_out = {cut_out:g} m/s", "resource.cut_in"
+            if (cut_in := getattr(self.resource, "cut_in", 0.0)) >= cut_out:
+                problem, place = f"reaches control.cut_out = {cut_out:g} m/s", "resource.cut_in"
                 raise InputError(problem, "give a smaller one", key=place, value=cut_in)
-            problem = f"leaves no time of operation: the flow has at least {self.speeds[0]:.4g} m/s"
+            slowest = np.min(self.bins.speed[self.bins.share > AT_END])
+            problem = f"leaves no time of operation: the flow has at least {slowest:.4g} m/s"
             place = {"key": "control.cut_out", "value": cut_out}
             raise InputError(problem, "give a larger one, or null for none", **place)
         found = found.with_ends(found.speed[0], cut_out)

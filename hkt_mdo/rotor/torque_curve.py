@@ -98,7 +98,7 @@ class HermiteSpline(TorqueSpline):
         return CubicHermiteSpline(self.nodes, values, slopes)
 
     def slopes(self, values):
-        """Return slopes at the nodes by which no value leaves the range of its neighbours.
+        """Return slopes at the nodes by which no value of a table leaves that of its neighbours.
 
         They are those of the natural spline, limited to three times the smaller one of the two
         differences beside a node, and none at an extremum (J. M. Hyman, Accurate monotonicity

@@ -449,9 +449,10 @@ def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
 
 
 def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
-    """Return the failed checks as text, else nothing; if the optimizer failed, after a standstill.
+    """Return the failed checks as text; empty if none failed.
 
-    Of the other checks only the values are then told.
+    Where the optimizer failed, a standstill stands first, then the optimizer; of the other checks
+    only the values follow.
     """
     failed = [check for check in checks if not check.passed]
     if not failed or failed[0].name != "optimizer":

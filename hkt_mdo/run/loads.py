@@ -88,10 +88,10 @@ def placed(blade: Blade, several: list[tuple[RotorModel, Known]]) -> dict[str, L
 def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -> Known | None:
     """Return a trajectory at the times of its largest loads, with those of a resolved blade.
 
-    The resolved blade has `STATIONS` stations; between those of the
-    blade itself chord, twist and a designed thickness are linear. Loads count up to the blade's own
-    last station: closer to the tip, its loss alone decides the angle of attack. Only loads that
-    limits need; None if there are no such loads or the blade has as many stations.
+    The resolved blade has `STATIONS` stations; between those of the blade itself chord, twist and a
+    designed thickness are linear. Loads count up to the blade's own last station: closer to the
+    tip, its loss alone decides the angle of attack. Only loads that limits need; None if there are
+    no such loads or the blade has as many stations.
     """
     names = physics.load_names
     if not names or blade.r.size >= STATIONS:
