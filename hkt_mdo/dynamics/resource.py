@@ -173,7 +173,7 @@ class Resource(Inflow):
     """Whether `occurrence` returns the speeds of bins already."""
 
     bin_width: Annotated[float, Quantity("m/s", ge=0.005, le=1)] = 0.1
-    """Width of the bins."""
+    """Width of the bins; those of a histogram are as it gives them."""
     turbulence_intensity: Annotated[float, Quantity(ge=0, le=0.3)] = 0.0
     """Standard deviation of the speed within a bin over its mean (docs/year.md)."""
     cut_in: Annotated[float, Quantity("m/s", ge=0)] = 0.5
@@ -313,7 +313,6 @@ class HistogramResource(Resource):
     """Hours of a year, or shares of the time, of each speed of the flow."""
 
     own_bins: ClassVar[bool] = True
-    bin_width: ClassVar[float] = WIDEST  # type: ignore[misc]  # no key, since it has no use
 
     profile: Literal["histogram"] = "histogram"
     """The kind of resource."""
