@@ -99,9 +99,9 @@ def polar_table(
     InputError
         If there are fewer than 8 rows (two suffice where all are equal, as a cylinder's), angles do
         not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full circle, the
-        ends of a full circle differ, drag is not positive, lift falls or there is no suction
-        anywhere, one surface's pressure comes without the other's, or a number is beyond what
-        sections have.
+        ends of a full circle differ, drag is not positive, lift falls, pressure is nowhere below 0
+        though not 0 throughout, one surface's comes without the other's, or a number is beyond
+        what sections have.
     """
     messages = []
     unit = next(name for name in ANGLES if name in columns)
@@ -252,8 +252,10 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
 
 
 def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
-    """Return `PolarTable.smallest_pressure` of the columns of a file."""
+    """Return `PolarTable.smallest_pressure` of the columns of a file; None without any but 0."""
     given = {name: table[name] for name in ("cpmin", *SURFACES) if name in table}
+    if not any(np.any(column.values) for column in given.values()):
+        return None  # zeros stand in for a pressure that is unknown
     low, high = PRESSURE_RANGE
     without = all(np.all(column.values >= 0.0) for column in given.values())
     for column in given.values():
@@ -266,7 +268,7 @@ def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
         file, key = surfaces[0].file, surfaces[0].name
         raise InputError("is of one surface alone", remedy, file=file, key=key)
     columns = [column.values for column in surfaces or given.values()]
-    return np.stack(columns) if columns else None
+    return np.stack(columns)
 
 
 def read_reynolds(cell: str, file: object, key: str, unit: float = 1.0) -> float:

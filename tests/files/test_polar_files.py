@@ -259,11 +259,12 @@ def test_ends_of_a_full_circle_are_one_angle(put):
 
 def test_cylinder_needs_but_its_ends(put):
     for angles in ((-180, 180), (-180, 0, 180)):
-        text = "alpha_deg,cl,cd\n" + "".join(f"{angle},0,0.5\n" for angle in angles)
+        text = "alpha_deg,cl,cd,cpmin\n" + "".join(f"{angle},0,0.5,0\n" for angle in angles)
         polar = PolarFamily.from_file(put("section.dat", text)).polars[0]
         cl, cd = polar.evaluate(np.linspace(-4.0, 4.0, 99))
         assert np.allclose(cl, 0.0, atol=1e-14)
         assert np.allclose(cd, 0.5, atol=1e-14)
+        assert polar.suction is None
     with pytest.raises(InputError, match="at least 8"):
         read_polars(put("section.dat", text.replace("\n0,0,", "\n0,0.1,")))
 
