@@ -256,9 +256,9 @@ class Columns:
             # a value that overflows is refused later, with its row
             with np.errstate(over="ignore"):
                 time = (time - time[:1]) * scale
-            # in minutes and longer units, times may be counted from year 0 or before
-            if scale <= 1.0 and np.any(np.abs(self.time[:1]) * scale > LONGEST):
-                problem = f"begins at {self.time[0] * scale:.6g} s, more than 300 years"
+            # times may be counted from year 0, in minutes and longer units from before
+            if scale <= 1.0 and np.any(np.abs(self.time[:1]) * scale > 10.0 * LONGEST):
+                problem = f"begins at {self.time[0] * scale:.6g} s, more than 3000 years"
                 raise self.refuse_column(0, problem, "correct its unit, such as time_ms")
         unit, area = self._unit(1, options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):

@@ -236,11 +236,14 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
         messages.append(f"{speed.name}: {kind} {' and '.join(chosen)}")
     for name in bins:
         numbers = name in known and speed[name].dtype.kind in "iuf" and speed[name].size
-        unit = speed[name].attrs.get("units") or "m"
-        length = named_unit(f"{unit}/s", SPEEDS)  # a length has the name of its speed
-        if not numbers or length not in SPEED_UNITS:
+        if not numbers:
             remedy = f"give {name} its values in metres"
             raise raw.refuse_column(1, f"has no distances along {name}", remedy)
+        unit = str(speed[name].attrs.get("units") or "").split() or ["m"]  # such as m above bed
+        length = named_unit(f"{unit[0]}/s", SPEEDS)  # a length has the name of its speed
+        if length not in SPEED_UNITS:
+            problem = f"has distances along {name} in {' '.join(unit)}"
+            raise raw.refuse_column(1, problem, "give them in metres")
         centres = speed[name].values.astype(float) * SPEED_UNITS[length]
         available = f"there are {centres.size} from {_span(centres)}"
         if options.bins is None:

@@ -96,10 +96,11 @@ def test_units_are_converted_and_reported(tmp_path, header, options, factor):
 
 
 @pytest.mark.parametrize(
-    ("unit", "seconds"), [("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("days", 86400.0)]
+    ("unit", "seconds"), [("s", 1.0), ("ms", 1e-3), ("min", 60.0), ("h", 3600.0), ("days", 86400.0)]
 )
 def test_times_in_other_units(tmp_path, unit, seconds):
-    record = read_record(csv(tmp_path, time=(7.0 + TIME) / seconds, header=f"t_{unit},v_m_s"))
+    first = 738000 * 86400.0 if unit == "s" else 7.0  # since the year 0
+    record = read_record(csv(tmp_path, time=(first + TIME) / seconds, header=f"t_{unit},v_m_s"))
     np.testing.assert_allclose(record.time, TIME, atol=1e-6)
 
 
@@ -374,19 +375,23 @@ def test_profiles(tmp_path, form, options, factor, message):
         ({"speed_column": "vel", "time_column": "range"}, "has no distances along time"),
         ({"speed_column": "vel", "time_column": "times"}, "did you mean time?"),
         ({"dir": ["U", "E", "N"]}, "give component: there are U, E, N"),
+        (
+            {"range": ("range", TIME[:5], {"units": "bin"})},
+            "along range in bin; give them in metres",
+        ),
         ({"dir": [1, 2, 3]}, "is along the beams of the instrument; rotate it to earth"),
     ],
 )
 def test_profiles_that_are_not_plain(options, message):
     """Also of components that are not those of the horizontal speed."""
     data = adcp()
-    if "dir" in options:
+    if {"dir", "range"} & {*options}:
         data, options = data.assign_coords(options), {"speed_column": "vel", "bins": (3.0, 3.5)}
     with pytest.raises(InputError, match=re.escape(message)):
         record_from(data, **options)
 
 
-@pytest.mark.parametrize(("unit", "metre"), [("ft", 1.0 / 0.3048), ("cm", 100.0)])
+@pytest.mark.parametrize(("unit", "metre"), [("ft below", 1.0 / 0.3048), ("cm", 100.0), ("", 1.0)])
 def test_depths_are_in_their_unit(unit, metre):
     data = adcp()
     data["range"] = ("range", metre * data["range"].values, {"units": unit})
