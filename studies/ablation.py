@@ -123,7 +123,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
     ),
     "IPOPT's caution with several sections": (
         lambda result: sections(result) and open_loop(result),
-        [(drivers, "CAUTIOUS", {}), (drivers, "CAUTIOUS_BARRIER", 1.0)],
+        [(drivers, "CAUTIOUS", {})],
     ),
     "a finer first curve with several sections": (sections, [(passes, "curve_nodes", usual_curve)]),
     "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),
