@@ -38,15 +38,17 @@ def case_json_schema(extensions: Iterable[Extension] = ()) -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def quantity_at(key: str, extensions: Iterable[Extension] = ()) -> Quantity | None:
-    """Return what a key of a case takes, by its dotted name; None where that is no quantity."""
+def quantities(key: str, extensions: Iterable[Extension] = (), case: Any = None) -> Iterator[Any]:
+    """Yield the quantities that a key may be, by its dotted name, first those of a `case`."""
     found: list[Any] = [case_class(known_kinds(extensions))]
     for name in (*key.split("."), "bound"):  # a limit may be its bound alone
+        found.sort(key=lambda each: each is not type(case))
         known = [each.model_fields.items() for each in found if not isinstance(each, Quantity)]
         fields = [field for each in known for own, field in each if name == (field.alias or own)]
         found = [each for each in found if isinstance(each, Quantity)]
         found += [part for field in fields for part in parts_of(field.rebuild_annotation())]
-    return next((each for each in found if isinstance(each, Quantity)), None)
+        case = getattr(case, name, None)
+    return (each for each in found if isinstance(each, Quantity))
 
 
 def _chapters(schema: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], dict[str, Any]]]:

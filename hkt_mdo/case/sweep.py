@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
-from hkt_mdo.case.document import quantity_at
+from hkt_mdo.case.document import quantities
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.schema import Case, load_case
 from hkt_mdo.errors import InputError
@@ -208,10 +208,10 @@ class Sweep(Section):
         found: Point = {}
         for name, (key, given) in zip(self.columns, point.items(), strict=True):
             found[name] = given if isinstance(given, str | int | float) else json.dumps(given)
-            if quantity := quantity_at(key, extensions):
-                with suppress(ValueError):  # a name or a section
-                    bound = given.get("bound") if isinstance(given, dict) else given
-                    found[name] = quantity.read(bound)
+            for x in quantities(key, extensions):
+                with suppress(ValueError):  # a name, a section, or the unit of another law
+                    found[name] = x.read(given.get("bound") if isinstance(given, dict) else given)
+                    break
         return found
 
     def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:

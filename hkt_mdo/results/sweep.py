@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case.document import quantity_at
+from hkt_mdo.case.document import quantities
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, read_text, write_files
@@ -201,7 +201,10 @@ class SweepTable:
         if name == "objective":
             words, unit = name, ", ".join({*self.columns["objective_unit"]} - {""})
         elif name in self.sweep.over:
-            words, unit = name, getattr(quantity_at(name), "unit", None) or ""
+            case = None
+            with suppress(InputError):  # such as without an extension
+                case = self.sweep.case_at(next(self.sweep.points()))
+            words, unit = name, getattr(next(quantities(name, (), case), None), "unit", None) or ""
         elif unit not in ("W", "J", "N", "Pa", "Nm", "kg"):
             return values, name
         plain = plain_unit(unit.replace("Nm", "N m"))

@@ -16,10 +16,12 @@ from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.sweep import SWEEP, Point, Sweep, load_sweep
 from hkt_mdo.errors import InputError
+from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
 from hkt_mdo.run.batch import ended_result, finished_result, improved
+from hkt_mdo.run.digest import digest
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
@@ -115,11 +117,11 @@ class _Plan:
             self.rows[name] = {}
             self.points_of[name] = point
             folder = self.out / RUNS / name
-            if found := finished_result(folder, case):
-                self.reused += 1
-                self.done(name, _row(found, case))
-                continue
-            if ended_result(folder, case):
+            if found := ended_result(folder, case):
+                if found.summary.digest == digest(complete(case)):
+                    self.reused += 1
+                    self.done(name, _row(found, case))
+                    continue
                 self.older += 1
                 self.tell()
             yield name, partial(run_one, case, folder, self.nearest(point), self.run)

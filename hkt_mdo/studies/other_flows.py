@@ -241,7 +241,8 @@ class Run:
             found["rotor stalls"] = Told(value=time, unit="s", kept=False, remark=remark)
         fast = known["inflow_speed"] > (physics.law.cut_out or np.inf)
         if np.any(fast):
-            time, share = float(known["time"][np.argmax(fast)]), 100.0 * np.mean(fast)
+            time = float(known["time"][np.argmax(fast)])
+            share = 100.0 * np.trapezoid(1.0 * fast, known["time"]) / np.ptp(known["time"])
             remark = f"for {share:.3g} % of the time: the simulation does not stop the machine"
             found["flow above the cut-out"] = Told(value=time, unit="s", remark=remark)
         if (away := self.runs_away) is not None:

@@ -64,6 +64,15 @@ def test_null_beside_numbers_leaves_the_map(folder):
     assert found == "control.torque_limit (N m), null left out"
 
 
+@pytest.mark.parametrize("unit", ["", " N*m*s**2/rad**2"])
+def test_gains_are_numbers_in_the_unit_of_the_cases_law(tmp_path, unit):
+    (tmp_path / SWEEP).write_text(f"case: first_turbine\nover: {{control.gain: [0.2{unit}]}}\n")
+    sweep = load_sweep(tmp_path / SWEEP)
+    columns = {key: np.array([x]) for key, x in sweep.row_at(next(sweep.points())).items()}
+    shown = SweepTable(tmp_path, sweep, columns).shown("control.gain")
+    assert shown == ([0.2], "control.gain (N m s^2/rad^2)")
+
+
 @pytest.mark.slow
 def test_a_click_opens_the_report_of_a_run(folder, browser, capsys):  # noqa: F811
     assert main(["report", str(folder)]) == 0

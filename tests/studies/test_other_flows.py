@@ -12,7 +12,7 @@ import pytest
 
 import hkt_mdo
 from hkt_mdo.cli import main
-from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
+from hkt_mdo.dynamics.flows import ConstantInflow, GustInflow, SineInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.limits import Limit, ThrustLimit, TorqueLimit, TorqueRateLimit
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
@@ -88,6 +88,13 @@ def test_a_limit_from_below_and_one_of_both_signs(quadratic):
     assert told.value == pytest.approx(np.max(np.abs(rate)), rel=0.05)
     assert told.share == pytest.approx(told.value)
     assert not told.kept
+
+
+def test_time_above_the_cut_out_is_a_share_of_time(quadratic):
+    law = quadratic.physics.law.model_copy(update={"cut_out": 1.5 + 1e-9})
+    design = replace(quadratic, physics=replace(quadratic.physics, law=law))
+    told = Run(design, GustInflow(width=6.0)).told["flow above the cut-out"]
+    assert float(told.remark.split()[1]) == pytest.approx(10.0, abs=0.2)  # 6 s of 60 s
 
 
 def test_a_torque_that_drives_the_rotor_is_reported(open_loop):
