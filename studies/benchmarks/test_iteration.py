@@ -93,7 +93,9 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
     monkeypatch.setattr(
         components,
         "TablesComp",
-        lambda nodes, **_: om.IndepVarComp("torque_coefficient_table", np.zeros(nodes.size)),
+        lambda rotor, blade, nodes, **_: om.IndepVarComp(
+            "torque_coefficient_table", np.zeros(nodes.size)
+        ),
     )
     once["bare"] = iteration(built(bare))
     times = in_turns(once, rounds=40 if full else 1)
