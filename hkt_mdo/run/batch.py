@@ -105,7 +105,12 @@ def finished_result(folder: Path, case: Case) -> Solution | None:
     The files that the case names and the source code must have the content that the run met.
     """
     found = ended_result(folder, case)
-    return found if found and found.summary.digest == digest(complete(case)) else None
+    return found if found and is_current(found, case) else None
+
+
+def is_current(found: Solution, case: Case) -> bool:
+    """Tell whether a result of a case is of the source code and the files as they are."""
+    return found.summary.digest == digest(complete(case))
 
 
 def ended_result(folder: Path, case: Case) -> Solution | None:

@@ -16,12 +16,10 @@ from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.sweep import SWEEP, Point, Sweep, load_sweep
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.physics import complete
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
-from hkt_mdo.run.batch import ended_result, finished_result, improved
-from hkt_mdo.run.digest import digest
+from hkt_mdo.run.batch import ended_result, finished_result, improved, is_current
 from hkt_mdo.run.engine import in_processes, why_failed
 from hkt_mdo.run.run import run_case
 
@@ -118,7 +116,7 @@ class _Plan:
             self.points_of[name] = point
             folder = self.out / RUNS / name
             if found := ended_result(folder, case):
-                if found.summary.digest == digest(complete(case)):
+                if is_current(found, case):
                     self.reused += 1
                     self.done(name, _row(found, case))
                     continue
