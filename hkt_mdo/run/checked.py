@@ -13,7 +13,7 @@ from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.quantities import RATES
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.checks import BELOW_START, Checked
+from hkt_mdo.run.checks import BELOW_START, Checked, recovery
 from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
@@ -70,10 +70,14 @@ def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
 def _moving_reference(state, start, result) -> float:
     """Return the objective of a start with the rotor's inertia, J; 0 if it breaks a limit.
 
-    A quasi-steady start follows every gust at once, which a rotor with inertia cannot.
+    A quasi-steady start follows every gust at once, which a rotor with inertia cannot; nor may that
+    come nearer to stall than a law may.
     """
     physics = state.first
     verifications = verify(as_it_stands(state, physics, start, result))
+    if physics.law.is_feedback:
+        if any(value > most for _, value, most, _ in recovery(physics, verifications)):
+            return 0.0
     for verification in verifications:
         limits = physics.limits_in(verification.scenario)
         # a law with states has other states over time than in equilibrium

@@ -234,7 +234,7 @@ def _of_design(ended):
         change = "change of the objective on a finer mesh, as far as it is known"
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
     else:
-        yield from _recovery(physics, verifications)
+        yield from recovery(physics, verifications)
     if physics.case.generator.table is not None:
         beyond, nodes = physics.case.generator.beyond_table, [x.trajectory for x in verifications]
         off = max(beyond(each["control_torque"], each["rotor_speed"]) for each in nodes)
@@ -346,8 +346,13 @@ def _stored(physics, verification) -> float:
     return max(min(change, beyond), 0.0)
 
 
-def _recovery(physics, verifications):
-    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows."""
+def recovery(
+    physics: Physics, verifications: tuple[Verification, ...]
+) -> Iterator[tuple[str, float, float, str]]:
+    """Yield how far a rotor under feedback is closer to stall than `DistanceFromStall` allows.
+
+    That is the check's name, its value and limit, and what it is.
+    """
     share, when = _worst(verifications, "short_of_recovery")
     word = f"missing share of the least torque that recovers a slowed rotor, at {when}"
     # without a torque curve no distance is required, only that the rotor recovers

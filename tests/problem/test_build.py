@@ -205,6 +205,17 @@ def test_totals_with_a_designed_radius_and_distance_from_stall_in_both_scenarios
     check_totals(problem)
 
 
+def test_a_rotor_is_held_to_its_distance_from_stall_where_it_has_settled():
+    """A heavy one never does but in its initial equilibrium."""
+    sizes = []
+    for hub in (0.0, 1e5):
+        world = coarse_physics(VARIANTS["quadratic"], f"rotor: {{hub_inertia: {hub}}}")
+        problem, _ = assembled(world)
+        found = problem.driver.get_constraint_values()["limit_distance_from_stall.value"]
+        sizes.append(found.size)
+    assert sizes == [world.scenarios[0].node_times.size, 1]
+
+
 # The public problem -------------------------------------------------------------------------------
 
 

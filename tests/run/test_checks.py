@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.checked import none_found
+from hkt_mdo.run.checked import checked, none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
@@ -285,6 +286,17 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
     assert "try " in said
     if name not in ("optimizer", "rotor_keeps_turning"):
         assert said.startswith(f"{name} = {refused.value:.3g} exceeds {refused.limit:g}, ")
+
+
+@pytest.mark.parametrize("short", [0.0, 1.0])
+def test_a_start_too_near_stall_is_no_measure(feedback, tmp_path, monkeypatch, short):
+    entry = "distance_from_stall", short, 0.2, ""
+    monkeypatch.setattr("hkt_mdo.run.checked.recovery", lambda *_: [entry])
+    first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
+    state = SimpleNamespace(first=first, scratch=tmp_path, optimum=feedback.optimum)
+    found = checked(state, start, feedback.result, feedback.verifications).start.reference
+    expected = 0.0 if short else feedback.start.reference
+    assert found == pytest.approx(expected, rel=2e-3)
 
 
 def test_a_standstill_is_told_before_the_optimizers_failure(feedback):
