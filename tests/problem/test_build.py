@@ -13,7 +13,7 @@ from hkt_mdo.dynamics.flows import StepInflow
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start.find import find_start, steady_optimum
 from tests.test_extension_faults import TwoStates
 
@@ -203,6 +203,15 @@ def test_totals_with_a_designed_radius_and_distance_from_stall_in_both_scenarios
     names = {f"limit_distance_from_stall{suffix}.value" for suffix in ("", "_step")}
     assert names <= set(problem.driver.get_constraint_values())
     check_totals(problem)
+
+
+def test_a_torque_curve_has_no_more_nodes_than_its_tolerance_needs():
+    worlds = (
+        coarse_physics(VARIANTS["linear"], f"hydrodynamics: {{tolerance: {least}}}")
+        for least in (1e-5, 1e-3)
+    )
+    sizes = [curve_nodes(world, assembled(world)[1]).size for world in worlds]
+    assert sizes[0] > 1.2 * sizes[1]
 
 
 def test_a_rotor_is_held_to_its_distance_from_stall_where_it_has_settled():

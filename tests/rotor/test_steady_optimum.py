@@ -7,7 +7,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.steady_optimum import best_blade, best_operation, best_rotor
+from hkt_mdo.rotor.steady_optimum import _newton_step, best_blade, best_operation, best_rotor
 
 BOUNDS = {"chord": (0.01, 1.0), "twist": (np.deg2rad(-30.0), np.deg2rad(30.0))}
 
@@ -48,6 +48,15 @@ def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
     found = best_operation(blade, Hydrodynamics(polar))
     sweep = bem.rotor_coefficients(blade, polar, np.linspace(4.0, 12.0, 801)).power
     assert found.power_coefficient >= sweep.max() - 1e-9
+
+
+def test_a_station_stays_at_a_bound_only_where_it_would_go_beyond():
+    """Two variables of two stations, both at their upper bound: f = a.x - |x|^2 / 2."""
+    slope = np.array([[1.0, -1.0], [-0.5, 0.5]])
+    bend, room = -np.repeat(np.eye(2)[:, :, None], 2, axis=2), np.zeros((2, 2, 2))
+    room[0] = -4.0
+    step = _newton_step(slope, bend, room, np.full(2, 4.0))
+    np.testing.assert_allclose(step, np.minimum(slope, 0.0))
 
 
 # The exploratory model (another program, same assumptions)
