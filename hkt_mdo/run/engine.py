@@ -19,7 +19,7 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib import metadata
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +32,6 @@ PATIENCE = 5.0
 """Seconds in which a scheduler must answer."""
 ALLOWED_FAILURES = 3
 """Deaths of its workers after which a call is given up: it may be what kills them."""
-
-
-class WrongWorkerError(InputError):
-    """A worker that cannot make the calls of this program."""
 
 
 def in_processes(
@@ -57,6 +53,7 @@ def in_processes(
     first = list(islice(waiting, 1))  # without a task no worker is started
     if not first:
         return
+    waiting = chain(first, waiting)
     interrupts = handling(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C does
     with interrupts, _client(jobs or os.cpu_count() or 1, scheduler) as client:
         from distributed import wait
@@ -70,21 +67,18 @@ def in_processes(
                 if new := {*threads} - seen:
                     _check_workers(client, {name: threads[name] for name in new}, folder)
                     seen |= new
+            for future in [each for each in keys if each.done()]:
+                ended(keys.pop(future), future)
+                future.release()
             if client.cluster is not None:  # one that died as it started has not come back
                 client.cluster.scale(jobs or os.cpu_count())
             room = max(1, len(threads)) - len(keys)
-            for key, task in [*first, *islice(waiting, max(0, room - len(first)))]:
-                keys[client.submit(_call, versions(), dumps(task), pure=False)] = key
-            first = []
+            for key, task in islice(waiting, max(0, room)):
+                keys[client.submit(_call, dumps(task), pure=False)] = key
             if not keys:
                 return
             with _while_it_is_there(scheduler), suppress(TimeoutError):
                 wait([*keys], timeout=SECONDS_BETWEEN_LOOKS, return_when="FIRST_COMPLETED")
-            for future in [each for each in keys if each.done()]:
-                if future.status == "error" and isinstance(future.exception(), WrongWorkerError):
-                    future.result()
-                ended(keys.pop(future), future)
-                future.release()
 
 
 @contextmanager
@@ -117,9 +111,8 @@ def versions() -> dict[str, str]:
     return {"hkt_mdo": source, "Python": platform.python_version(), **packages}
 
 
-def _call(theirs: dict[str, str], task: bytes) -> Any:
-    """Make a call in a worker; its client has the versions `theirs`."""
-    _compare("a worker", versions(), theirs)
+def _call(task: bytes) -> Any:
+    """Make a call in a worker."""
     from distributed.protocol.pickle import loads
 
     try:
@@ -137,34 +130,30 @@ def _calm() -> None:
     gc.freeze()
 
 
-def _compare(name: str, theirs: dict[str, str], ours: dict[str, str]) -> None:
-    """Refuse a worker of other versions."""
-    found = [f"{x} {theirs.get(x)} (here {ours[x]})" for x in ours if theirs.get(x) != ours[x]]
-    if found:
-        raise _refused(name, ", ".join(found))
-
-
-def _refused(name: str, differences: str) -> WrongWorkerError:
-    remedy = "start workers in the same environment as this program"
-    return WrongWorkerError(f"{name} has {differences}", remedy, key="scheduler")
-
-
 def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) -> None:
     """Refuse workers of another version, of several threads, or that do not see a folder."""
-    told = client.run(_introduce, folder, workers=list(threads), on_error="return")
+    told, ours = (
+        client.run(_introduce, folder, workers=list(threads), on_error="return"),
+        versions(),
+    )
+    same = "start workers in the same environment as this program"
     for name, found in told.items():
         if isinstance(found, OSError):  # it has died meanwhile
             continue
+        worker = f"the worker {name}"
         if isinstance(found, BaseException):
-            raise _refused(f"the worker {name}", f"no such hkt_mdo ({why_failed(found)})")
+            problem = f"{worker} has no such hkt_mdo ({why_failed(found)})"
+            raise InputError(problem, same, key="scheduler")
         theirs, sees = found
-        _compare(f"the worker {name}", theirs, versions())
+        other = [f"{x} {theirs.get(x)} (here {ours[x]})" for x in ours if theirs.get(x) != ours[x]]
+        if other:
+            raise InputError(f"{worker} has {', '.join(other)}", same, key="scheduler")
         if not sees:
             remedy = "results are written by the workers: choose a folder that all of them share"
-            raise WrongWorkerError(f"the worker {name} does not see it", remedy, file=folder)
+            raise InputError(f"{worker} does not see it", remedy, file=folder)
         if threads[name] > 1:
-            problem = f"the worker {name} has {threads[name]} threads; a run needs its own process"
-            raise WrongWorkerError(problem, "start it with --nthreads 1", key="scheduler")
+            problem = f"{worker} has {threads[name]} threads; a run needs its own process"
+            raise InputError(problem, "start it with --nthreads 1", key="scheduler")
 
 
 def _introduce(folder: Path | None) -> tuple[dict[str, str], bool]:

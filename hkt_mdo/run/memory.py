@@ -7,13 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.simulation import (
-    FeedbackTorque,
-    IntegrationError,
-    RecordedTorque,
-    Start,
-    simulate,
-)
+from hkt_mdo.dynamics.simulation import IntegrationError, RecordedTorque, Start, simulate
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import on_start
@@ -21,7 +15,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.run.verification import HeldSpeeds, Optimized, SimulatedDesign, plant_of
+from hkt_mdo.run.verification import HeldSpeeds, Optimized, SimulatedDesign, controller_of, plant_of
 
 HOPELESS = 0.5
 """Share of the least stable inertia below which a case with memory is not optimized."""
@@ -63,15 +57,8 @@ def stability(verifications: Sequence[SimulatedDesign]) -> MemoryEntry | None:
 
 def stability_of(result: Optimized) -> MemoryEntry | None:
     """Return the same along the trajectories of an optimization whose case asks for memory."""
-    physics, along = result.physics, []
-    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
-        names = "time", "rotor_speed", "inflow_speed", *physics.law.states
-        if scenario.steady and not physics.law.is_feedback:
-            continue
-        plant = plant_of(physics, scenario, result.point.blade)
-        controller = result.controller_in(scenario, plant, nodes)
-        along.append((plant, controller, [nodes[name] for name in names]))
-    return _verdict(physics, along)
+    along = _along(result.physics, result.point, result.trajectories)
+    return _verdict(result.physics, along)
 
 
 def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
@@ -90,7 +77,8 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     """
     if not (physics.remembers and physics.law.is_feedback and start.operation.running):
         return start
-    found, along = _at_start(physics, start)
+    along = _along(physics, start, on_start(physics, start))
+    found = _verdict(physics, along)
     if found is None or found.stable:
         return _followed(physics, start, along)
     heavier = stable_hub(physics, start.blade, found, SAFE)
@@ -131,19 +119,19 @@ def first_hub(physics: Physics, start: StartingPoint) -> float:
     """Return the lower bound on a designed `hub_inertia` in the first optimization, kg*m**2."""
     if not (physics.designs_hub and physics.remembers and physics.law.is_feedback):
         return 0.0
-    found, _ = _at_start(physics, start)
+    found = _verdict(physics, _along(physics, start, on_start(physics, start)))
     return stable_hub(physics, start.blade, found, SAFE) or 0.0
 
 
-def _at_start(physics, start):
-    """Return the verdict along a quasi-steady start, and the series of each scenario."""
-    along = []
-    for scenario, known in zip(physics.scenarios, on_start(physics, start), strict=True):
-        names = "time", "rotor_speed", "inflow_speed", *physics.law.states
-        plant = plant_of(physics, scenario, start.blade)
-        controller = FeedbackTorque(physics.law_in(scenario), start.gains)
-        along.append((plant, controller, [known[name] for name in names]))
-    return _verdict(physics, along), along
+def _along(physics, point, trajectories):
+    """Return plant, controller and series of a point in each scenario; an open loop needs time."""
+    names, along = ("time", "rotor_speed", "inflow_speed", *physics.law.states), []
+    for scenario, known in zip(physics.scenarios, trajectories, strict=True):
+        if physics.law.is_feedback or not scenario.steady:
+            plant = plant_of(physics, scenario, point.blade)
+            controller = controller_of(physics, scenario, plant, point.gains, known)
+            along.append((plant, controller, [known[name] for name in names]))
+    return along
 
 
 def _followed(physics, start, along) -> StartingPoint:

@@ -152,14 +152,18 @@ def division(
     before
         Objectives on the coarser meshes, J, the last one's at the end.
     """
-    physics = result.physics
-    coarse, error = _contradicted(physics, verifications, before), 0.0
+    physics, error = result.physics, 0.0
+    coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in verifications]
+    pairs = zip(coarse, verifications, strict=True)
+    moving = [pair for pair in pairs if not pair[1].scenario.steady]  # the others have no mesh
+    if checks.is_false(verifications):
+        _mark_contradicted(verifications, moving, before)
     if len(before) < MOST_DIVISIONS:
-        for marks, verification in zip(coarse, verifications, strict=True):
+        for marks, verification in moving:
             marks |= _exceeded_between(verification, result.energy)
             marks |= _near_stall(verification)
     if not physics.law.is_feedback:
-        error = _open_loop(result, verifications, coarse, before)
+        error = _open_loop(result, moving, before)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
     mesh = physics.scenarios[0].mesh
@@ -171,26 +175,22 @@ def division(
     ):
         parts = [np.ones(marks.size, dtype=int) for marks in coarse]
         return Division(float(error), parts, HIGHER_ORDER)
-    return Division(float(error), [np.where(marks, _parts(verifications), 1) for marks in coarse])
+    return Division(float(error), [np.where(marks, _parts(moving), 1) for marks in coarse])
 
 
-def _contradicted(physics, verifications, before) -> list[np.ndarray]:
-    """Return the segments in which the integration contradicts the collocation."""
-    coarse = [np.zeros(each.scenario.segments, dtype=bool) for each in verifications]
-    if not checks.is_false(verifications):
-        return coarse
+def _mark_contradicted(verifications, moving, before) -> None:
+    """Mark the segments in which the integration contradicts the collocation."""
     # where only the energies differ, speeds differ less than is allowed
     worst = max(np.max(verification.speed_errors) for verification in verifications)
-    for marks, verification in zip(coarse, verifications, strict=True):
-        if verification.scenario.steady:
-            continue
+    for marks, verification in moving:
         errors = verification.speed_errors.reshape(marks.size, -1)
         marks |= np.max(errors, axis=1) > COARSE_SPEED * min(checks.SPEED_ERROR, worst)
     # the second time it is another trajectory, which no mesh corrects; Radau's ends are free
+    physics, count = verifications[0].physics, sum(each.scenario.segments for each in verifications)
     radau = physics.law.is_feedback and physics.case.phase.transcription == "radau"
-    if radau or (before and np.mean(np.concatenate(coarse)) > 0.5):
-        return [np.zeros_like(marks) for marks in coarse]
-    return coarse
+    if radau or (before and sum(np.sum(marks) for marks, _ in moving) > 0.5 * count):
+        for marks, _ in moving:
+            marks[:] = False
 
 
 def _exceeded_between(verification, energy) -> np.ndarray:
@@ -199,8 +199,6 @@ def _exceeded_between(verification, energy) -> np.ndarray:
     A limit counts if a lower one at the nodes would cost energy, or would have to be much lower.
     """
     found = np.zeros(verification.scenario.segments, dtype=bool)
-    if verification.scenario.steady:  # has no mesh
-        return found
     known, shares = verification.of_model, np.sum(_energies(verification, energy), axis=1)
     for limit in verification.constrained:
         over, _ = known.between_nodes(limit)
@@ -216,40 +214,38 @@ def _near_stall(verification) -> np.ndarray:
     """Return the segments in which a rotor under feedback is closer to stall than at the nodes."""
     physics, scenario = verification.physics, verification.scenario
     found = np.zeros(scenario.segments, dtype=bool)
-    if physics.law.is_feedback and physics.has_curve and not scenario.steady:
+    if physics.law.is_feedback and physics.has_curve:
         near = verification.short_of_recovery > checks.RECOVERY_ERROR
         place = np.searchsorted(scenario.edges, verification.simulation.time[near]) - 1
         found[np.maximum(place, 0)] = True
     return found
 
 
-def _open_loop(result, verifications, coarse, before) -> float:
-    """Return the error of the mesh under open loop, and mark in `coarse` what causes it."""
+def _open_loop(result, moving, before) -> float:
+    """Return the error of the mesh under open loop, and mark the segments that cause it."""
     best = result.physics.rotor.best_operation(result.point.blade).power_coefficient
-    left = [_left(verification, result.energy, best) for verification in verifications]
+    left = [_left(verification, result.energy, best) for _, verification in moving]
     known = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
-    rates = _limits_rates(verifications)
-    error = change if rates and before else min(change / (_parts(verifications) - 1), known)
+    rates = _limits_rates(moving)
+    error = change if rates and before else min(change / (_parts(moving) - 1), known)
     if error <= checks.MESH_ERROR and (before or not rates):
         return error
-    for marks, verification, own in zip(coarse, verifications, left, strict=True):
-        if verification.scenario.steady:
-            continue
+    for (marks, verification), own in zip(moving, left, strict=True):
         large = own > 0.0 if rates and not before else too_large(own, LOST)
         marks |= _switches(verification) | large
     return error
 
 
-def _parts(verifications) -> int:
+def _parts(moving) -> int:
     """Return the number of parts into which a segment is divided."""
-    return PARTS_OF_RATES if _limits_rates(verifications) else PARTS
+    return PARTS_OF_RATES if _limits_rates(moving) else PARTS
 
 
-def _limits_rates(verifications) -> bool:
+def _limits_rates(moving) -> bool:
     """Tell whether a limit on a rate holds in some scenario."""
-    return any(limit.is_of(RATES) for each in verifications for limit in each.constrained)
+    return any(limit.is_of(RATES) for _, each in moving for limit in each.constrained)
 
 
 def _switches(verification) -> np.ndarray:
@@ -275,8 +271,6 @@ def _left(verification, energy, best) -> np.ndarray:
     energy.
     """
     physics, scenario, nodes = verification.physics, verification.scenario, verification.at_nodes
-    if scenario.steady:
-        return np.zeros(scenario.segments)
     simulated = verification.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and physics.starting_generator is None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
-from hkt_mdo.case.sweep import SWEEP, Point, Sweep, load_sweep
+from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import InUseError, locked, write_text
 from hkt_mdo.results.solution import Solution
@@ -90,8 +90,7 @@ class _Plan:
         self.run, self.told, self.total = run, told, total
         self.points: list[tuple[Row, str]] = []  # values of the keys, and the run's name
         self.rows: dict[str, Row] = {}  # by the run's name
-        self.points_of: dict[str, Point] = {}  # by the run's name
-        self.verified: list[tuple[str, np.ndarray]] = []  # names, and places on the axes
+        self.places: dict[str, np.ndarray] = {}  # on the axes, each from 0 to 1, by the run's name
         self.began = self.written = time.monotonic()
         self.reused = self.computed = self.failed = self.older = 0
 
@@ -113,7 +112,8 @@ class _Plan:
                 self.total -= 1
                 continue
             self.rows[name] = {}
-            self.points_of[name] = point
+            shares = [axis.share(point[key]) for key, axis in self.sweep.over.items()]
+            self.places[name] = np.array(shares)
             folder = self.out / RUNS / name
             if found := ended_result(folder, case):
                 if is_current(found, case):
@@ -122,7 +122,7 @@ class _Plan:
                     continue
                 self.older += 1
                 self.tell()
-            yield name, partial(run_one, case, folder, self.nearest(point), self.run)
+            yield name, partial(run_one, case, folder, self.nearest(name), self.run)
 
     def ended(self, name: str, future: Any) -> None:
         """Take a run's row."""
@@ -135,24 +135,18 @@ class _Plan:
         if time.monotonic() - self.written > SECONDS_BETWEEN_TABLES:
             self.write()
 
-    def place(self, point: Point) -> np.ndarray:
-        """Return where a point is on its axes, each from 0 to 1."""
-        return np.array([axis.share(point[key]) for key, axis in self.sweep.over.items()])
-
-    def nearest(self, point: Point) -> Path | None:
-        """Return the folder of the nearest verified run, if there is one and it is asked for."""
-        if not (self.sweep.neighbours and self.verified):
+    def nearest(self, name: str) -> Path | None:
+        """Return the folder of the verified run nearest to one, if it is asked for and there is."""
+        verified = [each for each, row in self.rows.items() if row.get("state") == VERIFIED]
+        if not (self.sweep.neighbours and verified):
             return None
-        here = self.place(point)
-        name, _ = min(self.verified, key=lambda each: float(np.sum((each[1] - here) ** 2)))
-        return self.out / RUNS / name
+        far = {each: np.sum((self.places[each] - self.places[name]) ** 2) for each in verified}
+        return self.out / RUNS / min(verified, key=far.__getitem__)
 
     def done(self, name: str, row: Row) -> None:
         """Keep a row, and tell of it."""
         self.rows[name] = row
         self.failed += row["state"] != VERIFIED
-        if row["state"] == VERIFIED:
-            self.verified.append((name, self.place(self.points_of[name])))
         self.tell()
 
     def tell(self) -> None:
@@ -166,7 +160,7 @@ class _Plan:
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""
         empty = {"state": "", "message": "has not ended"}
-        folder = {name: f"{RUNS}/{name}" for name in self.points_of}
+        folder = {name: f"{RUNS}/{name}" for name in self.places}
         return [
             {**values, "run": folder.get(name, ""), **(self.rows[name] or empty)}
             for values, name in self.points

@@ -67,13 +67,6 @@ class Optimized:
     mesh_error: float = 0.0
     """Relative change of the objective on a finer mesh, as far as it is known."""
 
-    def controller_in(self, scenario: Scenario, plant: Plant, nodes: dict):
-        """Return the optimized controller; nodes has the trajectory that an open loop repeats."""
-        law = self.physics.law_in(scenario)
-        if law.is_feedback:
-            return FeedbackTorque(law, self.point.gains)
-        return RecordedTorque.of(plant, nodes, law.torque_limit)
-
 
 @dataclass(frozen=True, eq=False)
 class SimulatedDesign:
@@ -323,7 +316,7 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
             run = _balanced(plant, scenario, physics.law_in(scenario), result.point.gains, nodes)
             verifications.append(SteadyVerification(physics, rotor, plant, *run, **options))
             continue
-        controller = result.controller_in(scenario, plant, nodes)
+        controller = controller_of(physics, scenario, plant, result.point.gains, nodes)
         start = Start(
             float(nodes["rotor_speed"][0]),
             [nodes[name][0] for name in physics.law.states],
@@ -337,6 +330,14 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
         run = _simulated(plant, *about), controller
         verifications.append(Verification(physics, rotor, plant, *run, **options))
     return tuple(verifications)
+
+
+def controller_of(physics: Physics, scenario: Scenario, plant: Plant, gains, nodes: dict):
+    """Return the controller in a scenario; nodes has the trajectory that an open loop repeats."""
+    law = physics.law_in(scenario)
+    if law.is_feedback:
+        return FeedbackTorque(law, gains)
+    return RecordedTorque.of(plant, nodes, law.torque_limit)
 
 
 def plant_of(physics: Physics, scenario: Scenario, blade: Blade) -> Plant:
