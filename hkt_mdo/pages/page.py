@@ -168,24 +168,15 @@ def _headline(solution: Solution) -> dict[str, str]:
         rows["rotor speed"] = measured(both, "rpm", 4)
     torque = summary.control_torque_max_Nm
     rows |= {} if torque is None else {"largest generator torque": measured(torque, "N*m", 4)}
-    for name, label in _LARGEST.items():
-        if name in largest and largest[name].value is not None:
-            rows[label] = measured(largest[name].value, largest[name].unit, 4)
+    for name in ("power", "thrust", "root_moment", "stress", "cavitation", "tip_speed"):
+        if name in largest:
+            row = largest[name].row(name)
+            rows[row.label] = measured(row.value, row.unit, 4)
     if summary.rotor_radius_m is not None:
         rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
     if summary.mass_kg is not None:
         rows["mass of the blades"] = measured(summary.mass_kg, "kg", 4)
     return rows
-
-
-_LARGEST = {
-    "power": "largest generator power",
-    "thrust": "largest thrust",
-    "root_moment": "largest root moment of a blade",
-    "stress": "largest stress in a blade",
-    "cavitation": "largest suction (1: cavitation)",
-    "tip_speed": "largest tip speed",
-}
 
 
 def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry]]]:

@@ -19,21 +19,12 @@ from hkt_mdo.results.sections import STACKING
 from hkt_mdo.results.sections import sections as sections_of
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
-from hkt_mdo.results.words import joined, limit_words, measured, printable
+from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable
 
-WORDS = {
-    "inflow_speed": ("inflow speed", "m/s", 1.0),
-    "rotor_speed": ("rotor speed", "rpm", 30.0 / np.pi),
-    "tip_speed_ratio": ("tip speed ratio", "-", 1.0),
-    "control_torque": ("generator torque", "N m", 1.0),
-    "hydrodynamic_torque": ("flow's torque", "N m", 1.0),
-    "generator_power": ("generator power", "kW", 1e-3),
-    "thrust": ("thrust", "kN", 1e-3),
-    "root_moment": ("root moment", "kN m", 1e-3),
-    "stress": ("stress", "MPa", 1e-6),
-    "cavitation": ("suction, 1: cavitation", "-", 1.0),
-}
-"""Name, unit and scale of what is drawn over time and over the flow speed."""
+UNITS = {"rad/s": ("rpm", 30.0 / np.pi), "W": ("kW", 1e-3), "N": ("kN", 1e-3), "Pa": ("MPa", 1e-6)}
+"""Unit, and scale of the values, that are drawn in place of a unit of the registry."""
+NAMES = {"hydrodynamic_torque": "flow's torque", "cavitation": "suction, 1: cavitation"}
+"""Names of quantities that are not those of limits."""
 LARGE_TORQUE = 1e3  # N m
 TIME = (
     *("inflow_speed", "generator_power", "rotor_speed", "tip_speed_ratio"),
@@ -164,17 +155,19 @@ def _alone(results: Results, over: str = "") -> list[Labelled]:
 
 
 def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, float]:
-    """Return the panel of a quantity of `WORDS` with its limits, and the scale of values in SI.
+    """Return the panel of a quantity over time with its limits, and the scale of values in SI.
 
-    Torques of large machines are in kN m.
+    Torques of large machines are in kN m, as are moments of a blade.
     """
-    words, unit, scale = WORDS[quantity]
+    own = QUANTITIES[quantity].unit
+    unit, scale = UNITS.get(own, (plain_unit(own or "-"), 1.0))
     most = max(
         (each.solution.summary.control_torque_max_Nm or 0.0 for each in results), default=0.0
     )
-    if unit == "N m" and most >= LARGE_TORQUE:
+    if own == "N*m" and (most >= LARGE_TORQUE or quantity == "root_moment"):
         unit, scale = "kN m", 1e-3
     levels = levels_of(results, quantity, scale)
+    words = NAMES.get(quantity, limit_words(quantity))
     return Panel(f"{words} ({unit})", across, levels=levels), scale
 
 

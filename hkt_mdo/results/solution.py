@@ -22,7 +22,7 @@ from hkt_mdo.errors import InputError, needed
 from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import Csv, number_columns, parse_number, read_bytes, read_text
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, RATES
-from hkt_mdo.results.summary import BLADE, ScenarioEntry, Summary
+from hkt_mdo.results.summary import BLADE, Achieved, Summary
 from hkt_mdo.results.words import Row, measured, printable
 
 if TYPE_CHECKING:
@@ -180,9 +180,9 @@ class Solution:
         if len(self.tables) == 1:
             return self
         entry = (self.summary.scenarios or {})[name]
-        shared = ScenarioEntry.model_fields.keys() & Summary.model_fields.keys()
         changes = dict.fromkeys(("objective", "energy_bound_J", "certified_gap"))
-        changes |= {key: getattr(entry, key) for key in shared} | {"scenarios": {name: entry}}
+        changes |= {key: getattr(entry, key) for key in Achieved.model_fields}
+        changes["scenarios"] = {name: entry}
         summary = self.summary.model_copy(update=changes)
         case, tables = self.case.of_scenario(name), {name: self.tables[name]}
         return replace(self, case=case, summary=summary, tables=tables)
@@ -300,6 +300,13 @@ class Solution:
         given = (torque, *(each.on(None, material) for each in over_time))
         return tuple(each for each in given if each.caps_series)
 
+    @property
+    def _scalars(self) -> dict[str, float]:
+        """The quantities of the design that limits over time take, as far as they are known."""
+        summary, density = self.summary, self.case.fluid.density
+        known = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
+        return {"density": density} | {k: x for k, x in known.items() if x is not None}
+
     def limit_shares(self) -> dict[str, np.ndarray]:
         """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.
 
@@ -309,12 +316,7 @@ class Solution:
         columns: dict[str, Any] = self.simulation or self.trajectory
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
         known = {name: columns[header] for name, header in headers.items() if header in columns}
-        known |= {
-            "rotor_radius": self.summary.rotor_radius_m,
-            "density": self.case.fluid.density,
-            "inertia": self.summary.inertia_kg_m2,
-        }
-        known = {name: value for name, value in known.items() if value is not None}
+        known |= self._scalars
         return {
             each.name: each.told(known) / each.upper
             for each in self.limits
@@ -326,9 +328,7 @@ class Solution:
 
         Those of limits that are proportional to it, as the tip speed's is to `rotor_speed`.
         """
-        scalars = {"rotor_radius": self.summary.rotor_radius_m, "density": self.case.fluid.density}
-        known = {name: value for name, value in scalars.items() if value is not None}
-        levels = {}
+        levels, known = {}, self._scalars
         for each in self.limits:
             if quantity in each.inputs and {quantity, *known} >= set(each.inputs):
                 one, two = (each.value_of(known | {quantity: x}) for x in (1.0, 2.0))

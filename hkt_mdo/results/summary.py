@@ -360,7 +360,30 @@ class YearEntry(_Entry):
         yield Row("hours of operation", self.operation_h, "h", note)
 
 
-class ScenarioEntry(_Entry):
+class Achieved(_Entry):
+    """What a scenario has achieved, and in the same words the whole result."""
+
+    energy_J: _Number = None
+    """Captured energy of the optimization, by collocation."""
+    simulated_energy_J: _Number = None
+    """Captured energy of the independent integration."""
+    generator_energy_J: _Number = None
+    """Energy that the generator takes from the shaft in the integration."""
+    stored_energy_J: _Number = None
+    """Kinetic energy that the rotor has at the end of the integration beyond that at its begin."""
+    electrical_energy_J: _Number = None
+    """Energy that the generator delivers, after its losses."""
+    tip_speed_ratio: Span | None = None
+    operation: OperationEntry | None = None
+    """Intervals of operation; None where the machine never stands still."""
+    limits: dict[str, LimitEntry] | None = None
+    loads: dict[str, LoadEntry] | None = None
+    """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
+    the hub and the suction of the sections are known, cavitation; shaft power of the generator,
+    rotor speed and tip speed."""
+
+
+class ScenarioEntry(Achieved):
     """Results of one scenario: energies, flow, limits and loads.
 
     `share` is the scenario's share of time; its energies count in those of the whole result with
@@ -374,19 +397,10 @@ class ScenarioEntry(_Entry):
     share: _Number = None
     weight: _Number = None
     duration_s: _Number = None
-    energy_J: _Number = None
-    simulated_energy_J: _Number = None
-    generator_energy_J: _Number = None
-    electrical_energy_J: _Number = None
-    stored_energy_J: _Number = None
     mean_power_W: _Number = None
     ceiling_W: _Number = None
     decides: bool | None = None
     inflow_speed: Span | None = None
-    tip_speed_ratio: Span | None = None
-    operation: OperationEntry | None = None
-    limits: dict[str, LimitEntry] | None = None
-    loads: dict[str, LoadEntry] | None = None
     steady: bool = False
     """Whether it has no time: its tables have a row for each speed of the flow."""
     year: YearEntry | None = None
@@ -409,7 +423,7 @@ class ScenarioEntry(_Entry):
         yield from _in_operation(self, case, self.duration_s)
 
 
-class Summary(_Entry, Mapping[str, Any]):
+class Summary(Achieved, Mapping[str, Any]):
     """Figures of merit of a run; None for what is not known, as after an interruption.
 
     Fields are attributes. As a mapping, a summary has the keys of `summary.json`, with lists and
@@ -422,16 +436,6 @@ class Summary(_Entry, Mapping[str, Any]):
     """Whether the optimizer converged and every check passed."""
     message: str | None = None
 
-    energy_J: _Number = None
-    """Captured energy of the optimization, by collocation."""
-    simulated_energy_J: _Number = None
-    """Captured energy of the independent integration."""
-    generator_energy_J: _Number = None
-    """Energy that the generator takes from the shaft in the integration."""
-    stored_energy_J: _Number = None
-    """Kinetic energy that the rotor has at the end of the integration beyond that at its begin."""
-    electrical_energy_J: _Number = None
-    """Energy that the generator delivers, after its losses."""
     starting_energy_J: _Number = None
     start_breaks: list[str] | None = None
     """Limits that the start does not keep; its energy is then no measure of the result."""
@@ -447,17 +451,9 @@ class Summary(_Entry, Mapping[str, Any]):
 
     gain: float | list[float] | None = None
     gain_units: list[str | None] | None = None
-    tip_speed_ratio: Span | None = None
     power_coefficient_max: _Number = None
     tip_speed_ratio_at_power_coefficient_max: _Number = None
     control_torque_max_Nm: _Number = None
-    operation: OperationEntry | None = None
-    """Intervals of operation; None where the machine never stands still."""
-    limits: dict[str, LimitEntry] | None = None
-    loads: dict[str, LoadEntry] | None = None
-    """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
-    the hub and the suction of the sections are known, cavitation; shaft power of the generator,
-    rotor speed and tip speed."""
     memory: MemoryEntry | None = None
     """Stability of the loop if the wake has memory, also if the case does not have it."""
     tip_deflection_m: _Number = None

@@ -4,10 +4,8 @@ import csv
 import errno
 import io
 import json
-import os
 import re
 import shutil
-import subprocess
 import sys
 import types
 import warnings
@@ -116,12 +114,6 @@ def test_interrupted_run_exits_with_130(fake, capsys, saves):
     assert f"interrupted: {told}" in capsys.readouterr().err
 
 
-def test_any_command_says_that_it_was_interrupted(monkeypatch, capsys):
-    monkeypatch.setattr("hkt_mdo.case.load_case", lambda *_, **__: os.kill(os.getpid(), 2))
-    assert main(["check", CASE]) == 130
-    assert capsys.readouterr().err == "interrupted: nothing was saved\n"
-
-
 ERRORS = [
     (InputError("folder exists", "give --force", file="a"), 2, "a: folder exists; give --force"),
     (OSError(errno.ENOSPC, "No space left on device", "a.csv"), 2, "a.csv: cannot be .*space"),
@@ -150,6 +142,9 @@ BAD = [
     ("run CASE --pdf --no-figures", "give one of them"),
     ("--extend not_here.py run CASE", "not_here.py"),
     ("run", "CASE"),
+    ("run sine_oloc sine_oloc", "name = 'sine_oloc': is the name of two cases"),
+    ("run --resume .", "case.yaml"),
+    ("run --resume . --segments 10", "give no other option"),
     ("verify", "verify"),
     ("show not_here", "not_here: does not exist"),
     ("show RESULT --json --csv", "give one of --json and --csv"),
@@ -184,14 +179,6 @@ def test_warnings_of_libraries_are_not_shown(fake, capsys, monkeypatch):
     assert main(["run", CASE, "--quiet"]) == 0
     assert not capsys.readouterr().err
     assert warnings.showwarning is show
-
-
-def test_module_is_the_command():
-    command = [sys.executable, "-m", "hkt_mdo", "run", "not_here.yaml"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: not_here.yaml: does not exist")
 
 
 # What is passed on --------------------------------------------------------------------------------

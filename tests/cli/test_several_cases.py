@@ -54,8 +54,3 @@ def test_another_result_is_replaced_by_force_only(asked, tmp_path, capsys):
     (folder / "case.yaml").write_text(written, encoding="utf-8")
     assert main(words) == 3
     assert len(asked) == 2
-
-
-def test_two_cases_of_a_name_are_refused(asked, capsys):
-    assert main(["run", "sine_oloc", "sine_oloc"]) == 2
-    assert "name = 'sine_oloc': is the name of two cases" in capsys.readouterr().err
