@@ -16,8 +16,6 @@ from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, read_result
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports import FORMATS
 
-TABLE = "table.csv"
-"""What only the folder of a sweep has."""
 _FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
 _FLOW = (
     "design: the result's own; A, B or C: the paper's uncertain flows (speeds x 1.1, frequency "
@@ -75,9 +73,10 @@ def plot(
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
     """
+    from hkt_mdo.results.sweep import TABLE, SweepTable
+
     folder, forms = out or result / "figures", formats or ["png"]
-    if (result / TABLE).is_file():
-        from hkt_mdo.results.sweep import SweepTable
+    if (result / TABLE).is_file():  # a sweep
         from hkt_mdo.results.sweep_plots import save_figures as save_sweep
 
         written = save_sweep(SweepTable.load(result), folder, forms)
@@ -106,9 +105,10 @@ def report(
     For the folder of a sweep, report.html is written into that folder. It shows front and map; a
     click on a point opens the report of that run, which is written into the folder of the run.
     """
+    from hkt_mdo.results.sweep import TABLE, SweepTable
+
     if len(results) == 1 and (results[0] / TABLE).is_file():
         from hkt_mdo.pages.sweep import write_sweep_report
-        from hkt_mdo.results.sweep import SweepTable
 
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))

@@ -382,7 +382,7 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
 
 def over_radius(results: Results, column: str) -> Panel:
     """Return a column of the blade over the radius, with the bounds of the design."""
-    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True)
+    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True, left=True)
     panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
     if panel.curves:
         values = np.concatenate([each.y for each in panel.curves])

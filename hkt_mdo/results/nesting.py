@@ -115,20 +115,19 @@ def ranked(solutions: Iterable[Solution]) -> tuple[list[Solution], list[list[Row
         values = [x and t and x / t for x, t in zip(values, durations, strict=True)]
     kinds = {x.case.objective.kind for x, value in zip(known, values, strict=True) if value}
     sign = known[0].case.objective.sign if len(kinds) == 1 else 0.0
+    pairs = sorted(
+        zip(values, known, strict=True),
+        key=lambda x: (x[0] is None, not x[1].success, -sign * (x[0] or 0.0)),
+    )
+    best, first = pairs[0]
 
-    def place(index: int) -> tuple[bool, bool, float]:
-        return values[index] is None, not known[index].success, -sign * (values[index] or 0.0)
+    def behind(value: float | None) -> list[Row]:
+        if best is None or value is None or len(kinds) > 1 or len(known) == 1:
+            return []
+        share = 0.0 - first.case.objective.behind(value, best)
+        return [Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %")]
 
-    order = sorted(range(len(known)), key=place)
-    first, behind = known[order[0]], []
-    best = values[order[0]] if len(kinds) == 1 and len(known) > 1 else None
-    for value in (values[index] for index in order):
-        row = []
-        if best is not None and value is not None:
-            share = 0.0 - first.case.objective.behind(value, best)
-            row.append(Row(f"{measure}, relative to the best", f"{100.0 * share:+.4f} %"))
-        behind.append(row)
-    return [known[index] for index in order], behind
+    return [each for _, each in pairs], [behind(value) for value, _ in pairs]
 
 
 def _objective(solution: Solution) -> float | None:

@@ -85,6 +85,4 @@ class Panel:
     def placed_levels(self) -> Iterator[tuple[str, float, bool]]:
         """Name and value of each level, and whether its name stands on the left."""
         for number, (name, level) in enumerate(self.levels.items()):
-            # above the smallest chord there is room on the left, where the root is
-            ends = {"smallest": True, "largest": False}
-            yield name, level, ends.get(name.partition(" ")[0], (number + self.left) % 2 == 1)
+            yield name, level, (number + self.left) % 2 == 1

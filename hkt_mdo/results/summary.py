@@ -544,7 +544,8 @@ class Summary(Achieved, Mapping[str, Any]):
         try:
             return cls.model_validate_json(text)
         except ValidationError as failure:
-            error = failure.errors()[0]
+            # that of the version, if there is one, explains the others
+            error = min(failure.errors(), key=lambda each: each["type"] != "less_than_equal")
         key = dotted(f"[{i}]" if isinstance(i, int) else i for i in error["loc"])
         problem = error["msg"].replace("Input should be", "must be")
         place, remedy = {"key": key, "value": error["input"]}, "run the case again"

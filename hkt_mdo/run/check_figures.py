@@ -56,29 +56,25 @@ def _blade_panels(found: Findings) -> list[Panel]:
     shape, blade, given = found.physics.shape, found.plant.blade, found.given
     across, ends = "radius (m), from hub to tip", (blade.hub_radius, blade.tip_radius)
     control = shape.control(blade) if shape.designs_chord else {}
-    if "twist" in control:
-        control["twist"] = np.rad2deg(control["twist"])
-    thickness = 100.0 * np.broadcast_to(found.physics.turbine.thickness, blade.r.shape)
+    thickness = np.broadcast_to(found.physics.turbine.thickness, blade.r.shape)
     panels = []
-    for title, values, file, points in (
-        ("chord (m)", blade.chord, given.chord, control.get("chord")),
-        ("twist (deg)", np.rad2deg(blade.twist), np.rad2deg(given.twist), control.get("twist")),
-        ("thickness (% of the chord)", thickness, None, None),
+    for title, scale, values, file, points in (
+        ("chord (m)", 1.0, blade.chord, given.chord, control.get("chord")),
+        ("twist (deg)", 180.0 / np.pi, blade.twist, given.twist, control.get("twist")),
+        ("thickness (% of the chord)", 100.0, thickness, None, None),
     ):
-        panel = Panel(
-            title, across, from_zero=True, marks=dict(zip(("hub", "tip"), ends, strict=True))
-        )
+        marks = dict(zip(("hub", "tip"), ends, strict=True))
+        panel = Panel(title, across, from_zero=True, marks=marks)
         name = "blade at the start, its stations"
-        start = Curve(blade.r, values, name, COLORS[0], 0, "marked")
+        panel.curves.append(Curve(blade.r, scale * values, name, COLORS[0], 0, "marked"))
         if points is not None and points.size < blade.r.size:
             # they stand where their own spline is the radius itself
             dense = np.linspace(*ends, 8 * points.size)
             basis = spline_basis(points.size, dense, *ends)
             places = np.linalg.lstsq(basis, dense, rcond=None)[0]
-            marks = Curve(places, points, "control points", COLORS[1], 1, "marked")
-            panel.curves = [Curve(blade.r, file, "blade of the file", GREY, None), start, marks]
-        else:
-            panel.curves = [start]
+            before = Curve(blade.r, scale * file, "blade of the file", GREY, None)
+            own = Curve(places, scale * points, "control points", COLORS[1], 1, "marked")
+            panel.curves = [before, *panel.curves, own]
         panels.append(panel)
     return panels
 

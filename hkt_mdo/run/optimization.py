@@ -9,7 +9,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.case.guard import any_values
-from hkt_mdo.problem.build import assemble, make_driver, point_of, series
+from hkt_mdo.problem.build import assemble, point_of, series
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
@@ -23,10 +23,8 @@ MOST_ROWS = 500
 _OF_LONG_FLOWS = ["*.timeseries.*", "chord", "twist", "*energy", "inertia", "mass"]
 
 
-def solve(
-    state: RunState, physics: Physics, setup: Setup, near: bool, refined: bool, most: int | None
-) -> Optimized:
-    """Run one optimization; the run's state is updated at every evaluation.
+def solve(state: RunState, physics: Physics, setup: Setup, driver: om.Driver) -> Optimized:
+    """Run one optimization.
 
     Parameters
     ----------
@@ -34,17 +32,14 @@ def solve(
         What the run knows.
     physics, setup
         The problem and its start.
-    near, refined
-        Whether the start is near the optimum, and that on a coarser mesh (`make_driver`).
-    most
-        Largest number of iterations; None: as in the case.
+    driver
+        Whose progress the state is told.
 
     Returns
     -------
     Optimized
         The end of the optimization, converged or not.
     """
-    driver = make_driver(physics, state, most, near, refined)
     problem = assemble(physics, setup, driver, state.scratch)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
     if state.records:

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.build import MANY_SEGMENTS, point_of
+from hkt_mdo.problem.build import MANY_SEGMENTS, make_driver, point_of
 from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
@@ -332,8 +332,8 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
             state.go_on_from(task.physics, task.setup.start, task.start)
         began = time.perf_counter()
         most = None if task.name == "begin again" else FIRST_ITERATIONS
-        refined = task.name == "refine"
-        this = Pass(state, task, solve(state, task.physics, task.setup, near, refined, most))
+        driver = make_driver(task.physics, state, most, near, refined=task.name == "refine")
+        this = Pass(state, task, solve(state, task.physics, task.setup, driver))
         following = next_task(this)
         if following is None and this.approximate:
             this = replace(this, exact=True)

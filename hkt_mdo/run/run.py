@@ -233,13 +233,10 @@ def write_n2(case: Case, path: Path) -> None:
     Raises
     ------
     InputError
-        If a file of the case is broken or the diagram cannot be written.
+        If a file of the case is broken.
+    OSError
+        If the diagram cannot be written.
     """
     problem = build_problem(case, improve=False)
     problem.final_setup()
-    try:
-        om.n2(problem, outfile=str(path), **_SILENT)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written: {error.strerror}; choose another --out"
-        ) from error
+    om.n2(problem, outfile=str(path), **_SILENT)
