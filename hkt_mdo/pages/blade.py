@@ -72,14 +72,9 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
 
 
 def _start(design: Design) -> Design | None:
-    """Return the design with the blade at the start; None if that is not known, or the same."""
-    summary, before = design.solution.summary, design.physics.blade
-    if summary.start_chord_m is None or summary.start_twist_deg is None:
-        return None
-    shape = np.array(summary.start_chord_m), np.deg2rad(summary.start_twist_deg)
-    if np.allclose(shape, (design.blade.chord, design.blade.twist)):
-        return None
-    return replace(design, blade=before.with_shape(*shape, before.thickness))
+    """Return the design with the blade at the start; None if that is the same."""
+    start, found = ((x.chord, x.twist) for x in (design.physics.blade, design.blade))
+    return None if np.allclose(start, found) else replace(design, blade=design.physics.blade)
 
 
 def _body(design: Design, kind: Stl, name: str, color: str) -> Body:

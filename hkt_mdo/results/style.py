@@ -203,7 +203,7 @@ def _draw_bars(bars: Sequence[Curve], rows: Sequence[str], ax: Axes) -> None:
 
 def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:
     """Draw a horizontal line with its label above it; no legend has it."""
-    ax.axhline(value, linestyle="-.", label=label, gid=_LEVEL, **REFERENCE)
+    ax.axhline(value, linestyle="-.", gid=label, **REFERENCE)
     low, high = ax.get_ylim()
     ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
     side, place = ("left", 0.005) if left else ("right", 0.995)
@@ -211,9 +211,6 @@ def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:
     words["bbox"] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}
     where: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points"}
     ax.annotate(label, (place, value), xytext=(0, 2.5), va="bottom", **where, **words)
-
-
-_LEVEL = "level"
 
 
 def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
@@ -234,8 +231,7 @@ def legend(axes: Sequence[Axes]) -> int:
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            if getattr(handle, "get_gid", lambda: None)() != _LEVEL:
-                entries.setdefault(label, handle)
+            entries.setdefault(label, handle)
     if not entries:
         return 0
     room = axes[0].figure.get_figwidth() - 0.7

@@ -16,7 +16,7 @@ import signal
 import warnings
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import metadata
 from itertools import chain, islice
@@ -165,36 +165,35 @@ def _introduce(folder: Path | None) -> tuple[dict[str, str], bool]:
 def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
     """Yield a client of a scheduler, by default of a new one with `jobs` workers here."""
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     for name in ("distributed", "distributed.client"):  # what goes wrong is told as an InputError
         logging.getLogger(name).setLevel(logging.CRITICAL)
     where: dict[str, Any] = {"key": "scheduler", "value": scheduler}
-    if scheduler is not None and not re.match(r"(tcp|tls)://.", scheduler):
+    options: dict[str, Any] = {"address": scheduler, "timeout": PATIENCE}
+    if scheduler is None:
+        where = {"key": "workers"}
+        options = {
+            "n_workers": jobs,
+            "threads_per_worker": 1,
+            "memory_limit": 0,  # a worker may take what there is, as a process may
+            "dashboard_address": None,
+            "silence_logs": logging.CRITICAL,
+        }
+    elif not re.match(r"(tcp|tls)://.", scheduler):
         raise InputError("is no address", "give tcp://HOST:PORT or tls://HOST:PORT", **where)
-    with ExitStack() as stack:
+    settings = {
+        "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+        "distributed.worker.profile.enabled": False,  # it stops a run every 10 ms
+    }
+    with dask.config.set(settings):
         try:
-            if scheduler is None:
-                where = {"key": "workers"}
-                settings = {
-                    "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
-                    "distributed.worker.profile.enabled": False,  # it stops a run every 10 ms
-                }
-                stack.enter_context(dask.config.set(settings))
-                cluster = LocalCluster(
-                    n_workers=jobs,
-                    threads_per_worker=1,
-                    memory_limit=0,  # a worker may take what there is, as a process may
-                    dashboard_address=None,
-                    silence_logs=logging.CRITICAL,
-                )
-                client = Client(stack.enter_context(cluster))
-            else:
-                client = Client(scheduler, timeout=PATIENCE)
+            client = Client(**options)
         except Exception as error:  # of sockets, certificates, names, a worker that is killed
             reason = f"no scheduler answers ({type(error).__name__}: {error})"
             remedy = "start it (dask scheduler), or correct the address; tls:// needs certificates"
             if scheduler is None:
                 reason, remedy = f"cannot be started ({error})", "give the same command again"
             raise InputError(reason, remedy, **where) from error
-        yield stack.enter_context(client)
+        with client:
+            yield client

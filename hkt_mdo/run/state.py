@@ -157,7 +157,7 @@ class RunState:
 
     def write_summary(self, summary: Summary) -> None:
         """Write a summary."""
-        write_json(self.out / "summary.json", dict(summary))
+        write_json(self.out / "summary.json", summary.model_dump(exclude_unset=True))
 
     def note_pass(self, entry: PassEntry) -> None:
         """Note an optimization and the remedy that decides the next one."""

@@ -281,15 +281,12 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
     if law.is_feedback:
         controller = FeedbackTorque(law, gains)
         speed, running = equilibria(plant, controller, flow)
-        driving = plant.torque(speed, flow)
-        torque = plant.generator_torque(speed, flow)
-        rest = np.array(law.at_rest(torque, flow)).reshape(len(law.states), flow.size)
-        control = law.torque(speed, gains, *rest)
     else:
-        speed, rest = nodes["rotor_speed"], np.empty((0, flow.size))
-        driving, control = plant.torque(speed, flow), plant.generator_torque(speed, flow)
-        running = np.ones(flow.size, dtype=bool)
+        speed, running = nodes["rotor_speed"], np.ones(flow.size, dtype=bool)
         controller = HeldSpeeds(2.0 * max(float(np.max(plant.torque_slope(speed, flow))), 0.0))
+    driving, held = plant.torque(speed, flow), plant.generator_torque(speed, flow)
+    rest = np.array(law.at_rest(held, flow)).reshape(len(law.states), flow.size)
+    control = law.torque(speed, gains, *rest) if law.is_feedback else held
     powers = plant.powers(speed, driving, control)
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])

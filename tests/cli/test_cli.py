@@ -152,9 +152,7 @@ BAD = [
     ("show not_here", "not_here: does not exist"),
     ("show RESULT --json --csv", "give one of --json and --csv"),
     ("plot .", "lacks case.yaml"),
-    ("plot RESULT --format docx", "unknown format"),
     ("plot RESULT --out file", "file"),
-    ("compare .", "no result folder"),
 ]
 
 

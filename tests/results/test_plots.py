@@ -85,7 +85,7 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     (result_folder / "summary.json").write_text('{"success": false}')
     told = "limit", "smallest", "largest", "axis"
     for line in plot(Solution.load(result_folder)).lines:
-        assert any(word in line.get_label() for word in told)
+        assert any(word in (line.get_gid() or line.get_label()) for word in told)
     assert dict(mpl.rcParams) == before
 
 
@@ -104,8 +104,8 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
 
 
 def line_of(ax: Axes, label: str):
-    """Return the line that a legend names so."""
-    return next(line for line in ax.lines if line.get_label() == label)
+    """Return the line of this name, which a legend has or which stands above it."""
+    return next(line for line in ax.lines if label in (line.get_label(), line.get_gid()))
 
 
 def limited(folder: Path, limits: str) -> Solution:

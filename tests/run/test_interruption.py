@@ -123,20 +123,6 @@ def test_a_run_that_gave_up_is_resumed(tmp_path, undisturbed):
     assert energy(run.resume_case(folder, figures=False)) == undisturbed.summary.simulated_energy_J
 
 
-@pytest.mark.parametrize(
-    "content",
-    ["", "{}", "[]", '{"chord_m": [1e999]}', '{"chord_m": "x"}', "[" * 100_000, "\ud800"],
-    ids=["empty", "no keys", "a list", "infinite", "text", "deep", "no UTF-8"],
-)
-def test_a_corrupt_iterate_is_reported(tmp_path, undisturbed, content):
-    folder = tmp_path / "out"
-    folder.mkdir()
-    (folder / "case.yaml").write_text(undisturbed.case.to_yaml(), encoding="utf-8")
-    (folder / "iterate.json").write_bytes(content.encode("utf-8", "surrogatepass"))
-    with pytest.raises(InputError, match=r"iterate\.json"):
-        run.resume_case(folder)
-
-
 def test_a_corrupt_recorder_file_does_not_matter(tmp_path):
     folder = interrupted(tmp_path / "out")
     for name in ("history.db", "solution.db"):

@@ -89,6 +89,17 @@ def test_a_file_of_another_version_is_refused(tmp_path, damaged):
 
 
 @pytest.mark.parametrize(
+    "content",
+    ["", "{}", "[]", '{"chord_m": [1e999]}', '{"chord_m": "x"}', "[" * 100_000, "\ud800"],
+    ids=["empty", "no keys", "a list", "infinite", "text", "deep", "no UTF-8"],
+)
+def test_a_corrupt_file_is_refused(tmp_path, whole, content):
+    (tmp_path / "iterate.json").write_bytes(content.encode("utf-8", "surrogatepass"))
+    with pytest.raises(InputError, match=r"iterate\.json"):
+        read_iterate(tmp_path, whole[0])
+
+
+@pytest.mark.parametrize(
     ("key", "damage"),
     [
         ("chord_m", lambda chord: ["none"] * len(chord)),
