@@ -264,7 +264,8 @@ def sweep(
             first = run_sweep(asked, folder, 1, most=2, **how)
             seconds = [x for row in first if (x := row.get("wall_seconds"))]
             live.stop()
-            _ask(asked.size, seconds, jobs or os.cpu_count() or 1)
+            # how many workers a scheduler has is not known
+            _ask(asked.size, seconds, 1 if scheduler else jobs or os.cpu_count() or 1)
             live.start()
         rows = run_sweep(asked, folder, jobs, live.swept, **how)
     states = Counter(row["state"] for row in rows)
@@ -279,7 +280,8 @@ def _ask(size: int, seconds: list[float], workers: int) -> None:
     took = "an unknown time"
     if seconds:
         left = timedelta(seconds=round(size * seconds[-1] / workers))
-        took = f"about {left} (one took {seconds[-1]:.2g} s) on {workers} workers"
+        took = f"about {left} (one took {seconds[-1]:.2g} s) on {workers} worker"
+        took += "s" * (workers > 1)
     problem = f"asks for {size:,} runs, which take {took}"
     if sys.stdin.isatty() and confirm(f"This {problem}. Run them all?"):
         return

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -245,13 +246,15 @@ def test_other_files_are_not_written_among(tmp_path):
         run_sweep(sweep, tmp_path)
 
 
-def test_a_million_runs_are_asked_back(here, tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize("option", [["--jobs", "1"], ["--scheduler", "tcp://its.workers:1"]])
+def test_a_million_runs_are_asked_back(here, tmp_path, capsys, monkeypatch, option):
     monkeypatch.setattr("hkt_mdo.run.sweep.run_sweep", partial(run_sweep, run=stand_in.run))
     torque, mean = "{from: 500, to: 700, count: 1000}", "{from: 1, to: 2, count: 1000}"
     sweep_of(tmp_path, f"{{control.torque_limit: {torque}, inflow.mean: {mean}}}")
-    assert main(["sweep", str(tmp_path / "some.yaml"), "--out", str(tmp_path / "out")]) == 2
+    words = ["sweep", str(tmp_path / "some.yaml"), "--out", str(tmp_path / "out")]
+    assert main([*words, *option]) == 2
     told = capsys.readouterr().err
-    assert "asks for 1,000,000 runs, which take about" in told
+    assert re.search(r"asks for 1,000,000 runs, which take about .* on 1 worker;", told)
     assert "--yes runs them all" in told
 
 
