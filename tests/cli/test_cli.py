@@ -47,7 +47,7 @@ class FakeRun(types.ModuleType):
 
     def resume_case(self, out, *, extensions=(), **_):
         self.out, self.extensions = out, extensions
-        return Solution.load(self.result)
+        return Solution.load(self.result, extensions=extensions)
 
     def write_n2(self, case, path):
         path.write_text(case.name)
