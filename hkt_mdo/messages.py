@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, TypeVar, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -48,17 +48,14 @@ _PLAIN = {
 """Problem and remedy by pydantic's type of error, with places for its context."""
 
 
-class _Place(NamedTuple):
-    """Where in the case an error lies."""
+def _find(
+    location: Iterable[int | str], root: type[BaseModel]
+) -> tuple[str, type[BaseModel], FieldInfo | None, str]:
+    """Return key, section and field where an error lies, and what that is, in words.
 
-    key: str
-    section: type[BaseModel]
-    field: FieldInfo | None
-    what: str  # first clause of the documentation
-
-
-def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
-    """Walk down the schema; pydantic's location has the tag of a union among the keys."""
+    Pydantic's location has the tag of a union among the keys; the words are the first clause of the
+    documentation.
+    """
     path: list[str] = []
     section, text = root, ""
     field: FieldInfo | None = None
@@ -80,7 +77,7 @@ def _find(location: Iterable[int | str], root: type[BaseModel]) -> _Place:
         if inside is not None:
             section, field = inside, None
     what = re.split(r"[.;,](?: |$)", " ".join(text.split()), maxsplit=1)[0]
-    return _Place(dotted(path), section, field, what if field else "")
+    return dotted(path), section, field, what if field else ""
 
 
 def _section(field: FieldInfo | None) -> type[BaseModel] | None:
@@ -196,28 +193,29 @@ def assign(data: dict[str, Any], override: str, file: str) -> str:
 
 def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, dict[str, Any]]:
     """Return key, problem and remedy of an error, and the value as keyword if there is one."""
-    place, context, given = _find(error["loc"], root), error.get("ctx", {}), error["input"]
-    key, found = place.key, {"value": given}
-    members, tag = _members(place.field), getattr(place.field, "discriminator", "")
-    problem, remedy = error["msg"], place.what
+    (key, section, field, what), given = _find(error["loc"], root), error["input"]
+    context, found = error.get("ctx", {}), {"value": given}
+    members, tag = _members(field), getattr(field, "discriminator", "")
+    problem, remedy = error["msg"], what
     if error["type"] in _PLAIN:
         problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
-    if remedy == _NAME[1] and place.section is not root:
-        problem, remedy = "cannot be its name", f"give the {place.what[:1].lower()}{place.what[1:]}"
+    inside = what[:1].lower() + what[1:]
+    if remedy == _NAME[1] and section is not root:
+        problem, remedy = "cannot be its name", f"give the {inside}"
     match error["type"]:
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
             key = dotted(part for part in (key, context.get("key")) if part)
             found["value"] = context.get("value", given)
-            if "quantity" in context and place.what:
-                what = place.what[0].lower() + place.what[1:]
-                remedy = f"give the {what} as {context['quantity']}"
+            if "quantity" in context and what:
+                remedy = f"give the {inside} as {context['quantity']}"
         case "extra_forbidden":
-            problem, remedy = "unknown key", _suggest_key(place, str(error["loc"][-1]), root)
+            own = str(error["loc"][-1])
+            problem, remedy = "unknown key", _suggest_key(key, own, section, root)
             if key.endswith("limits.torque"):  # its name in earlier versions
                 problem, remedy = "has another name", "write control.torque_limit"
         case "missing":
-            found, problem, remedy = {}, "is missing", f"give it: {place.what}".rstrip(": ")
+            found, problem, remedy = {}, "is missing", f"give it: {what}".rstrip(": ")
             if members:
                 remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(members)}"
             elif isinstance(error["loc"][-1], int):
@@ -232,8 +230,8 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
         case "literal_error":
             choices = re.split(", | or ", context["expected"].replace("'", ""))
             problem, remedy = "unknown", _suggest(given, choices)
-    section, _, name = key.rpartition(".")
-    if problem.startswith("unknown") and (section.endswith("limits") or name in KINDS.values()):
+    above, _, name = key.rpartition(".")
+    if problem.startswith("unknown") and (above.endswith("limits") or name in KINDS.values()):
         remedy += "; one of your own needs --extend FILE"
     return key, problem, remedy, found
 
@@ -244,15 +242,14 @@ def _suggest(value: object, choices: Iterable[str]) -> str:
     return f"{guess}give one of {', '.join(choices)}"
 
 
-def _suggest_key(place: _Place, key: str, root: type[BaseModel]) -> str:
+def _suggest_key(place: str, key: str, section: type[BaseModel], root: type[BaseModel]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
-    fields = place.section.model_fields.items()
-    known = [field.alias or name for name, field in fields]
+    known = [field.alias or name for name, field in section.model_fields.items()]
     elsewhere = dict.fromkeys(
         f"{name}.{key}"
         for name, field in root.model_fields.items()
         for home in _members(field).values() or [field.annotation]
-        if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place.key
+        if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place
     )
     guess = f"did you mean {' or '.join(elsewhere)}? " if elsewhere else ""
     guess = did_you_mean(key, known) or guess
