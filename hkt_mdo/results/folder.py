@@ -42,10 +42,8 @@ def usable(out: Path):
 
 def check_folder(out: Path, force: bool) -> None:
     """Raise an InputError if a result folder must not be used; nothing is written."""
-    if out.exists() and not out.is_dir():
-        raise InputError(f"--out {out}: is a file; choose another folder")
     with usable(out):
-        names = {path.name for path in out.iterdir()} if out.is_dir() else set()
+        names = {path.name for path in out.iterdir()} if out.exists() else set()
     # a run killed before it wrote its case leaves only these, which hold nothing of value
     if not names - {"lock", "lock-journal", MARKER, f"{MARKER}.part", "case.yaml.part"}:
         return

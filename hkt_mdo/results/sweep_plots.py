@@ -68,11 +68,10 @@ def plot_parallel(table: SweepTable, ax: Axes) -> Axes:
         if column.dtype.kind == "f":
             shown, name = table.shown(name)
             column = shown[good]
-        if column.dtype.kind != "f":  # names: one place each
+            ends = tuple(f"{end:.4g}" for end in (np.nanmin(column), np.nanmax(column)))
+        else:  # names: one place each
             known, column = np.unique(column, return_inverse=True)
             ends = known[0], known[-1]
-        else:
-            ends = tuple(f"{end:.4g}" for end in (np.nanmin(column), np.nanmax(column)))
         low, span = np.nanmin(column), np.ptp(column[np.isfinite(column)])
         heights.append((column - low) / span if span else np.full(good.size, 0.5))
         labels.append(f"{name}\n{ends[0]} to {ends[1]}")

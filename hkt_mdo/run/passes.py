@@ -145,16 +145,6 @@ class Pass:
         return verify(self.result, self.approximate)
 
     @cached_property
-    def curve_error(self) -> float:
-        """Largest relative error of the torque curve; 0 without one."""
-        return float(np.max(curve_errors(self.result)[1], initial=0.0))
-
-    @property
-    def coarse_curve(self) -> bool:
-        """Whether the torque curve is not accurate enough for the optimized blade."""
-        return self.curve_error > self.physics.case.hydrodynamics.tolerance
-
-    @cached_property
     def division(self) -> Division:
         """Error of the mesh, and the segments to divide."""
         return division(self.result, self.verifications, self.task.coarser)
@@ -241,8 +231,9 @@ def refine(this: Pass) -> Task | None:
         return None
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
-    if this.coarse_curve:
-        reasons.append(f"error of the torque curve {this.curve_error:.2g}, allowed {most:.2g}")
+    error = float(np.max(curve_errors(this.result)[1], initial=0.0))  # 0 without a curve
+    if error > most:
+        reasons.append(f"error of the torque curve {error:.2g}, allowed {most:.2g}")
     # an open loop whose wake has memory would pulse faster on a finer mesh
     divides = not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer)
     shares = setup.shares
@@ -259,7 +250,7 @@ def refine(this: Pass) -> Task | None:
     if not reasons:
         return None
     start = point_of(finer or physics, this.result.problem)
-    if this.coarse_curve:
+    if error > most:
         nodes = curve_nodes(finer or physics, start, finer=True)
     return this.next("; ".join(reasons), physics=finer, start=start, nodes=nodes, shares=shares)
 

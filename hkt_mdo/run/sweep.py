@@ -105,7 +105,8 @@ class _Plan:
                 self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
-            name = _name(case)
+            about = case.model_dump_json(exclude={"name"}).encode()
+            name = hashlib.sha256(about).hexdigest()[:16]
             case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
             self.points.append((self.sweep.row_at(point, self.extensions), name))
             if name in self.rows:  # the same case at another point
@@ -197,8 +198,3 @@ def _row(solution: Solution, case: Case) -> Row:
     """Return the row of a result, with the start that it comes from."""
     own = solution.case.start.from_ == case.start.from_
     return {"start": "own" if own else "neighbour"} | row_of(solution)
-
-
-def _name(case: Case) -> str:
-    """Return the name of a case's run: a digest of all that it says but its name."""
-    return hashlib.sha256(case.model_dump_json(exclude={"name"}).encode()).hexdigest()[:16]
