@@ -137,18 +137,13 @@ def _aligned(columns: Sequence[dict[str, Any]]) -> list[tuple[str, list[Any]]]:
 def _headline(solution: Solution) -> dict[str, str]:
     """Return the figures that a designer asks for first, by their names."""
     summary, largest = solution.summary, solution.summary.largest
-    entries, year = (summary.scenarios or {}).values(), summary.year
+    entries = (summary.scenarios or {}).values()
     duration = sum((x.weight or 0.0) * (x.duration_s or 0.0) for x in entries)
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
     rows = {"verdict": summary.verdict(solution.case)}
-    if year is not None:
-        net = year.energy_kWh if year.net_energy_kWh is None else year.net_energy_kWh
-        doubt = f" ± {100.0 * year.uncertainty:.2g} %" if year.uncertainty else ""
-        told = "-" if net is None else measured(1e-3 * net, "MWh", 4) + doubt
-        rows["net electrical energy a year"] = told
-        factor = year.capacity_factor
-        rows["capacity factor"] = "-" if factor is None else f"{100.0 * factor:.3g} %"
+    for row in summary.year.rows() if summary.year else ():
+        rows[row.label] = measured(row.value, row.unit, row.digits)
     for name, energy in (
         ("captured", summary.simulated_energy_J or summary.energy_J),
         ("electrical", summary.electrical_energy_J),

@@ -34,12 +34,8 @@ FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
 LIMITED = "root_moment", "stress", "cavitation"
 """What is drawn over time, over the flow speed, and over time where it is limited."""
 LIMITED_BY = {"generator_power": ("generator_power", "electrical_power")}
-OVER_SPAN = {
-    "stress_Pa": ("stress", "stress", "stress (MPa)", 1e-6),
-    "flapwise_moment_Nm": ("stress", "root_moment", "flapwise moment (kN m)", 1e-3),
-    "cavitation": ("cavitation", "cavitation", "suction, 1: cavitation (-)", 1.0),
-}
-"""Load at whose largest value each column is drawn, its quantity, the column's label and scale."""
+OVER_SPAN = {"stress_Pa": "stress", "flapwise_moment_Nm": "stress", "cavitation": "cavitation"}
+"""The load at whose largest value each column is drawn."""
 YEAR = {
     "electrical_power_W": ("mean electrical\npower (kW)", 1e-3, "power"),
     "hours": ("hours a year (h)", 1.0, "inflow_speed"),
@@ -485,8 +481,12 @@ def over_span(results: Results, column: str) -> Panel:
 
     Of several scenarios, the largest of all.
     """
-    load, quantity, title, scale = OVER_SPAN[column]
-    panel = Panel(title, "radius over that of the tip, r/R (-)", from_zero=True)
+    load, moment = OVER_SPAN[column], column == "flapwise_moment_Nm"
+    quantity = "root_moment" if moment else load
+    panel, scale = _panel_of(results, quantity, "radius over that of the tip, r/R (-)")
+    panel.from_zero = True
+    if moment:  # along the blade
+        panel.title, panel.levels = "flapwise moment (kN m)", {}
     for each in results:
         tables = [one.loads for one in each.solution.by_scenario if column in one.loads]
         if tables:
@@ -495,8 +495,6 @@ def over_span(results: Results, column: str) -> Panel:
             words += "" if entry is None or entry.time_s is None else f", t = {entry.time_s:.2f} s"
             x, y = tables[0]["r_over_R"], scale * np.max([x[column] for x in tables], axis=0)
             panel.curves.append(each.curve(x, y, each.label or words, quantity))
-    if column == QUANTITIES[quantity].column:  # not a moment along the blade
-        panel.levels = levels_of(results, quantity, scale)
     return panel
 
 

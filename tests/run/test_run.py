@@ -162,12 +162,11 @@ def test_a_false_solution_is_no_success(tmp_path):
 
 
 def test_existing_folder_is_kept_without_force(tmp_path, capsys):
-    case = load_case(CASES / "sine_baseline_oloc.yaml")
     (tmp_path / "precious.txt").write_text("mine")
-    with pytest.raises(InputError, match="exists"):
-        run_case(case, tmp_path)
     assert main(["run", str(CASES / "sine_baseline_oloc.yaml"), "--out", str(tmp_path)]) == 2
-    assert "searching" not in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert "folder exists" in told.err
+    assert "searching" not in told.out
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
 
