@@ -144,11 +144,9 @@ def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
         lower = edge | {"y": plain(curve.low), "showlegend": False}
         return [lower, edge | {"fill": "tonexty", "fillcolor": f"{curve.color}33"}]
     if curve.kind == "marked":
-        return [trace | {"mode": "lines+markers", "marker": marker | {"size": 5}}]
+        trace |= {"mode": "lines+markers", "marker": marker | {"size": 5}}
     if curve.kind == "points":
-        return [
-            trace | {"mode": "markers", "marker": marker | {"size": 9, "symbol": "circle-open"}}
-        ]
+        trace |= {"mode": "markers", "marker": marker | {"size": 9, "symbol": "circle-open"}}
     return [trace]
 
 

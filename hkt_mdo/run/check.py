@@ -101,9 +101,11 @@ def check_case(case: Case) -> CheckReport:
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}
+    given = {own.name for own in case.scenarios if own.duration}
     for flow in found.flows:
         title = "Flow" if len(found.flows) == 1 else f"Flow of {flow.name}"
-        rows[title] = [*_flow(found, flow)]
+        by_default = case.phase.duration is None and flow.name not in given
+        rows[title] = [*_flow(found, flow, by_default)]
     rows |= {
         "Control": [*_control(found)],
         "Starting blade": [*_start(found)],
@@ -223,7 +225,7 @@ def _stations(found: Findings) -> Rows:
     yield Row("Reynolds numbers", powers(found.reynolds), "", note)
 
 
-def _flow(found: Findings, flow: Flow) -> Rows:
+def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     """Yield a flow; warn of changes that mesh, disc or rotor cannot follow."""
     unknown = "not declared" if flow.range[0] < flow.range[1] else "none: it is steady"
     cutoff, changes = flow.cutoff, "not counted" if flow.steady else unknown
@@ -232,8 +234,8 @@ def _flow(found: Findings, flow: Flow) -> Rows:
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
     yield from _unresolved(flow)
-    why, given = "as the case says", {own.name for own in found.case.scenarios if own.duration}
-    if found.case.phase.duration is None and flow.name not in given:
+    why = "as the case says"
+    if by_default:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
     area = np.pi * found.plant.blade.rotor_radius**2

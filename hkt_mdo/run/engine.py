@@ -171,8 +171,10 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
     where: dict[str, Any] = {"key": "scheduler", "value": scheduler}
     options: dict[str, Any] = {"address": scheduler, "timeout": PATIENCE}
+    problem = "no scheduler answers"
+    remedy = "start it (dask scheduler), or correct the address; tls:// needs certificates"
     if scheduler is None:
-        where = {"key": "workers"}
+        where, problem, remedy = {"key": "workers"}, "cannot start", "give the same command again"
         options = {
             "n_workers": jobs,
             "threads_per_worker": 1,
@@ -190,10 +192,7 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
         try:
             client = Client(**options)
         except Exception as error:  # of sockets, certificates, names, a worker that is killed
-            reason = f"no scheduler answers ({type(error).__name__}: {error})"
-            remedy = "start it (dask scheduler), or correct the address; tls:// needs certificates"
-            if scheduler is None:
-                reason, remedy = f"cannot be started ({error})", "give the same command again"
-            raise InputError(reason, remedy, **where) from error
+            problem += f" ({type(error).__name__}: {error})"
+            raise InputError(problem, remedy, **where) from error
         with client:
             yield client

@@ -69,12 +69,11 @@ class Division:
     def why(self) -> str:
         """The reason of the division, as text."""
         error = f", error of the mesh {self.error:.2g}" if self.error else ""
-        if self.order:
-            return (
-                f"polynomials of order {self.order} for nearly all segments are too coarse{error}"
-            )
         count = sum(np.sum(own > 1) for own in self.parts)
-        return f"{count} segment{' is' if count == 1 else 's are'} too coarse{error}"
+        what = f"{count} segment{' is' if count == 1 else 's are'}"
+        if self.order:
+            what = f"polynomials of order {self.order} for nearly all segments are"
+        return f"{what} too coarse{error}"
 
 
 def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics, dict]:
@@ -82,12 +81,10 @@ def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics
 
     A limit is not lowered in a segment that is divided: a finer mesh may need no lower limit.
     """
-    meshes = [each.mesh for each in physics.scenarios]
-    if division.order:
-        meshes = [mesh.model_copy(update={"order": division.order}) for mesh in meshes]
+    order = {"order": division.order} if division.order else {}
     scenarios = tuple(
-        replace(each.divided(parts), mesh=mesh)
-        for each, parts, mesh in zip(physics.scenarios, division.parts, meshes, strict=True)
+        replace(each.divided(parts), mesh=each.mesh.model_copy(update=order))
+        for each, parts in zip(physics.scenarios, division.parts, strict=True)
     )
     parts_of = {each.name: own for each, own in zip(scenarios, division.parts, strict=True)}
     shares = {
