@@ -157,9 +157,8 @@ def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, floa
     """
     own = QUANTITIES[quantity].unit
     unit, scale = UNITS.get(own, (plain_unit(own or "-"), 1.0))
-    most = max(
-        (each.solution.summary.control_torque_max_Nm or 0.0 for each in results), default=0.0
-    )
+    torques = [each.solution.summary.control_torque_max_Nm or 0.0 for each in results]
+    most = max(torques, default=0.0)
     if own == "N*m" and (most >= LARGE_TORQUE or quantity == "root_moment"):
         unit, scale = "kN m", 1e-3
     levels = levels_of(results, quantity, scale)
@@ -548,14 +547,13 @@ def polar_panels(curves: Sequence[Mapping[str, Any]]) -> list[Panel]:
     for column, title in POLARS.items():
         panel = Panel(title, "angle of attack (deg)")
         for number, (curve, color) in enumerate(zip(curves, shades, strict=True)):
+            x = curve["alpha_deg"]
             y = curve["lift"] / curve["drag"] if column == "ratio" else curve[column]
             if np.all(np.isnan(y)):
                 continue
             name = "" if several and 0 < number < len(curves) - 1 else curve["label"]
             sure = np.where(curve["sure"], y, np.nan)
-            panel.curves.append(Curve(curve["alpha_deg"], y, "", color, None))
-            panel.curves.append(
-                Curve(curve["alpha_deg"], sure, name, color, 0 if several else number)
-            )
+            panel.curves.append(Curve(x, y, "", color, None))
+            panel.curves.append(Curve(x, sure, name, color, 0 if several else number))
         panels.append(panel)
     return panels

@@ -38,8 +38,7 @@ _OVER_TIME: dict[str, Sequence[Any]] = {
 }
 
 TABLES: dict[str, dict[str, Sequence[Any]]] = {
-    "trajectory": _OVER_TIME,
-    "simulation": _OVER_TIME,
+    **dict.fromkeys(("trajectory", "simulation"), _OVER_TIME),
     **COLUMNS["result"],
 }
 """Unit (None: dimensionless) and description of each column of each table of a result."""

@@ -416,9 +416,8 @@ class ScenarioEntry(Achieved):
         if self.ceiling_W and self.mean_power_W is not None:
             most = f"of at most {measured(self.ceiling_W, 'W')}"
             note = joined(most, "decides the objective" if self.decides else "")
-            yield Row(
-                "mean power over its ceiling", 100.0 * self.mean_power_W / self.ceiling_W, "%", note
-            )
+            share = 100.0 * self.mean_power_W / self.ceiling_W
+            yield Row("mean power over its ceiling", share, "%", note)
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
         yield from _in_operation(self, case, self.duration_s)
 

@@ -169,9 +169,8 @@ def _turbine(found: Findings) -> Rows:
     if blade.cone:
         yield Row("cone", np.rad2deg(blade.cone), "deg", digits=3)
     yield Row("density of the water", found.case.fluid.density, "kg/m**3")
-    yield Row(
-        "blade at the start", source, "", f"{blade.r.size} stations at {found.stations.places()}"
-    )
+    stations = f"{blade.r.size} stations at {found.stations.places()}"
+    yield Row("blade at the start", source, "", stations)
     yield Row("chord", blade.chord, "m", digits=4)
     yield Row("twist", np.rad2deg(blade.twist), "deg", digits=3)
     yield Row("mass", mass, "kg", material, 4)

@@ -196,14 +196,12 @@ class Findings:
         if self.running:
             names = tuple(name for name in physics.rotor.load_names if name not in several[0])
             several = [x | loads_along(physics.rotor, self.start.blade, x, names) for x in several]
-        self.at_start = {
-            name: several[first]
-            | {
-                quantity: np.concatenate([several[i][quantity] for i in (first, *others)])
-                for quantity in several[first].keys() & set(OVER_TIME)
-            }
-            for name, (first, *others) in physics.groups.items()
-        }
+        self.at_start = {}
+        for name, places in physics.groups.items():
+            parts = [several[place] for place in places]
+            over_time = parts[0].keys() & {*OVER_TIME}
+            whole = {x: np.concatenate([each[x] for each in parts]) for x in over_time}
+            self.at_start[name] = parts[0] | whole
         most = max(energy_bound(physics, self.best), 1e-9)
         self.captured = float(self.start.operation.energy / most)
         ratios = np.array(MARGIN) * self.best.tip_speed_ratio

@@ -35,6 +35,8 @@ def as_data(physics: Physics, point: StartingPoint, start: StartingPoint) -> dic
     start
         The start that has led to it.
     """
+    pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
+    over_time = {x.name: dict(zip(OVER_TIME, (x.edges, *own), strict=True)) for x, own in pairs}
     return {
         "version": VERSION,
         "chord_m": point.blade.chord,
@@ -47,12 +49,7 @@ def as_data(physics: Physics, point: StartingPoint, start: StartingPoint) -> dic
         "reference_energy_J": start.reference,
         "branch": start.branch,
         "starts": [vars(record) for record in start.starts],
-        "scenarios": {
-            scenario.name: dict(zip(OVER_TIME, (scenario.edges, *rows), strict=True))
-            for scenario, rows in zip(
-                physics.scenarios, split(physics, point.operation), strict=True
-            )
-        },
+        "scenarios": over_time,
     }
 
 

@@ -7,7 +7,6 @@ return the next `Task`, or None if they do not apply; the first that applies dec
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -282,12 +281,7 @@ def other_branch(this: Pass) -> Task | None:
     return Task.first(physics, start, why=why, first_passed=this.end.passed)
 
 
-FOLLOW_UPS: tuple[Callable[[Pass], Task | None], ...] = (
-    begin_again,
-    heavier_hub,
-    refine,
-    other_branch,
-)
+FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch
 
 
 def next_task(this: Pass) -> Task | None:

@@ -126,22 +126,19 @@ def _energies(finished):
     """Return the energies of a result, the weighted sums of those of its scenarios, and bounds."""
     physics, verifications = finished.physics, finished.verifications
     taken = "generator_energy", "friction_energy", "kinetic_energy_change"
-    sums = {
-        name: total(verifications, attrgetter(f"simulation.{name}")) for name in {*ENERGIES, *taken}
-    }
+    names, turning = {*ENERGIES, *taken}, _turning(verifications)
+    sums = {name: total(verifications, attrgetter(f"simulation.{name}")) for name in names}
+    simulated = {key: sums[name] if turning else None for name, key in ENERGIES.items()}
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
     meshes = [each.mesh for each in physics.scenarios]
     open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
     return {
         "energy_J": finished.result.energy,
-        **{
-            key: sums[name] if _turning(finished.verifications) else None
-            for name, key in ENERGIES.items()
-        },
+        **simulated,
         "energy_bound_J": bound,
         # relative difference of the certificate and the simulated energy
-        "certified_gap": None if over is None or not _turning(finished.verifications) else -over,
+        "certified_gap": None if over is None or not turning else -over,
         "objective": {
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
