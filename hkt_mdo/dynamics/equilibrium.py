@@ -5,6 +5,8 @@ It shares only the physics with the optimization, neither the torque curve nor t
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.optimize.elementwise import find_root
 
@@ -57,17 +59,38 @@ def equilibria(
         if not np.any(driving[:, -1]) or highest >= last:
             break
         highest *= 2.0
-    place = GRID - 1 - np.argmax(driving[:, ::-1], axis=1)
-    running = driving.any(axis=1) & (place < GRID - 1)
-    place = np.minimum(place, GRID - 2)
-    found = np.full(flow.size, SLOWEST_RATIO)
-    some = np.flatnonzero(running)
-    if some.size:
-        ends = ratios[place[some]], ratios[place[some] + 1]
-        root = find_root(net, ends, args=(flow[some],))
-        # rounding may give both ends of a bracket one sign: the root is at its end
-        found[some] = np.where(root.success, root.x, ends[0])
-    return found * unit, running
+    found, running = last_fall(net, ratios, driving, flow)
+    return np.where(running, found, SLOWEST_RATIO) * unit, running
+
+
+def last_fall(
+    function: Callable, grid: np.ndarray, above: np.ndarray, *args: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where functions fall through zero for the last time on a grid.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a place for each of the functions, (n,), and the arguments.
+    grid : np.ndarray
+        Places, rising, (n_places,).
+    above : np.ndarray
+        Whether each function is at or above zero there, (n, n_places).
+    *args : np.ndarray
+        Of each function, (n,).
+
+    Returns
+    -------
+    place : np.ndarray
+        (n,); a place of the grid where a function does not fall.
+    falls : np.ndarray
+        Whether it does, (n,).
+    """
+    last = grid.size - 1 - np.argmax(above[:, ::-1], axis=1)
+    falls = above.any(axis=1) & (last < grid.size - 1)
+    root = find_root(function, (grid[last], grid[np.minimum(last + 1, grid.size - 1)]), args=args)
+    # rounding may give both ends of a bracket one sign: the root is at its end
+    return np.where(root.success, root.x, grid[last]), falls
 
 
 def _driving(plant, flow, ratios):

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hkt_mdo.dynamics.equilibrium import last_fall
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import SLOWED
@@ -93,32 +94,24 @@ class QuasiSteady:
         -------
         Operation
         """
-        law, gains, scale = self.law, np.asarray(gains, dtype=float), self.scale
-        friction, rubbing = self.shaft.friction, self.shaft.shaft_friction_slope
-        curve = self.spline.curve(self.table)
-        ratios = np.linspace(curve.x[0], curve.x[-1], N_SEARCH)
-        unit = self.inflow_speed / self.rotor_radius
-        speeds = ratios * unit[:, None]
-        driving = scale[:, None] * curve(ratios) >= law.torque(speeds, gains) + friction(speeds)
-        last = ratios.size - 1 - np.argmax(driving[:, ::-1], axis=1)
-        has_root = driving.any(axis=1) & (last < ratios.size - 1)
-        last = np.minimum(last, ratios.size - 2)
+        curve, unit = self.spline.curve(self.table), self.inflow_speed / self.rotor_radius
+        ratios, scale = np.linspace(curve.x[0], curve.x[-1], N_SEARCH), self.scale
 
-        def net(ratio):
-            speed = ratio * unit
-            return (
-                scale * curve(ratio) - law.torque(speed, gains) - friction(speed),
-                scale * curve(ratio, 1) - (law.torque_by_speed(speed, gains) + rubbing) * unit,
-            )
+        def net(ratio, unit, scale):
+            return scale * curve(ratio) - self._braking(ratio * unit, gains)
 
-        found = self.held(_root(net, ratios[last], ratios[last + 1]) * unit)
-        return replace(found, running=bool(np.all(has_root)))
+        driving = net(ratios, unit[:, None], scale[:, None]) >= 0.0
+        ratio, falls = last_fall(net, ratios, driving, unit, scale)
+        return replace(self.held(ratio * unit), running=bool(np.all(falls)))
+
+    def _braking(self, speed, gains):
+        """Return the torque of a law and of the friction, N m."""
+        return self.law.torque(speed, gains) + self.shaft.friction(speed)
 
     def recovers(self, gains, operation: Operation) -> bool:
         """Tell whether a rotor in operation under a law recovers from a small loss of speed."""
         speed = (1.0 - SLOWED) * operation.rotor_speed
-        braking = self.law.torque(speed, gains) + self.shaft.friction(speed)
-        return bool(np.all(self.held(speed).hydrodynamic_torque > braking))
+        return bool(np.all(self.held(speed).hydrodynamic_torque > self._braking(speed, gains)))
 
     def held(self, speed) -> Operation:
         """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
@@ -132,20 +125,3 @@ class QuasiSteady:
         unit = self.rotor_radius / self.inflow_speed
         return self.spline.values(self.table, speed * unit)[1] * self.scale * unit
 
-
-def _root(function, low, high):
-    """Return where functions[n] fall through zero between low[n] and high[n].
-
-    Newton's method with values and slopes, bisection where it would leave the bracket.
-    """
-    x = 0.5 * (low + high)
-    for _ in range(60):
-        value, slope = function(x)
-        low, high = np.where(value >= 0.0, x, low), np.where(value >= 0.0, high, x)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            new = x - value / slope
-        new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
-        if np.all(np.abs(new - x) <= 1e-14 * x):
-            return new
-        x = new
-    return x
