@@ -348,7 +348,7 @@ class DistanceFromStall(Limit):
         unit = torque_scale(density, rotor_radius, inflow_speed)
 
         def net(speed):
-            driving, _ = self.spline.values(table, speed * rotor_radius / inflow_speed)
+            driving = self.spline.curve(table)(speed * rotor_radius / inflow_speed)
             return unit * driving - self.law.torque(speed, gains, *states)
 
         recovery = net((1.0 - SLOWED) * rotor_speed) - net(rotor_speed)

@@ -176,7 +176,8 @@ class CoefficientComp(_NodeComp):
         if spline is not None:
             table = inputs["torque_coefficient_table"]
             by = {"torque_coefficient_table": spline.basis(here)} if derivatives else {}
-            return lambda ratio, *_: spline.values(table, ratio)[0], by
+            curve = spline.curve(table)
+            return lambda ratio, *_: curve(ratio), by
         if np.any(here <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
             raise om.AnalysisError("the rotor turns backwards")
         refuse_complex_step(self)
@@ -265,16 +266,18 @@ class RememberingComp(_NodeComp):
     def formula(self, rotor_speed, inflow_speed, density, rotor_radius, reduced_velocity,
                 induced_velocity, **tables):  # fmt: skip
         band, read = self.band, self._read
-        of_induction = tables["wake_induction_table"]
         ratio = rotor_speed * rotor_radius / inflow_speed
         induction, wake_ratio, slope = self._found
         wake_ratio = wake_ratio + slope * (induced_velocity / inflow_speed - induction)
         wake_ratio = read("wake_ratio", wake_ratio)
-        coefficient, *_ = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
+        coefficient = band.curve(tables["torque_coefficient_band"])(ratio, wake_ratio)
         coefficient = read("coefficient", coefficient)
         torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
-        steady = inflow_speed * read("steady", band.spline.values(of_induction, ratio)[0])
-        place = read("place", band.spline.values(tables["place_induction_table"], ratio)[0])
+        steady, place = (
+            read(each, band.spline.curve(tables[self._BY_TABLES[each][0]])(ratio))
+            for each in ("steady", "place")
+        )
+        steady = inflow_speed * steady
         slow = slow_time(self.tau1, place, rotor_radius, inflow_speed)
         fast = band.share * slow
         held = reduced_velocity + AT_ONCE * steady

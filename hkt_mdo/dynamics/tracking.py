@@ -109,7 +109,7 @@ class Tracking(FeedbackLaw):
 
     def reference(self, flow, gains):
         """Return the schedule's speed, rad/s, at sensed flow speeds, m/s; both may be complex."""
-        values, _ = self._spline.values(gains[: self.knots], np.ravel(flow))
+        values = self._spline.curve(gains[: self.knots])(np.ravel(flow))
         return values.reshape(np.shape(flow))
 
     def demand(self, speed, gains, integral_torque, sensed_flow):

@@ -1,5 +1,7 @@
 """Loads, limits and objectives as OpenMDAO components; formulas are those of the kinds."""
 
+from functools import partial
+
 import numpy as np
 import openmdao.api as om
 from scipy.sparse import csr_array
@@ -30,49 +32,45 @@ class LoadComp(om.ExplicitComponent):
 
     def setup(self):
         n, rows = self._nodes, np.arange(self._nodes)
-        series = {name: QUANTITIES[name].meta for name in _SPEEDS}
+        about = {name: QUANTITIES[name].meta for name in (*_SPEEDS, "rotor_radius", "density")}
         kind, size = "table", self._model.nodes.size
         if isinstance(self._model, Band):
-            series["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
+            about["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
             kind, size = "band", size * FACTORS.size
         self._tables = {name: f"{name}_{kind}" for name in self._loads}
-        for name, about in series.items():
-            self.add_input(name, shape=(n, 1), **about)
-        for name in ("rotor_radius", "density"):
-            self.add_input(name, **QUANTITIES[name].meta)
+        self._series = [name for name in about if name not in ("rotor_radius", "density")]
+        for name, meta in about.items():
+            self.add_input(name, shape=(n, 1) if name in self._series else 1, **meta)
         for name, table in self._tables.items():
             self.add_input(table, shape=size, units=QUANTITIES[name].per_pressure)
             self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
             self.declare_partials(name, ("rotor_radius", "density", table))
-            self.declare_partials(name, tuple(series), rows=rows, cols=rows)
+            self.declare_partials(name, self._series, rows=rows, cols=rows)
 
-    def _at(self, inputs):
-        """Return where the model is evaluated, the flow speed and the pressure, each (n,)."""
-        speed, flow = (inputs[name][:, 0] for name in _SPEEDS)
-        wake = [inputs["wake_ratio"][:, 0]] if "wake_ratio" in inputs else []
-        ratios = [speed * inputs["rotor_radius"] / flow, *wake]
-        return ratios, flow, 0.5 * inputs["density"] * flow**2
+    @staticmethod
+    def _load(coefficient, rotor_speed, inflow_speed, rotor_radius, density, **wake):
+        """Return a load by its coefficient, a function of the ratios; its matrix by their basis."""
+        ratio = rotor_speed * rotor_radius / inflow_speed
+        return (0.5 * density * inflow_speed**2 * coefficient(ratio, *wake.values()).T).T
+
+    def _quantities(self, inputs):
+        """Return the inputs that are no tables, as `_load` takes them."""
+        names = *self._series, "rotor_radius", "density"
+        return _known(inputs, dict(zip(names, names, strict=True)))
 
     def compute(self, inputs, outputs):
-        ratios, _, pressure = self._at(inputs)
+        known = self._quantities(inputs)
         for name, table in self._tables.items():
-            values, *_ = self._model.values(inputs[table], *ratios)
-            outputs[name][:, 0] = pressure * values
+            outputs[name][:, 0] = self._load(self._model.curve(inputs[table]), **known)
 
     def compute_partials(self, inputs, partials):
-        ratios, flow, pressure = self._at(inputs)
-        model, radius, ratio = self._model, inputs["rotor_radius"], ratios[0]
-        basis = pressure[:, None] * model.basis(*ratios)
+        known = self._quantities(inputs)
+        basis = self._load(self._model.basis, **known)
         for name, table in self._tables.items():
-            values, by_ratio, *by_wake = model.values(inputs[table], *ratios)
-            by_ratio = pressure * by_ratio
             partials[name, table] = basis
-            if by_wake:
-                partials[name, "wake_ratio"] = pressure * by_wake[0]
-            partials[name, "rotor_speed"] = by_ratio * radius / flow
-            partials[name, "inflow_speed"] = (2.0 * pressure * values - by_ratio * ratio) / flow
-            partials[name, "rotor_radius"] = (by_ratio * ratio / radius)[:, None]
-            partials[name, "density"] = (pressure * values / inputs["density"])[:, None]
+            load = partial(self._load, self._model.curve(inputs[table]))
+            for each in known:
+                partials[name, each] = slope(load, known, each, each in self._series)
 
 
 class TorqueRateComp(om.ExplicitComponent):

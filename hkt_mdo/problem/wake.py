@@ -69,9 +69,9 @@ class Follower:
         ratio = speed * blade.rotor_radius / flow
         tables = self.band.solve(self.physics.rotor_in(scenario).as_built(blade), blade, ())
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
-        steady = flow * self.band.spline.values(table, ratio)[0]
+        steady = flow * self.band.spline.curve(table)(ratio)
         tau1 = self.physics.case.inflow_dynamics.tau1
-        induction, _ = self.band.spline.values(place, ratio)
+        induction = self.band.spline.curve(place)(ratio)
         slow = np.broadcast_to(slow_time(tau1, induction, blade.rotor_radius, flow), time.shape)
         reduced = _followed(time, (1.0 - AT_ONCE) * steady, slow)
         induced = _followed(time, reduced + AT_ONCE * steady, self.band.share * slow)

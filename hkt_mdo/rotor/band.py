@@ -175,30 +175,26 @@ class Band:
         """
         return TorqueSpline(self.nodes)
 
-    def values(self, table, ratio, wake_ratio):
-        """Return a table's values at tip speed ratios of rotor and wake, and their slopes by both.
+    def curve(self, table):
+        """Return a table as a function of tip speed ratios of rotor and wake, maybe complex.
 
         Parameters
         ----------
         table : ndarray of shape (n_nodes * n_factors,)
             As `solve` makes it.
-        ratio, wake_ratio : ndarray of shape (n_points,)
-            Tip speed ratios; they may be complex.
 
         Returns
         -------
-        values, by_ratio, by_wake_ratio : ndarray of shape (n_points,)
-            The load, and its slopes.
+        callable
+            Takes and returns arrays of shape (n_points,).
         """
-        factor = ratio / wake_ratio
-        columns, slopes = self.spline.values(table.reshape(-1, FACTORS.size), wake_ratio)
-        basis, by_factor = (_ACROSS.basis(factor, order) for order in (0, 1))
-        value = np.sum(columns * basis, axis=1)
-        across = np.sum(columns * by_factor, axis=1) / wake_ratio
-        return value, across, np.sum(slopes * basis, axis=1) - across * factor
+        columns = self.spline.curve(table.reshape(-1, FACTORS.size))
+        return lambda ratio, wake_ratio: np.sum(
+            columns(wake_ratio) * _ACROSS.basis(ratio / wake_ratio), axis=1
+        )
 
     def basis(self, ratio, wake_ratio):
-        """Return the matrix (n_points, n_nodes * n_factors) from a table to `values`.
+        """Return the matrix (n_points, n_nodes * n_factors) from a table to its `curve`.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """Torque coefficient over tip speed ratio: a table of a blade's, and a spline over it."""
 
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
@@ -25,30 +25,23 @@ class TorqueSpline:
     def _cardinal(self):
         return CubicSpline(self.nodes, np.eye(self.nodes.size), bc_type="natural")
 
-    def basis(self, tip_speed_ratio, derivative=0):
-        """Return the matrix (n_points, n_nodes) from a table to spline values or derivatives.
+    def basis(self, tip_speed_ratio):
+        """Return the matrix (n_points, n_nodes) from a table to spline values.
 
         Parameters
         ----------
         tip_speed_ratio : ndarray of shape (n_points,)
-            Omega R / V of the disc.
-        derivative : int
-            Order of the derivative, 0 to 2.
+            Omega R / V of the disc; it may be complex.
 
         Returns
         -------
         ndarray of shape (n_points, n_nodes)
-            The matrix, or its derivative.
+            The matrix.
         """
-        points = np.asarray(tip_speed_ratio)
-        inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        basis, beyond = self._cardinal(inside, derivative), points - inside
-        if derivative == 0 and np.any(beyond):
-            basis = basis + self._cardinal(inside, 1) * beyond[:, None]
-        return basis * (beyond.real == 0.0)[:, None] if derivative > 1 else basis
+        return self._at(self._cardinal, tip_speed_ratio)
 
     def curve(self, table):
-        """Return the spline of a table as a function of the tip speed ratio within the nodes.
+        """Return the spline of a table as a function of tip speed ratios, maybe complex.
 
         Parameters
         ----------
@@ -57,33 +50,39 @@ class TorqueSpline:
 
         Returns
         -------
-        PPoly
-            The curve or curves of the tables.
+        callable
+            Returns (n_points,) or (n_points, n_tables).
         """
-        return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
+        return partial(self._at, self._pieces(table))
 
     def values(self, table, tip_speed_ratio):
-        """Return the spline's values and slopes (n_points,) for a table, without the matrices.
-
-        Of several tables, the columns of one array, those are (n_points, n_tables).
+        """Return the spline's values and slopes for a table, without the matrices.
 
         Parameters
         ----------
-        table : ndarray of shape (n_nodes,) or (n_nodes, n_tables)
+        table : ndarray of shape (n_nodes,)
             Coefficients at the nodes.
         tip_speed_ratio : ndarray of shape (n_points,)
             Omega R / V of the disc.
 
         Returns
         -------
-        values, slopes : ndarray of shape (n_points,) or (n_points, n_tables)
+        values, slopes : ndarray of shape (n_points,)
             Coefficients, and their slopes by the tip speed ratio.
         """
-        points = np.asarray(tip_speed_ratio)
+        pieces = self._pieces(table)
+        inside = np.clip(tip_speed_ratio, self.nodes[0], self.nodes[-1])
+        return self._at(pieces, tip_speed_ratio), pieces(inside, 1)
+
+    def _pieces(self, table):
+        return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
+
+    def _at(self, pieces, points):
+        """Return cubics at points, linear beyond the nodes and in a complex step."""
+        points = np.asarray(points)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
-        curve, beyond = self.curve(table), points - inside
-        slope = curve(inside, 1)
-        return curve(inside) + (slope.T * beyond).T, slope
+        values, beyond = pieces(inside), points - inside
+        return values + (pieces(inside, 1).T * beyond).T if np.any(beyond) else values
 
 
 class HermiteSpline(TorqueSpline):

@@ -95,7 +95,7 @@ class QuasiSteady:
         Operation
         """
         curve, unit = self.spline.curve(self.table), self.inflow_speed / self.rotor_radius
-        ratios, scale = np.linspace(curve.x[0], curve.x[-1], N_SEARCH), self.scale
+        ratios, scale = np.linspace(*self.spline.nodes[[0, -1]], N_SEARCH), self.scale
 
         def net(ratio, unit, scale):
             return scale * curve(ratio) - self._braking(ratio * unit, gains)
@@ -116,7 +116,7 @@ class QuasiSteady:
     def held(self, speed) -> Operation:
         """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
         ratio = speed * self.rotor_radius / self.inflow_speed
-        torque = self.scale * self.spline.values(self.table, ratio)[0]
+        torque = self.scale * self.spline.curve(self.table)(ratio)
         energy = float(self.weights @ (torque * speed))
         return Operation(energy, speed, torque, bool(np.all(torque > 0.0)))
 
@@ -124,4 +124,3 @@ class QuasiSteady:
         """Return the slope of the flow's torque by the rotor's speed, N m s/rad, (n_times,)."""
         unit = self.rotor_radius / self.inflow_speed
         return self.spline.values(self.table, speed * unit)[1] * self.scale * unit
-

@@ -140,7 +140,7 @@ class SteadyFlow:
         """
         flow, physics = self.speeds if flow is None else flow, self.physics
         generator, radius = physics.case.generator, curves.scalars["rotor_radius"]
-        values, _ = self.spline.values(curves.table, ratio)
+        values = self.spline.curve(curves.table)(ratio)
         coefficients = dict(zip(curves.values, values.T, strict=True))
         torque = torque_scale(physics.density, radius, flow) * coefficients.pop("torque")
         speed = ratio * flow / radius

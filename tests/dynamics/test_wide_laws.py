@@ -176,7 +176,7 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
     natural spline of second.
     """
     ratios, weights = np.linspace(4.0, 12.0, 40_001), quasi_steady(table, None).weights
-    torque = torque_scale(1000.0, 1.4, FLOW)[:, None] * SPLINE.values(table, ratios)[0]
+    torque = torque_scale(1000.0, 1.4, FLOW)[:, None] * SPLINE.curve(table)(ratios)
     speed = ratios * FLOW[:, None] / 1.4
     power = LOSSES.electrical_power(torque, speed)
     best = np.arange(FLOW.size), np.argmax(power, axis=1)

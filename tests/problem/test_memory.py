@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo import build_problem, load_case
+from hkt_mdo.dynamics.formulas import slope
 from hkt_mdo.dynamics.rotor_ode import RememberingComp
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.problem.components import LoadComp
@@ -52,12 +53,12 @@ def test_two_filters_have_the_stability_of_all_stations(tau1, power):
     design, flow = design_of("paper"), 1.5
     plant, blade, ratio = design.plant.with_memory(tau1), design.blade, np.array([8.06])
     band, tables = band_of(design, 8.06, 7.0, 9.0, 41)
-    of_band = band.values(tables["torque_coefficient_band"], ratio, ratio)
-    value, frozen, answer = (each[0] for each in of_band)
+    curve, at = band.curve(tables["torque_coefficient_band"]), {"ratio": ratio, "wake_ratio": ratio}
+    value, of_band = curve(**at)[0], [slope(curve, at, name, True)[0] for name in at]
     speed, scale = ratio * flow / 1.4, torque_scale(1000.0, 1.4, flow)
     stiffness = -power * scale * value / speed[0]
     share = band.weights @ (0.39 - 0.26 * (blade.r / blade.tip_radius) ** 2)
-    slow, slopes = np.array([[tau1]]), (scale * 1.4 / flow) * np.array([frozen, answer])
+    slow, slopes = np.array([[tau1]]), (scale * 1.4 / flow) * np.array(of_band)
     law = np.full((1, 1, 1), stiffness)
     companion = Loop(slopes[:1], slopes[None, 1:], slow, share * slow, law, plant.inertia)
     held = type("Held", (), {"stiffness": stiffness})()
@@ -77,11 +78,11 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
     rest = mean.wake.at_rest(behind, flow)
     whole = mean.station_torques(behind, flow, rest)[:, 0]
     np.testing.assert_allclose(whole, plant.torque(behind, flow), rtol=3e-5)
-    value, *_ = band.values(tables["torque_coefficient_band"], ratio, wake_ratio)
+    value = band.curve(tables["torque_coefficient_band"])(ratio, wake_ratio)
     torque = mean.station_torques(speed, flow, rest)[:, 0]
     expected = torque_scale(1000.0, radius, flow) * value
     np.testing.assert_allclose(torque, expected, rtol=3e-5)
-    steady, _ = band.spline.values(tables["wake_induction_table"], ratio)
+    steady = band.spline.curve(tables["wake_induction_table"])(ratio)
     velocity, share = rest[:, 1], band.share
     rates = 0.4 * flow * steady - rest[:, 0], (rest[:, 0] + 0.6 * flow * steady - velocity) / share
     of_wake = mean.wake.rates(rest, flow, mean.wake.balanced(speed, flow))
