@@ -277,9 +277,6 @@ class Taper(Limit):
         return np.append(0.0, asked * chord[1:] / chord[:-1])
 
 
-SPANWISE = "chord", "twist", "thickness"
-
-
 class DesignBounds(Limit):
     """Bounds of the case on a design variable: shape of the blade, set angle, radius or gains."""
 
@@ -293,7 +290,6 @@ class DesignBounds(Limit):
     inputs = property(lambda self: (self.quantity,))  # type: ignore[assignment]
     lower = property(lambda self: self.bounds[0])  # type: ignore[assignment]
     upper = property(lambda self: self.bounds[1])
-    place = property(lambda self: "span" if self.quantity in SPANWISE else "design")
 
 
 def settled(known):

@@ -79,8 +79,9 @@ class ShapeComp(om.ExplicitComponent):
     """Chord, twist and thickness at the stations from the design variables; see `Shape`.
 
     Inputs chord_control[n_chord] (m), twist_control[n_twist] (rad), thickness_control[n_thickness]
-    (over chord), rotor_radius (m), as far as they are designed or scale the blade; outputs chord,
-    twist[n_stations] (m, rad) and, where it is designed, thickness[n_stations].
+    (over chord), as far as they are designed, and rotor_radius (m), with which a chord that is not
+    designed is scaled; outputs chord, twist[n_stations] (m, rad) and, where it is designed,
+    thickness[n_stations].
 
     Parameters
     ----------
@@ -101,17 +102,14 @@ class ShapeComp(om.ExplicitComponent):
             meta = QUANTITIES[name].meta | {"desc": f"control points of the {name}"}
             self.add_input(control, shape=basis.shape[1], **meta)
             self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
+        self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
         if not shape.designs_chord:
-            self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
             by_radius = shape.offsets["chord"] / shape.blade.rotor_radius
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
 
     def compute(self, inputs, outputs):
-        shape = self._shape
-        values = shape.stations({name: inputs[f"{name}_control"] for name in shape.bases})
-        if not shape.designs_chord:
-            values["chord"] = values["chord"] * shape.stretch(inputs["rotor_radius"])
-        for name, value in values.items():
+        control = {name: inputs[f"{name}_control"] for name in self._shape.bases}
+        for name, value in self._shape.stations(control, inputs["rotor_radius"]).items():
             outputs[name] = value
 
 

@@ -194,11 +194,9 @@ class Hydrodynamics:
         """
         if self.follows_thickness:
             return self.polar.suction_at(angle_of_attack, *thickness)
-        if isinstance(self.polar, Polar):
-            return self.polar.suction_at(angle_of_attack)
-        require_suction(self.polar)
-        stations = np.arange(len(self.polar))
-        return curves_at(stacked(self.polar, "suction"), angle_of_attack, (stations,))
+        polars = (self.polar,) if isinstance(self.polar, Polar) else self.polar
+        require_suction(polars)
+        return curves_at(stacked(polars, "suction"), angle_of_attack, (np.arange(len(polars)),))
 
     def best_sections(self, blade, tip_speed_ratio, bounds):
         """Return the best section of every station; see `hkt_mdo.rotor.best_section`.

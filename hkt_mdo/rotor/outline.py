@@ -67,8 +67,7 @@ class Outline:
         float
             Over chord squared.
         """
-        next_x, next_y = np.roll(self.x, -1), np.roll(self.y, -1)
-        return 0.5 * abs(float(np.dot(self.x, next_y) - np.dot(self.y, next_x)))
+        return 0.5 * abs(float(np.sum(self._sides()[4])))
 
     @property
     def upper_first(self):

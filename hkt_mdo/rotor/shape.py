@@ -184,21 +184,6 @@ class Shape:
         """
         return self.bases.keys() == {"twist"}
 
-    def stretch(self, rotor_radius):
-        """Return the factor on chords that are not designed.
-
-        Parameters
-        ----------
-        rotor_radius : float
-            Radius of the swept disc (m).
-
-        Returns
-        -------
-        float
-            The factor; 1 where the chord is designed.
-        """
-        return 1.0 if self.designs_chord else rotor_radius / self.blade.rotor_radius
-
     def control(self, blade):
         """Return the control points of the nearest blade, by least squares.
 
@@ -219,15 +204,15 @@ class Shape:
                 points[name] = np.linalg.lstsq(basis, points[name], rcond=None)[0]
         return points
 
-    def stations(self, control):
+    def stations(self, control, rotor_radius):
         """Return chord (m), twist (rad) and, if it is designed, thickness at the stations.
-
-        At the radius of the given blade.
 
         Parameters
         ----------
         control : dict of str to array_like
             Control points by the names of `bases`.
+        rotor_radius : float
+            Radius of the swept disc (m).
 
         Returns
         -------
@@ -235,7 +220,10 @@ class Shape:
             In m, rad and over the chord, by the names of `offsets`.
         """
         moves = {name: basis @ control[name] for name, basis in self.bases.items()}
-        return {name: offset + moves.get(name, 0.0) for name, offset in self.offsets.items()}
+        found = {name: offset + moves.get(name, 0.0) for name, offset in self.offsets.items()}
+        if not self.designs_chord:
+            found["chord"] = found["chord"] * (rotor_radius / self.blade.rotor_radius)
+        return found
 
     def at(self, control, rotor_radius=None):
         """Return the blade of control points (m, rad, over chord) and a radius of the disc (m).
@@ -253,8 +241,7 @@ class Shape:
             The blade of this design.
         """
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
-        shape = self.stations(control)
-        shape["chord"] = shape["chord"] * self.stretch(radius)
+        shape = self.stations(control, radius)
         return self.blade.with_rotor_radius(radius).with_shape(**shape)
 
     def within(self, blade):
