@@ -139,6 +139,8 @@ def checked(component, atol=1e-9, rtol=1e-11, **values):
 
     problem = om.Problem(reports=False)
     problem.model.add_subsystem("part", component, promotes=["*"])
+    for name in values.keys() & {"chord", "twist", "torque_coefficient_table"}:
+        problem.model.set_input_defaults(name, np.array(values[name]))
     problem.setup(force_alloc_complex=True)
     shapes = problem.model.get_io_metadata(("input",), metadata_keys=("shape",)).values()
     shapes = {each["prom_name"]: each["shape"] for each in shapes}

@@ -107,11 +107,11 @@ def area_component(blade: Blade) -> om.ExecComp:
     return om.ExecComp("blade_area = rotor_radius * dot(widths, chord)", **about)
 
 
-def _add_known(component, name, place, n_times, n_stations):
-    """Add a quantity of the registry as a component's input."""
-    shapes = {"time": (n_times, 1), "span": (n_stations,)}
-    shape = shapes.get(QUANTITIES[name].over, (1,))
-    component.add_input(place, shape=shape, **QUANTITIES[name].meta)
+def _add_known(component, name, place, n_times):
+    """Add a quantity of the registry as a component's input; along the span it is the source's."""
+    shapes = {"time": {"shape": (n_times, 1)}, "span": {"shape_by_conn": True}}
+    shape = shapes.get(QUANTITIES[name].over, {})
+    component.add_input(place, **shape, **QUANTITIES[name].meta)
 
 
 def _known(inputs, places):
@@ -131,10 +131,9 @@ class FormulaComp(om.ExplicitComponent):
     gain_1, … where it asks for them. Output value[size] in the formula's unit.
     """
 
-    def __init__(self, formula: Formula, size=1, n_stations=1, n_table=0, gain_units=()):
+    def __init__(self, formula: Formula, size=1, gain_units=()):
         super().__init__()
         self._formula, self._size, self._gain_units = formula, size, gain_units
-        self._stations, self._table = n_stations, n_table
 
     def setup(self):
         formula, size = self._formula, self._size
@@ -144,9 +143,9 @@ class FormulaComp(om.ExplicitComponent):
                     self.add_input(f"gain_{i}", units=units, desc="feedback gain")
             elif name == "torque_coefficient_table":
                 text = "torque coefficient of the curve"
-                self.add_input(name, shape=self._table, desc=text)
+                self.add_input(name, shape_by_conn=True, desc=text)
             elif name in QUANTITIES:
-                _add_known(self, name, name, size, self._stations)
+                _add_known(self, name, name, size)
             else:  # a state of the control law
                 units, text = formula.series[name]
                 self.add_input(name, shape=(size, 1), units=units, desc=text)
@@ -195,10 +194,9 @@ class IntegralComp(om.ExplicitComponent):
     scenario, the weights are shares: outputs are mean rates, one for each row.
     """
 
-    def __init__(self, weights, integrands, rows=None, n_stations=1):
+    def __init__(self, weights, integrands, rows=None):
         super().__init__()
         self._weights, self._integrands, self._rows = weights, integrands, rows or {}
-        self._stations = n_stations
 
     def setup(self):
         self._terms, added = [], {}
@@ -215,7 +213,7 @@ class IntegralComp(om.ExplicitComponent):
                 self._terms.append(term)
                 added |= {place: (name, weights.size) for name, place in places.items()}
         for place, (name, n_times) in added.items():
-            _add_known(self, name, place, n_times, self._stations)
+            _add_known(self, name, place, n_times)
 
     def setup_partials(self):
         for output, _, row, weights, places in self._terms:

@@ -156,24 +156,14 @@ class OperationGroup(om.Group):
 
     def _add_formula(self, name, formula, size, outputs=(), variant=""):
         """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
-        physics, setup = self._physics, self._start
-        component = FormulaComp(
-            formula=formula,
-            size=size,
-            n_stations=physics.blade.r.size,
-            n_table=setup.nodes.size,
-            gain_units=physics.law.gain_units,
-        )
+        component = FormulaComp(formula, size, self._physics.law.gain_units)
         fixed = (each for each in formula.inputs if each not in formula.series)
         inputs = ["gain_*" if each == "gains" else (each, named(each, variant)) for each in fixed]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):
         """Add the integrals of some rates over all scenarios."""
-        n_stations = self._physics.blade.r.size
-        component = IntegralComp(
-            weights=weights, integrands=integrands, n_stations=n_stations, **about
-        )
+        component = IntegralComp(weights, integrands, **about)
         needed = {each for integrand in integrands.values() for each in integrand.inputs}
         fixed = sorted(each for each in needed if not is_over_time(each))
         self.add_subsystem(name, component, promotes_inputs=fixed, promotes_outputs=["*"])

@@ -71,7 +71,7 @@ def test_distance_from_stall(law, gains):
     limit = DistanceFromStall(law=law, spline=spline)
     rest = law.at_rest(np.linspace(300.0, 650.0, N), np.linspace(1.4, 1.6, N))
     problem = checked(
-        FormulaComp(formula=limit, size=N, n_table=41, gain_units=law.gain_units),
+        FormulaComp(formula=limit, size=N, gain_units=law.gain_units),
         rotor_speed=speed,
         inflow_speed=flow,
         torque_coefficient_table=TABLE,
@@ -171,7 +171,6 @@ def test_a_rate_of_loads_span_and_design_is_a_mean_of_each_scenario():
         weights=weights,
         integrands={"mean_rate": ThrustPerArea()},
         rows={"a_1": 0, "a_2": 0, "b": 1},
-        n_stations=3,
     )
     loads = {f"{name}:thrust": values for name, values in thrust.items()}
     problem = checked(component, **loads, chord=chord, blade_area=0.5)
@@ -205,12 +204,12 @@ class LargestMeanChord(Limit):
 def test_limits_along_the_span_and_over_time_with_it():
     twist, thrust = np.array([0.3, 0.2, 0.1]), np.linspace(1e3, 2e3, N)
     limit = ShareAbove()
-    component = FormulaComp(formula=limit, size=N, n_stations=3)
+    component = FormulaComp(formula=limit, size=N)
     problem = checked(component, thrust=thrust, twist=twist)
     np.testing.assert_allclose(problem.get_val("value"), thrust * 0.14, rtol=1e-14)
     mean = LargestMeanChord()
     assert (limit.place, mean.place) == ("time", "span")
-    problem = checked(FormulaComp(formula=mean, n_stations=3), chord=[0.3, 0.2, 0.4])
+    problem = checked(FormulaComp(formula=mean), chord=[0.3, 0.2, 0.4])
     np.testing.assert_allclose(problem.get_val("value"), [0.3], rtol=1e-15)
 
 

@@ -78,7 +78,7 @@ def test_taper_is_asked_of_the_stations_outboard_of_a_place():
 )
 def test_partials_against_complex_step(limit, given):
     size = next(iter(given.values())).size
-    component = FormulaComp(formula=limit, size=size, n_stations=size)
+    component = FormulaComp(formula=limit, size=size)
     checked(component, 1e-14, 1e-12, **given)
 
 
