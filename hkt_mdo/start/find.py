@@ -392,7 +392,7 @@ class Search:
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
         schedules = self._schedules
-        table = schedules.curves(blade).values["torque"]
+        table = schedules.curves(blade).table[:, 0]
         return QuasiSteady.of(over or self.physics, blade, schedules.spline, table)
 
     def _fitted(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,25 +59,19 @@ def in_speeds(
     return speeds, sums / speeds**3
 
 
-@dataclass(frozen=True, eq=False)
-class Curves:
+class Curves(NamedTuple):
     """Coefficients of a blade over the tip speed ratio.
 
     Attributes
     ----------
-    values : dict of str to np.ndarray
-        Those of "torque" and of loads by name, at the nodes of a spline, shape (n_nodes,).
+    table : np.ndarray
+        That of the torque, then of the loads, at the nodes of a spline, shape (n_nodes, n_names).
     scalars : dict
         The quantities of the design (`hkt_mdo.problem.evaluation.scalars`).
     """
 
-    values: dict[str, np.ndarray]
+    table: np.ndarray
     scalars: dict[str, Any]
-
-    @cached_property
-    def table(self) -> np.ndarray:
-        """The values of all, (n_nodes, n_names)."""
-        return np.stack(list(self.values.values()), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +108,10 @@ class SteadyFlow:
         """Return the curves of a blade, which are computed once."""
         if blade not in self._curves:
             physics, nodes = self.physics, self.spline.nodes
-            values = {"torque": physics.rotor.coefficients(blade, nodes).torque}
-            loads = physics.rotor.loads(blade, nodes, names=physics.load_names)
-            for name, load in loads.items():
-                values[name] = load.envelope().values
-            self._curves[blade] = Curves(values, scalars(physics, physics.rotor, blade))
+            loads = physics.rotor.loads(blade, nodes, names=physics.load_names).values()
+            torque = physics.rotor.coefficients(blade, nodes).torque
+            table = np.stack((torque, *(load.envelope().values for load in loads)), axis=1)
+            self._curves[blade] = Curves(table, scalars(physics, physics.rotor, blade))
         return self._curves[blade]
 
     def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
@@ -140,15 +133,13 @@ class SteadyFlow:
         """
         flow, physics = self.speeds if flow is None else flow, self.physics
         generator, radius = physics.case.generator, curves.scalars["rotor_radius"]
-        values = self.spline.curve(curves.table)(ratio)
-        coefficients = dict(zip(curves.values, values.T, strict=True))
-        torque = torque_scale(physics.density, radius, flow) * coefficients.pop("torque")
+        torque, *loads = self.spline.curve(curves.table)(ratio).T
+        torque = torque_scale(physics.density, radius, flow) * torque
         speed = ratio * flow / radius
         both = torque, torque - generator.friction(speed)  # of the flow, of the generator
         series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, generator)
-        pressure = 0.5 * physics.density * flow**2
-        loads = {name: pressure * coefficient for name, coefficient in coefficients.items()}
-        return series | loads | curves.scalars
+        loads = 0.5 * physics.density * flow**2 * np.reshape(loads, (-1, flow.size))
+        return series | dict(zip(physics.load_names, loads, strict=True)) | curves.scalars
 
     def excess(self, series: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
