@@ -49,6 +49,25 @@ def extended_to_ends(values):
     return np.concatenate((values[..., :1], values, values[..., -1:]), axis=-1)
 
 
+def spread(blade, values):
+    """Return values of a blade's stations at the points of Gauss's rule from hub to tip.
+
+    Parameters
+    ----------
+    blade : Blade
+        The blade.
+    values : float or ndarray of shape (..., n_stations)
+        One for all stations, or one each.
+
+    Returns
+    -------
+    ndarray of shape (..., 3, n_stations + 1)
+        Linear between stations, constant from the first to the hub and from the last to the tip.
+    """
+    shape = np.shape(values)[:-1] + blade.r.shape
+    return between(extended_to_ends(np.broadcast_to(values, shape)))
+
+
 def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
     """Return the `RotorMass` of solid blades.
 
@@ -80,10 +99,7 @@ def mass_and_inertia(blade, section_area, density, hub_inertia=0.0):
         thickness = np.real(blade.thickness)
         step = 1j * np.imag(blade.thickness) if np.iscomplexobj(blade.thickness) else 0.0
         section_area = section_area(thickness) + step * section_area(thickness, 1)
-    shape = extended_to_ends(
-        np.broadcast_to(section_area, np.shape(section_area)[:-1] + blade.r.shape)
-    )
-    area = between(shape) * between(extended_to_ends(blade.chord)) ** 2
+    area = spread(blade, section_area) * spread(blade, blade.chord) ** 2
     line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * area
     arm = between(blade.edges) * np.cos(blade.cone)
     both = (-2, -1)  # points of Gauss's rule, and intervals
@@ -113,9 +129,7 @@ def water_inertia(blade, density, thickness=0.0):
     float
         In kg*m**2.
     """
-    chord, twist = between(extended_to_ends(blade.chord)), between(extended_to_ends(blade.twist))
-    shape = np.shape(thickness)[:-1] + blade.r.shape
-    thickness = between(extended_to_ends(np.broadcast_to(thickness, shape)))
+    chord, twist, thickness = (spread(blade, x) for x in (blade.chord, blade.twist, thickness))
     arm = between(blade.edges) * np.cos(blade.cone)
     across = chord**2 * (np.sin(twist) ** 2 + (thickness * np.cos(twist)) ** 2)
     line = WEIGHTS * np.diff(blade.edges) * blade.blade_count * density * 0.25 * np.pi * across

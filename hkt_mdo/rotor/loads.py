@@ -12,7 +12,7 @@ import numpy as np
 
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
-from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, extended_to_ends
+from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, spread
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, norm, place_weights
 
 GRAVITY = 9.80665  # m/s²
@@ -206,12 +206,9 @@ class LoadModel(Hydrodynamics):
             Less the buoyancy; the sections are linear between stations.
         """
         fine, structure, _ = self._beam(blade)
-        r, chord, area = (
-            between(fine.edges),
-            _spread(fine, fine.chord),
-            _spread(fine, structure.area),
-        )
-        moment = np.sum(WEIGHTS * np.diff(fine.edges) * area * chord**2 * (r - blade.hub_radius))
+        areas = spread(fine, structure.area) * spread(fine, fine.chord) ** 2
+        arm = between(fine.edges) - blade.hub_radius
+        moment = np.sum(WEIGHTS * np.diff(fine.edges) * areas * arm)
         return float(GRAVITY * (structure.density - self.water_density) * moment)
 
     def flapwise_moment(self, blade, tip_speed_ratio, r, flow=None):
@@ -272,7 +269,7 @@ class LoadModel(Hydrodynamics):
         fine, structure, _ = self._beam(blade)
         r = between(fine.edges).ravel()
         several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
-        chord, twist, xx, yy, xy = (_spread(fine, values).ravel() for values in several)
+        chord, twist, xx, yy, xy = (spread(fine, values).ravel() for values in several)
         weak, strong = _about_chord(*_moments(blade, flow, r), twist)
         bent = replace(structure, xx=xx, yy=yy, xy=xy).curvature(weak, strong, chord, twist)
         return bent @ ((WEIGHTS * np.diff(fine.edges)).ravel() * (blade.tip_radius - r))
@@ -299,11 +296,6 @@ def moment_weights(blade, r):
     inner, stations, outer = (blade.edges[:, None][at] for at in np.s_[:-2, 1:-1, 2:])
     inner = np.where(np.real(inner) > np.real(r), inner, r)
     return np.where(np.real(stations) > np.real(r), 0.5 * (outer - inner) * (stations - r), 0.0)
-
-
-def _spread(fine, values):
-    """Return values at the places of a blade, or one for all, at points from hub to tip."""
-    return between(extended_to_ends(np.broadcast_to(values, fine.r.shape)))
 
 
 def _moments(blade, flow, r):
@@ -434,7 +426,7 @@ def _outboard(fine, area, power):
     area chord², both linear between the places and constant from the last to the tip.
     """
     n, edges = fine.r.size, fine.edges[1:]
-    s, local, areas = between(edges), _spread(fine, fine.chord)[:, 1:], _spread(fine, area)[:, 1:]
+    s, local, areas = between(edges), spread(fine, fine.chord)[:, 1:], spread(fine, area)[:, 1:]
     unit = WEIGHTS * np.diff(edges)
     weight, unit = (
         np.stack((factor * s**power, factor * s ** (power + 1))) for factor in (unit * areas, unit)
