@@ -10,7 +10,6 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
@@ -123,17 +122,16 @@ class Physics:
         return float(np.array(list(self.shares.values())) @ own) / own
 
     @property
-    def starting_generator(self) -> Generator | None:
-        """The generator that decides where the rotor works best; None: the largest shaft power.
+    def losses_count(self) -> bool:
+        """Whether losses of the generator, or friction of the shaft, decide where the rotor works.
 
         A constant efficiency does not change the optimum, and losses have no effect on an objective
         that does not contain the electrical power. The shaft's friction has, on that of the shaft.
         """
-        counts = "electrical_power" in self.objective.inputs
-        if counts and not self.case.generator.proportional:
-            return self.case.generator
-        delivers = counts or "generator_power" in self.objective.inputs
-        return LOSSLESS if delivers and self.case.generator.rubs else None
+        generator, inputs = self.case.generator, self.objective.inputs
+        electrical = "electrical_power" in inputs
+        rubs = generator.rubs and (electrical or "generator_power" in inputs)
+        return rubs or (electrical and not generator.proportional)
 
     @property
     def blade(self) -> Blade:

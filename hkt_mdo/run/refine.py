@@ -270,7 +270,7 @@ def _left(verification, energy, best) -> np.ndarray:
     physics, scenario, nodes = verification.physics, verification.scenario, verification.at_nodes
     simulated = verification.integrated
     short = np.zeros(scenario.segments)
-    if physics.objective.is_energy and physics.starting_generator is None:
+    if physics.objective.is_energy and not physics.losses_count:
         density, radius = (verification.scalars[name] for name in ("density", "rotor_radius"))
         scale = power_scale(density, radius, simulated["inflow_speed"])
         short = scale * best - simulated["hydrodynamic_power"]
