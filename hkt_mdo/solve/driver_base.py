@@ -50,16 +50,6 @@ class ReportingDriver(Driver):
         success, optimizer = bool(self.result.success), self.options["optimizer"]
         return Outcome(success, self._message, self.iterations, self.package, optimizer)
 
-    def get_exit_status(self) -> str:
-        """Return the optimizer's own words for how the last run ended.
-
-        Returns
-        -------
-        str
-            As `Outcome.message`.
-        """
-        return self._message
-
     def _declare_options(self) -> None:
         super()._declare_options()
         self.options.declare("progress", default=None, recordable=False, desc="a `Progress`")

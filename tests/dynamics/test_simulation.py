@@ -167,20 +167,12 @@ def test_gust_much_shorter_than_a_step_is_seen(plant, flow):
     assert energy(1.0) > 1.0001 * energy(1.0, ConstantInflow(speed=1.5))
 
 
-def test_recorded_torque_is_the_segments_own_polynomial():
-    """Three nodes a segment reproduce parabolas, a different one in each segment."""
-    time = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0])
-    torque = np.array([0.0, 1.0, 4.0, 4.0, 9.0, 16.0])
-    recorded = RecordedTorque(time, torque)
-    dense = np.linspace(0.0, 4.0, 41)
-    np.testing.assert_allclose(recorded(dense), dense**2, atol=1e-13)
-    assert recorded(2.5) == pytest.approx(6.25)
-
-
-def test_rate_of_a_recorded_torque_is_that_of_its_parabolas_and_of_what_holds_the_speed():
+def test_a_recorded_torque_and_its_rate_are_those_of_parabolas_and_of_what_holds_the_speed():
+    """Three nodes a segment reproduce a parabola."""
     time = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0])
     dense = np.linspace(0.05, 3.95, 40)
     free = RecordedTorque(time, time**2)
+    np.testing.assert_allclose(free(dense), dense**2, atol=1e-13)
     np.testing.assert_allclose(free.rate(dense, 9.0, 5.0), 2.0 * dense, atol=1e-12)
     held = RecordedTorque(time, time**2, speed=9.0 + 0.5 * time, stiffness=20.0)
     found = held.rate(dense, 9.0, 0.6)

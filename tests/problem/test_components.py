@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from hkt_mdo.dynamics.aggregates import Aggregate, Expected
+from hkt_mdo.dynamics.aggregates import Expected, Worst
 from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
@@ -211,22 +211,6 @@ def test_limits_along_the_span_and_over_time_with_it():
     assert (limit.place, mean.place) == ("time", "span")
     problem = checked(FormulaComp(formula=mean), chord=[0.3, 0.2, 0.4])
     np.testing.assert_allclose(problem.get_val("value"), [0.3], rtol=1e-15)
-
-
-class Worst(Aggregate):
-    """The smallest mean rate, by its epigraph: the largest t at or below each of them."""
-
-    measure: str = "worst"
-    n_unknowns: ClassVar[int] = 1
-
-    def value(self, rates, shares, unknowns):
-        return unknowns[0]
-
-    def rows(self, rates, shares, unknowns):
-        return rates - unknowns[0]
-
-    def best_unknowns(self, rates, shares):
-        return np.array([np.min(rates)])
 
 
 def test_aggregates_of_mean_rates():

@@ -187,18 +187,6 @@ def test_multipliers_of_scaled_problems(package, optimizer):
 
 
 @every_optimizer
-def test_rosenbrock_stops_at_its_bound(package, optimizer):
-    formula = "f = 100*(x[1] - x[0]**2)**2 + (1 - x[0])**2"
-    bounds = {"lower": -2.0, "upper": [0.8, 2.0]}
-    driver = make_driver(package, optimizer, tolerance=1e-9)
-    problem, found = solved(of_formulas(driver, formula, [-1.2, 1.0], bounds))
-    assert found.success
-    assert problem.get_val("x")[0] <= 0.8
-    np.testing.assert_allclose(problem.get_val("x"), [0.8, 0.64], atol=1e-6)
-    assert problem.get_val("f")[0] == pytest.approx(0.04, abs=1e-7)
-
-
-@every_optimizer
 @pytest.mark.parametrize("linear", [False, True])
 def test_scaled_quantities_in_other_units(package, optimizer, linear):
     problem, found = solved(bowl(make_driver(package, optimizer), linear=linear))
@@ -379,10 +367,9 @@ def test_a_broken_pyoptsparse_is_passed_over(monkeypatch):
 )
 def test_a_missing_package_names_its_remedy(package, optimizer, remedy, monkeypatch):
     monkeypatch.setattr(drivers, "find_spec", lambda name: None)
-    with pytest.raises(InputError, match=f"{optimizer} is not installed; {remedy}"):
-        make_driver(package, optimizer)
     key, value = ("optimizer", optimizer) if package == "auto" else ("package", package)
-    with pytest.raises(InputError, match=f"^driver.{key} = '{value}': "):
+    told = f"^driver.{key} = '{value}': {optimizer} is not installed; {remedy}"
+    with pytest.raises(InputError, match=told):
         make_driver(package, optimizer)
 
 
