@@ -53,9 +53,7 @@ def _quantities(physics, point) -> list[dict]:
         rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
         time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
         if rotor is not physics.rotor:  # the operation is that of the case's own turbine
-            ratio = np.maximum(speed * radius / flow, SLOWEST_RATIO)
-            torque = rotor.coefficients(blade, ratio).torque
-            torque = torque * torque_scale(rotor.water_density, radius, flow)
+            torque = torque_of(rotor, blade, speed, flow)
         held = torque - generator.friction(speed)
         if physics.law.is_static:  # a rotor may be in motion, and not in equilibrium
             held = physics.law_in(scenario).torque(speed, point.gains)
@@ -72,6 +70,16 @@ def _quantities(physics, point) -> list[dict]:
         for name, integrand in INTEGRALS.items()
     }
     return [known | integrals for known in found]
+
+
+def torque_of(rotor: RotorModel, blade: Blade, speed: np.ndarray, flow: np.ndarray) -> np.ndarray:
+    """Return the torque in steady operation by direct BEM, N*m, at speeds of rotor and flow.
+
+    All are of shape (n_times,), in rad/s and m/s.
+    """
+    ratio = np.maximum(speed * blade.rotor_radius / flow, SLOWEST_RATIO)
+    scale = torque_scale(rotor.water_density, blade.rotor_radius, flow)
+    return scale * rotor.coefficients(blade, ratio).torque
 
 
 def loads_along(

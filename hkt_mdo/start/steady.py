@@ -15,14 +15,12 @@ import numpy as np
 from hkt_mdo.case.design import InflowDynamics
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.resource import DurationCurve
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.evaluation import broken_limits, split
+from hkt_mdo.problem.evaluation import broken_limits, split, torque_of
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import KEPT_EXCESS, START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import MoveLimits, Setup, curve_nodes
-from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.solve import drivers
 from hkt_mdo.start.steady_flow import in_speeds
 
@@ -152,9 +150,6 @@ def _curve_error(steady: Physics, end: StartingPoint) -> float:
     worst = 0.0
     operations = split(steady, end.operation) if steady.has_curve else ()
     for scenario, (speed, torque) in zip(steady.scenarios, operations, strict=False):
-        rotor, radius = steady.rotor_in(scenario), end.blade.rotor_radius
-        ratio = np.maximum(speed * radius / scenario.speeds, SLOWEST_RATIO)
-        exact = rotor.coefficients(end.blade, ratio).torque
-        exact = exact * torque_scale(rotor.water_density, radius, scenario.speeds)
+        exact = torque_of(steady.rotor_in(scenario), end.blade, speed, scenario.speeds)
         worst = max(worst, float(np.max(np.abs(torque - exact)) / np.max(np.abs(exact))))
     return worst
