@@ -132,11 +132,6 @@ class StartingPoint:
             return False, -self.excess
         return True, self.objective - PRICE * max(self.excess, 0.0) * abs(self.objective)
 
-    def record(self, law: str) -> StartRecord:
-        """Return the record of this point as a candidate of the search under a law."""
-        known = self.strategy, self.branch, self.objective, self.excess, self.exceeds
-        return StartRecord(*known, law=law)
-
 
 def records(
     tried: Iterable[StartRecord], kept: StartingPoint, branches: Iterable[StartingPoint] = ()

@@ -492,24 +492,6 @@ def _forces(phi, twist, polars, section, weights):
     return found
 
 
-def polar_at(polar, station):
-    """Return the polar of a station (index), given one for all stations or one for each.
-
-    Parameters
-    ----------
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
-    station : int
-        Index of the station.
-
-    Returns
-    -------
-    Polar
-        The station's own.
-    """
-    return polar if isinstance(polar, Polar) else polar[station]
-
-
 def station_polars(polar, n_stations):
     """Return the polars of every station: by Reynolds number or thickness, or its only one.
 

@@ -259,7 +259,7 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
         few, polar_j = np.flatnonzero(binding[:, j]), stacked[section[j]]
         loads = bem.sections(
             replace(blade, r=np.full(2 * TWISTS, r[j]), chord=strip[0], twist=strip[1]),
-            bem.polar_at(polar, j),
+            bem.station_polars(polar, r.size)[j][0],
             points[few],
         ).tangential_load.reshape(few.size, 2, TWISTS)
         station = r[j], *ends

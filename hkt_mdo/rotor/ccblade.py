@@ -6,7 +6,7 @@ WISDEM is imported only when a function is called: its import takes seconds.
 import numpy as np
 
 from hkt_mdo.errors import needed
-from hkt_mdo.rotor.bem import Coefficients, Table, polar_at
+from hkt_mdo.rotor.bem import Coefficients, Table, station_polars
 
 
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=None):
@@ -84,7 +84,7 @@ def ccblade(blade, polar, derivatives=False):
     """
     place = {"key": "hydrodynamics.bem", "value": "ccblade"}
     wisdem = needed("wisdem.ccblade.ccblade", "pip install wisdem, or choose vectorized", **place)
-    polars = [polar_at(polar, station) for station in range(blade.r.size)]
+    polars = [polar for (polar,) in station_polars(polar, blade.r.size)]
     stations = blade.r, blade.chord, np.rad2deg(blade.twist), polars
     about = {"B": blade.blade_count, "precone": np.rad2deg(blade.cone), "derivatives": derivatives}
     water = {"rho": 1.0, "mu": 1.0, "shearExp": 0.0}

@@ -81,7 +81,8 @@ class Hydrodynamics:
         Hydrodynamics
             With the polar of that station alone.
         """
-        return replace(self, polar=bem.polar_at(self.polar, station))
+        own = self.polar if isinstance(self.polar, Polar) else self.polar[station]
+        return replace(self, polar=own)
 
     def at_flow(self, flow_speed):
         """Return the same rotor with polars at the Reynolds numbers of a flow.

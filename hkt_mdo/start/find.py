@@ -315,7 +315,8 @@ class Search:
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
         """Return the end of an optimization under a law, noted."""
-        self.tried.append(end.record(law))
+        known = end.strategy, end.branch, end.objective, end.excess, end.exceeds
+        self.tried.append(StartRecord(*known, law=law))
         if self.on_start is not None:
             self.on_start(self.tried[-1])
         return end

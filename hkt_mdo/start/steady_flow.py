@@ -65,12 +65,15 @@ class Curves(NamedTuple):
     Attributes
     ----------
     table : np.ndarray
-        That of the torque, then of the loads, at the nodes of a spline, shape (n_nodes, n_names).
+        That of the torque, then of the loads, at the nodes of a spline, shape (n_nodes, n).
+    loads : tuple of str
+        Names of the loads.
     scalars : dict
         The quantities of the design (`hkt_mdo.problem.evaluation.scalars`).
     """
 
     table: np.ndarray
+    loads: tuple[str, ...]
     scalars: dict[str, Any]
 
 
@@ -108,10 +111,11 @@ class SteadyFlow:
         """Return the curves of a blade, which are computed once."""
         if blade not in self._curves:
             physics, nodes = self.physics, self.spline.nodes
-            loads = physics.rotor.loads(blade, nodes, names=physics.load_names).values()
+            names = physics.load_names
+            loads = physics.rotor.loads(blade, nodes, names=names).values()
             torque = physics.rotor.coefficients(blade, nodes).torque
             table = np.stack((torque, *(load.envelope().values for load in loads)), axis=1)
-            self._curves[blade] = Curves(table, scalars(physics, physics.rotor, blade))
+            self._curves[blade] = Curves(table, names, scalars(physics, physics.rotor, blade))
         return self._curves[blade]
 
     def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
@@ -139,7 +143,7 @@ class SteadyFlow:
         both = torque, torque - generator.friction(speed)  # of the flow, of the generator
         series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, generator)
         loads = 0.5 * physics.density * flow**2 * np.reshape(loads, (-1, flow.size))
-        return series | dict(zip(physics.load_names, loads, strict=True)) | curves.scalars
+        return series | dict(zip(curves.loads, loads, strict=True)) | curves.scalars
 
     def excess(self, series: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""

@@ -44,10 +44,14 @@ def test_no_section_of_a_grid_is_better(shipped, chords, twists):
     )
     for j in range(0, blade.r.size, 4):
         strip = replace(blade, r=np.full(chord.size, blade.r[j]), chord=chord, twist=twist)
-        load = bem.sections(strip, bem.polar_at(polar, j), ratios).tangential_load
+        load = bem.sections(
+            strip, bem.station_polars(polar, blade.r.size)[j][0], ratios
+        ).tangential_load
         assert np.all(load.max(axis=1) <= found.load[:, j] + 1e-12)
         own = replace(blade, r=blade.r[[j] * 5], chord=found.chord[:, j], twist=found.twist[:, j])
-        reached = bem.sections(own, bem.polar_at(polar, j), ratios).tangential_load.diagonal()
+        reached = bem.sections(
+            own, bem.station_polars(polar, blade.r.size)[j][0], ratios
+        ).tangential_load.diagonal()
         chosen = reached > found.load[:, j] - 1e-9  # else BEM takes another root
         assert np.all(chosen[1:])
 
