@@ -99,3 +99,11 @@ def test_a_schedule_keeps_the_limit_of_the_torque_between_the_speeds_of_its_sear
     case = physics(load_case({"inflow": "sine", "control": law}))
     start = find_start(case, steady_optimum(case, case.blade))
     assert max(np.max(known["control_torque"]) for known in on_start(case, start)) < 1.005 * 700
+
+
+def test_a_load_may_be_limited_in_one_scenario_alone():
+    flows = [{"inflow": "sine"}, {"inflow": "step", "limits": {"thrust": "6 kN"}}]
+    case = physics(load_case({"inflow": "sine", "control": "quadratic", "scenarios": flows}))
+    start = find_start(case, case.rotor.best_operation(case.blade), improve=False)
+    assert start.operation.running
+    assert case.load_names == ("thrust",)
