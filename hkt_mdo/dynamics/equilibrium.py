@@ -5,14 +5,12 @@ It shares only the physics with the optimization, neither the torque curve nor t
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from scipy.optimize.elementwise import find_root
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Plant
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.torque_curve import last_fall
 
 GRID = 241  # range of the tip speed ratio that is searched for equilibria
 HIGHEST = 12.0, 96.0  # of them, at first and at last
@@ -61,36 +59,6 @@ def equilibria(
         highest *= 2.0
     found, running = last_fall(net, ratios, driving, flow)
     return np.where(running, found, SLOWEST_RATIO) * unit, running
-
-
-def last_fall(
-    function: Callable, grid: np.ndarray, above: np.ndarray, *args: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return where functions fall through zero for the last time on a grid.
-
-    Parameters
-    ----------
-    function : callable
-        Takes a place for each of the functions, (n,), and the arguments.
-    grid : np.ndarray
-        Places, rising, (n_places,).
-    above : np.ndarray
-        Whether each function is at or above zero there, (n, n_places).
-    *args : np.ndarray
-        Of each function, (n,).
-
-    Returns
-    -------
-    place : np.ndarray
-        (n,); a place of the grid where a function does not fall.
-    falls : np.ndarray
-        Whether it does, (n,).
-    """
-    last = grid.size - 1 - np.argmax(above[:, ::-1], axis=1)
-    falls = above.any(axis=1) & (last < grid.size - 1)
-    root = find_root(function, (grid[last], grid[np.minimum(last + 1, grid.size - 1)]), args=args)
-    # rounding may give both ends of a bracket one sign: the root is at its end
-    return np.where(root.success, root.x, grid[last]), falls
 
 
 def _driving(plant, flow, ratios):

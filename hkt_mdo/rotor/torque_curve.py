@@ -4,6 +4,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
+from scipy.optimize.elementwise import find_root
 
 
 class TorqueSpline:
@@ -119,3 +120,31 @@ class HermiteSpline(TorqueSpline):
         most = 3.0 * np.minimum(np.maximum(before, 0.0), np.maximum(after, 0.0))
         least = 3.0 * np.maximum(np.minimum(before, 0.0), np.minimum(after, 0.0))
         return np.clip(smooth, least, most)
+
+
+def last_fall(function, grid, above, *args):
+    """Return where functions fall through zero for the last time on a grid.
+
+    Parameters
+    ----------
+    function : callable
+        Takes a place for each of the functions, (n,), and the arguments.
+    grid : ndarray of shape (n_places,)
+        Places, rising.
+    above : ndarray of shape (n, n_places)
+        Whether each function is at or above zero there.
+    *args : ndarray of shape (n,)
+        Of each function.
+
+    Returns
+    -------
+    place : ndarray of shape (n,)
+        A place of the grid where a function does not fall.
+    falls : ndarray of shape (n,)
+        Whether it does.
+    """
+    last = grid.size - 1 - np.argmax(above[:, ::-1], axis=1)
+    falls = above.any(axis=1) & (last < grid.size - 1)
+    root = find_root(function, (grid[last], grid[np.minimum(last + 1, grid.size - 1)]), args=args)
+    # rounding may give both ends of a bracket one sign: the root is at its end
+    return np.where(root.success, root.x, grid[last]), falls

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hkt_mdo.dynamics.equilibrium import last_fall
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.point import Operation
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.torque_curve import TorqueSpline
+from hkt_mdo.rotor.torque_curve import TorqueSpline, last_fall
 
 if TYPE_CHECKING:  # operation itself needs neither Dymos nor BEM
     from hkt_mdo.problem.model import Physics
