@@ -16,7 +16,7 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import CheckEntry, Summary, unasked
+from hkt_mdo.results.summary import CheckEntry, Summary, at_limits, unasked
 from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable, texts
 from hkt_mdo.sections import Section
 
@@ -185,16 +185,13 @@ def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[Any, An
 
     Beside them is a remark on a large load without a limit.
     """
-    columns = []
-    for each in solutions:
-        limits, loads = each.summary.limits or {}, each.summary.loads or {}
-        large = {x: unasked(x, load.value, each.case) for x, load in loads.items()}
-        columns.append(
-            {
-                limit_words(name): (loads.get(name), limits.get(name), large.get(name, ""))
-                for name in limits | loads
-            }
-        )
+    columns = [
+        {
+            words: (load, limit, "" if load is None else unasked(name, load, each.case))
+            for words, (name, load, limit) in at_limits(each.summary).items()
+        }
+        for each in solutions
+    ]
     return sorted(_aligned(columns), key=lambda row: not any(x and x[1] for x in row[1]))
 
 

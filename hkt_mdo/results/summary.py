@@ -525,8 +525,9 @@ class Summary(Achieved, Mapping[str, Any]):
 
     @property
     def largest(self) -> dict[str, LoadEntry]:
-        """Largest loads and values of limits; a limited load is as its limit counts it."""
-        return {**(self.loads or {}), **(self.limits or {})}
+        """Largest loads and values of limits, of both the larger: a limit may count more."""
+        both = [*(self.loads or {}).items(), *(self.limits or {}).items()]
+        return dict(sorted(both, key=lambda pair: pair[1].value or 0.0))
 
     def __getitem__(self, key: str) -> Any:
         return self.model_dump(exclude_unset=True)[key]
@@ -593,9 +594,9 @@ class Summary(Achieved, Mapping[str, Any]):
         A blade that would break, an unstable loop, large unlimited loads, a torque that is always
         at its limit, a better branch without a verified result, mistakes in the case.
         """
-        loads = {k: x for k, x in (self.loads or {}).items() if k not in (self.limits or {})}
+        loads = dict(self.loads or {})
         loads.pop("stress", None)  # is told by what breaks the blade
-        asked = [(x.row(name), unasked(name, x.value, case)) for name, x in loads.items()]
+        asked = [(x.row(name), unasked(name, x, case)) for name, x in loads.items()]
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable
         loop = [] if stable else [f"with dynamic inflow, {self.memory.text}"]
@@ -751,23 +752,38 @@ def _in_operation(
     yield from of.year.rows() if of.year else ()
     if of.operation is not None:
         yield of.operation.row(duration)
-    limits, loads = of.limits or {}, of.loads or {}
-    yield from (x.row(name, loads.get(name)) for name, x in limits.items() if name != apart)
-    for name, entry in loads.items():
-        if name not in limits:
-            row = entry.row(name)
-            yield replace(row, note=joined(row.note, unasked(name, entry.value, case)))
+    for words, (name, load, limit) in at_limits(of).items():
+        if limit is None:
+            row = load.row(words)
+            yield replace(row, note=joined(row.note, unasked(name, load, case)))
+        elif name != apart:
+            yield limit.row(words, load)
 
 
-def unasked(name: str, value: float | None, case: Case) -> str:
-    """Return a remark on a load that is large and has no limit; otherwise nothing.
+def at_limits(of: Summary | ScenarioEntry) -> dict[str, tuple[str, Any, Any]]:
+    """Return name, largest load and limit by words for them, None for what there is not.
+
+    A load whose largest value is that of another scenario than the limit's has a place of its own.
+    """
+    limits, loads, found = of.limits or {}, of.loads or {}, {}
+    for name in limits | loads:
+        load, limit, words = loads.get(name), limits.get(name), limit_words(name)
+        if load and limit and load.scenario != limit.scenario:
+            found[words] = name, None, limit
+            limit, words = None, f"{words} of all"
+        found[words] = name, load, limit
+    return found
+
+
+def unasked(name: str, load: LoadEntry, case: Case) -> str:
+    """Return a remark on a load that is large and has no limit where it occurs, or nothing.
 
     Parameters
     ----------
     name : str
         Name of the load, as in `Summary.loads`.
-    value : float or None
-        Its largest value, in SI units; None: it is not known.
+    load : LoadEntry
+        The load, and the scenario in which it occurs.
     case : Case
         The case that was run.
 
@@ -776,11 +792,15 @@ def unasked(name: str, value: float | None, case: Case) -> str:
     str
         Such as ``cavitates: the case has no limits.cavitation``.
     """
-    slow = case.limits.cavitation or case.limits.rotor_speed
+    limits = case.of_scenario(load.scenario or "").limits
+    others = ("cavitation", "rotor_speed") if name == "tip_speed" else ()
     most, word = {
         "cavitation": (CavitationLimit().margin, "cavitates"),
         "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
-        "tip_speed": (None if slow else FAST, "fast: near the surface a usual section cavitates"),
+        "tip_speed": (FAST, "fast: near the surface a usual section cavitates"),
     }.get(name, (None, ""))
     key = "limits.cavitation or limits.tip_speed" if name == "tip_speed" else f"limits.{name}"
-    return f"{word}: the case has no {key}" if most and (value or 0.0) > most else ""
+    limited = any(getattr(limits, each, None) for each in (name, *others))
+    if limited or not most or (load.value or 0.0) <= most:
+        return ""
+    return f"{word}: {load.scenario or 'the case'} has no {key}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -227,7 +227,7 @@ class Run:
         limits = physics.limits_in(physics.scenarios[0])
         found = {each.name: _told(each, known) for each in limits if not each.bounded}
         for name, load in placed(plant.blade, [(physics.rotor, known)]).items():
-            remark = unasked(name, load.value, physics.case) or "not limited"
+            remark = unasked(name, load, physics.case) or "not limited"
             own = found.get(name, Told(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
         if (stopped := self.simulation.stopped_at) is not None:
@@ -457,25 +457,27 @@ def _seeds(text: str) -> tuple[int | None, ...]:
     return tuple(dict.fromkeys(seed for span in spans for seed in span))
 
 
-def largest(runs: Iterable[Run]) -> dict[str, Told]:
+def largest(runs: Sequence[Run]) -> dict[str, Told]:
     """Return the largest value of each limit and load over several runs.
 
     Parameters
     ----------
-    runs : iterable of Run
+    runs : sequence of Run
         Simulations.
 
     Returns
     -------
     dict of Told
-        By the names of limits and loads; of several runs, with the name of the run. A run in which
-        a load is limited comes before those in which it is not.
+        By the names of limits and loads; of several runs, with the name of the run. Where a load is
+        limited in some of them only, ``NAME without limit`` is that of the others.
     """
     found: dict[str, Told] = {}
+    limited = {name for run in runs for name, x in run.told.items() if x.limit is not None}
     for run in runs:
         for name, entry in run.told.items():
-            both = entry.model_copy(update={"scenario": run.name or None}), found.get(name, entry)
-            found[name] = max(both, key=lambda x: (x.limit is not None, x.share or x.value))
+            key = f"{name} without limit" if name in limited and entry.limit is None else name
+            both = entry.model_copy(update={"scenario": run.name or None}), found.get(key, entry)
+            found[key] = max(both, key=lambda x: x.share or x.value)
     return found
 
 

@@ -82,8 +82,19 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     assert warning.startswith("without time, branch underspeed is better by 1.4 %")
     branches[1]["objective_J"] = 1.0001e5
     assert not edit(result_folder, branches=branches).summary.warnings(found.case)
+    # a limit of one scenario does not hide the larger load of another
+    limits = {"stress": {"unit": "Pa", "value": 6e7, "limit": 1e8, "scenario": "slow"}}
+    loads["stress"] |= {"r_m": 0.4, "scenario": "fast"}
+    both = edit(result_folder, loads=loads, limits=limits, branches=None)
+    assert both.summary.verdict(both.case) == f"not verified, and {breaks}, 1 warning"
+    rows = dict(table(both))
+    assert rows["largest stress"] == "60 MPa, limit 100 MPa, margin 40.00 %, in slow"
+    assert rows["largest stress of all"].endswith(
+        "0.400 m, in fast, more than the material allows: fast has no limits.stress"
+    )
     at_limit = {"stress": {"unit": "Pa", "value": 240.01e6}}  # as a limit may be kept
-    kept = edit(result_folder, success=True, loads=at_limit, tip_deflection_m=0.13, doubts=None)
+    changes = {"limits": None, "loads": at_limit, "tip_deflection_m": 0.13, "doubts": None}
+    kept = edit(result_folder, success=True, **changes)
     assert kept.summary.verdict(kept.case) == "verified"
     refused = edit(result_folder, success=False)
     assert refused.summary.verdict(refused.case) == "not verified"

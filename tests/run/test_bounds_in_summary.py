@@ -85,10 +85,11 @@ def test_parts_of_the_blade_at_a_bound_are_reported(finished):
 )
 def test_a_large_load_without_a_limit_is_reported(name, value, limits, word):
     case = load_case(SHORT | {"limits": limits})
-    assert unasked(name, value, case).startswith(word)
-    assert bool(unasked(name, value, case)) == bool(word)
-    assert unasked(name, None, case) == ""
-    summary = Summary(success=True, loads={name: LoadEntry(value=value)})
+    load = LoadEntry(value=value)
+    assert unasked(name, load, case).startswith(word)
+    assert bool(unasked(name, load, case)) == bool(word)
+    assert unasked(name, LoadEntry(), case) == ""
+    summary = Summary(success=True, loads={name: load})
     row = texts(summary.rows(case))[f"largest {name.replace('_', ' ')}"]
     assert word in row
     assert ("the case has no limit" in row) == bool(word)
