@@ -233,8 +233,8 @@ class Design:
         float or array
             Rotor speeds, rad/s, of the shape of the times.
         """
-        start = float(self.solution.trajectory["rotor_speed_rad_s"][0])
-        return start * inflow.speed_at(time) / float(self.physics.inflow.speed_at(0.0))
+        ratio = float(self.solution.trajectory["tip_speed_ratio"][0])
+        return ratio * inflow.speed_at(time) / self.plant.blade.rotor_radius
 
     def refuse_standstill(self, inflow: Inflow) -> None:
         """Refuse a flow in which the machine does not operate throughout.
@@ -247,9 +247,9 @@ class Design:
         Raises
         ------
         InputError
-            If this flow, or that over time of the design, exceeds the cut-out speed, or this one
-            has no course over time. The cut-out of a year's design is one of mean speeds, through
-            whose gusts the machine operates.
+            If this flow, or that over time of an open loop's design, exceeds the cut-out speed, or
+            this one has no course over time. The cut-out of a year's design is one of mean speeds,
+            through whose gusts the machine operates.
         """
         if inflow.steady:
             problem = "is a resource, which has no flow over time in which to simulate"
@@ -261,13 +261,21 @@ class Design:
             problem = "has a torque for each speed of a year's flow, and none over time"
             raise InputError(problem, "give a design under a feedback law", key="control.law")
         cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
-        checked = () if cut_out is None or case.inflow.steady else (inflow, self.physics.inflow)
-        for flow in checked:
-            if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration:
-                problem = "stops the machine in this flow or in that of its design, and "
-                problem += "a design is simulated through one interval of operation only"
-                remedy = "give a slower flow, or a design of a year, or one without cut_out"
-                raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
+        if cut_out is None or case.inflow.steady:
+            return
+        flows, law = {"this flow": inflow, "the design's own": self.physics.inflow}, ""
+        stops = [
+            word
+            for word, flow in flows.items()
+            if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration
+        ]
+        if "the design's own" in stops and not self.law.is_feedback:
+            law = "a design under a feedback law, and "
+        if "this flow" in stops or law:
+            problem = f"stops the machine in {' and in '.join(stops)}, and a design is simulated "
+            problem += "through one interval of operation only"
+            remedy = f"give {law}a flow that stays below it"
+            raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
 
     def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
         """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
+from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.solution import Solution
@@ -73,9 +74,13 @@ def test_summary_tells_the_intervals(solution):
 
 def test_a_simulation_through_a_standstill_is_refused(solution):
     design = Design.of(solution)
-    with pytest.raises(InputError, match="stops the machine") as caught:
+    with pytest.raises(InputError, match="in this flow and in the design's own") as caught:
         design.simulate(solution.case.inflow)
     assert caught.value.key == "control.cut_out"
+    power = power_scale(1000.0, solution.summary.rotor_radius_m, STEADY)
+    power *= solution.summary.power_coefficient_max
+    slow = design.simulate(ConstantInflow(speed=STEADY))
+    assert slow.energy == pytest.approx(20.0 * power, rel=2e-5)
 
 
 @pytest.mark.parametrize(
