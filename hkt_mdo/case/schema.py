@@ -339,10 +339,8 @@ class Case(Section):
             problem = "is that of one section, and the rotor has several"
             remedy = "give factors on lift and drag instead"
             raise refusal(problem, remedy, key=f"{key}.{polar}", value=condition.polar)
-        thick = self.rotor.reynolds == "local" or self.design.thickness_points
-        if condition.fouls and thick:
-            problem = "needs rotor.reynolds: invariant and no design.thickness_points"
-            remedy = "change these, or leave it out"
+        if condition.fouls and self.rotor.reynolds == "local":
+            problem, remedy = "needs rotor.reynolds: invariant", "give that, or leave it out"
             raise refusal(problem, remedy, key=key, value=condition.model_dump(mode="json"))
 
     def __reduce__(self) -> tuple[Any, ...]:

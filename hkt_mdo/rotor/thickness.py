@@ -1,6 +1,6 @@
 """Polars that follow the thickness of their station, where that is designed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -80,6 +80,21 @@ class ByThickness:
                 remedy = "give a section there, or leave out those that differ too much"
                 raise InputError(f"{problem} {at:.3g}", remedy, key="rotor.sections")
         return family
+
+    def scaled(self, lift, drag):
+        """Return the family with factors on lift and drag, as `Polar.scaled`.
+
+        Parameters
+        ----------
+        lift, drag : float
+            The factors.
+
+        Returns
+        -------
+        ByThickness
+            Of the same thicknesses.
+        """
+        return replace(self, sections=tuple(each.scaled(lift, drag) for each in self.sections))
 
     @property
     def polars(self):
