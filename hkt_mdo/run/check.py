@@ -528,6 +528,8 @@ def _kept(limit: Limit, value) -> str:
     """Return the range of a limited value, and by how much it is kept or broken."""
     unit, value = limit.unit or "", np.atleast_1d(value)
     bounds = [(limit.lower - value, limit.lower), (value - limit.upper, limit.upper)]
+    if limit.lower == 0.0 <= np.min(value):  # as of a torque, which never drives
+        del bounds[0]
     over, bound = max((float(np.max(each)), abs(float(bound))) for each, bound in bounds)
     text = f"{measured(value, unit, 4)}: "
     if abs(over) <= START_EXCESS * bound:

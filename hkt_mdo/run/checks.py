@@ -498,6 +498,10 @@ def _remedy(check: CheckEntry, physics: Physics) -> str:
 
 
 def _has(case, suggestion: str) -> bool:
-    """Tell whether a case has the value that a suggestion gives a key."""
+    """Tell whether a case has the value that a suggestion gives a key, or no use for the key."""
+    if "resource." in suggestion:
+        return not any(x.inflow and x.inflow.steady for x in (case, *case.scenarios))
+    if "control.smoothing" in suggestion:
+        return not case.control.is_feedback or case.control.torque_limit is None
     given = re.match(r"([\w.]+)=([\w-]+)", suggestion)
     return given is not None and attrgetter(given[1])(case) == given[2]

@@ -232,6 +232,8 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     broken = f"broken by {over:.3g} MPa ({over:.3g} %), in flows from {slow:.4g} m/s"
     assert told["limits.stress"].endswith(broken)
     assert told["limits.thrust"].endswith(f"kept by {left:.3g} kN ({5.0 * left:.3g} %)")
+    left = 2.0 - start["control_torque"].max() / 1e3  # not the distance from zero
+    assert f"kept by {1e3 * left:.3g} N m" in told["control.torque_limit"]
     moment = loads["root_moment"]
     when = f"at t = {start['time'][np.argmax(moment)]:.2f} s"
     assert told["largest root moment"] == f"{moment.max() / 1e3:.5g} kN m, {when}"

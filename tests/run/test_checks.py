@@ -440,6 +440,14 @@ def test_advice_is_what_the_case_can_follow():
         said = explain(CheckEntry(name=name, value=1.0, limit=0.1, passed=False, detail=""), world)
         assert told in said
         assert not any(key in said for key in ("phase.", "start.method", "torque=curve"))
+    control = {"law": "quadratic", "torque_limit": 140}
+    limited = physics(
+        load_case({"control": control, "scenarios": [{"inflow": "sine", "steady": True}]})
+    )
+    stops = CheckEntry(name="rotor_keeps_turning", passed=False)
+    for case, told, not_told in ((world, "cut_in", "smoothing"), (limited, "smoothing", "cut_in")):
+        assert told in explain(stops, case)
+        assert not_told not in explain(stops, case)
 
 
 class LargestInertia(Limit):
