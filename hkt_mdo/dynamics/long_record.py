@@ -241,7 +241,7 @@ class RecordResource(RecordFile, Resource):
             bins = np.floor(np.abs(speed[runs]) / self.bin_width + SAME).astype(int)
             place = np.unique(bins, return_inverse=True)[1]
             values[runs] += (energy / np.bincount(place, share[runs]))[place]
-        return self.samples.scatter(values)
+        return {"record": self.samples.scatter(values)}
 
     @property
     def messages(self):

@@ -198,14 +198,14 @@ class Resource(Inflow):
         """Return speeds, m/s, and their shares of the time, which sum to 1, both (n,)."""
         raise NotImplementedError
 
-    def scatter(self, energies: dict[float, np.ndarray]) -> float | None:
+    def scatter(self, energies: dict[float, np.ndarray]) -> dict[str, float | None]:
         """Return the relative standard uncertainty of an energy by the length of the record.
 
         `energies` has the energy of each bin of `speeds`, (n_bins,), by the direction of the flow:
-        `forward`, and -1 for that of `reversed_speeds`. None where there is no record, or it is too
-        short.
+        `forward`, and -1 for that of `reversed_speeds`. It is returned as `record`, None of a
+        record that is too short; empty where there is no record.
         """
-        return None
+        return {}
 
     @property
     def forward(self) -> float:

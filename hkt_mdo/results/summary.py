@@ -323,7 +323,8 @@ class YearEntry(_Entry):
     factor
     is the net energy over that of the largest electrical power all year. `limits_h` has the hours
     in which each limit binds. `uncertainty` is the standard uncertainty of the energy as a share of
-    it, and `uncertainty_by` has its parts: the flow's `speed`, and the length of the `record`.
+    it, and `uncertainty_by` has its parts: the flow's `speed`, and the length of the `record`,
+    null where the record is too short for it; the total is then not known.
     """
 
     energy_kWh: _Number = None
@@ -343,9 +344,12 @@ class YearEntry(_Entry):
         """Yield the entry as rows."""
         both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
         words = {"speed": "by the flow's speed", "record": "by the length of the record"}
-        shares = ((word, self.uncertainty_by.get(name)) for name, word in words.items())
-        causes = (f"{word} {100.0 * x:.2g} %" for word, x in shares if x is not None)
-        known = f"standard uncertainty: {joined(*causes)}" if both else "uncertainty not known"
+        causes = (
+            f"{words[name]}: not known" if x is None else f"{words[name]} {100.0 * x:.2g} %"
+            for name, x in self.uncertainty_by.items()
+        )
+        known = joined(*causes)
+        known = f"standard uncertainty: {known}" if known else "uncertainty not known"
         gross, net = (measured(x, "kWh", 6) + both for x in (self.energy_kWh, self.net_energy_kWh))
         yield Row("annual energy", gross, note=f"electrical, of 8766 h; {known}")
         if self.kept not in (None, 1.0):

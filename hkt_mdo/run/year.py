@@ -84,10 +84,11 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
     pairs = zip(verifications, powers, strict=True)
     at_rated = sum(each.integral(1.0 * (power >= RATED * rated)) for each, power in pairs)
     parts = uncertainty(verifications)
+    known = parts and None not in parts.values()
     return YearEntry(
         energy_kWh=energy / KILOWATT_HOUR,
         net_energy_kWh=kept * energy / KILOWATT_HOUR,
-        uncertainty=float(np.linalg.norm(list(parts.values()))) if parts else None,
+        uncertainty=float(np.linalg.norm([*parts.values()])) if known else None,
         uncertainty_by=parts,
         kept=kept,
         rated_power_W=rated,
@@ -100,7 +101,7 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
     )
 
 
-def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
+def uncertainty(verifications: Sequence[Verification]) -> dict[str, float | None]:
     """Return the relative standard uncertainties of the energy of a year, by their cause.
 
     The uncertainty of the speed of the flow counts by the slope of the power curve, v dP/dv =
@@ -115,8 +116,8 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
 
     Returns
     -------
-    dict of str to float
-        ``speed`` and ``record``, where they are known.
+    dict of str to float or None
+        ``speed`` and ``record``, where they count; None: not known, of a short record.
     """
     resource, found, total, slope = verifications[0].scenario.resource, {}, 0.0, 0.0
     reach, by_bin = max(resource.speed_uncertainty, NARROW), {}
@@ -137,8 +138,7 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float]:
         by_bin[way] = np.bincount(bins.place, energy, bins.mean.size)
     if resource.speed_uncertainty and total:
         found["speed"] = resource.speed_uncertainty * abs(slope / total)
-    record = resource.scatter(by_bin)
-    return found if record is None else found | {"record": record}
+    return found | resource.scatter(by_bin)
 
 
 def bins_error(verifications: Sequence[Verification]) -> float | None:

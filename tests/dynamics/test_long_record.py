@@ -81,7 +81,9 @@ def test_the_usgs_file_has_its_days():
     data = json.loads((DATA / "USGS_08313000_Jan2019_daily.json").read_text())
     values = data["value"]["timeSeries"][0]["values"][0]["value"]
     file = str(DATA / "USGS_08313000_Jan2019_daily.json")
-    record = RecordResource(file=file, area=30.0).samples
+    whole = RecordResource(file=file, area=30.0)
+    assert whole.scatter({}) == {"record": None}  # a month, which is told
+    record = whole.samples
     expected = [0.3048**3 * float(each["value"]) / 30.0 for each in values]
     np.testing.assert_allclose(record.speed, expected, rtol=1e-12)
     np.testing.assert_allclose(np.diff(record.time), DAY)
