@@ -55,6 +55,10 @@ def complete(case: Case) -> Case:
     done = None not in (phase.duration, phase.segments) and phase.final_speed != "auto"
     if done and not case.scenarios:
         return case
+    other = phase.duration not in (None, case.inflow.length)
+    if other and case.inflow.steady and not case.scenarios:
+        problem, key = "is not the length of a resource's year, 8766 h", "phase.duration"
+        raise InputError(problem, "leave it out", key=key, value=phase.duration)
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
     if final == "auto":
