@@ -108,7 +108,7 @@ class ConditionalValueAtRisk(_OfTheWorst):
     """The mean over the worst share of time of the scenarios' mean powers, each over its ceiling.
 
     The conditional value at risk (Rockafellar and Uryasev 2000). With a share of 1 it is
-    `expected`, with one below each scenario's share `worst`.
+    the mean over all time, with one below each scenario's share `worst`.
     """
 
     measure: Literal["cvar"] = "cvar"

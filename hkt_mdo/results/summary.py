@@ -390,9 +390,10 @@ class Achieved(_Entry):
 class ScenarioEntry(Achieved):
     """Results of one scenario: energies, flow, limits and loads.
 
-    `share` is the scenario's share of time; its energies count in those of the whole result with
-    `weight`, that share times the case's duration over `duration_s`. `mean_power_W` is that of the
-    objective over `duration_s`. A flow with a cut-out speed is one scenario, its energies those
+    `share` is the scenario's share of time, the case's weight over the sum of all; its energies
+    count in those of the whole result with `weight`, which is not that of the case but the share
+    times the case's duration over `duration_s`. `mean_power_W` is that of the objective over
+    `duration_s`. A flow with a cut-out speed is one scenario, its energies, speeds and ratios those
     of all its intervals of operation. Where the measure of `robustness` compares the mean power
     with an upper bound, that is `ceiling_W`; `decides` tells whether this scenario decides the
     measure, unless all do.
@@ -412,7 +413,9 @@ class ScenarioEntry(Achieved):
     def rows(self, case: Case) -> Iterator[Row]:
         """Yield the entry as rows; the case gives the remarks on loads without a limit."""
         flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
-        lasts = f"mean of {measured(self.duration_s, 's')}, share of time {measured(self.share)}"
+        lasts = f"{measured(self.duration_s, 's')}, share of time {measured(self.share)}"
+        stands = self.year or case.control.cut_out
+        lasts = f"mean of the operation in {lasts}" if stands else f"mean of {lasts}"
         yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
         yield Row("energy", self.energy_J, "J")
         power = f"on average {measured(self.mean_power_W, 'W')}"
