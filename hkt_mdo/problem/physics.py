@@ -55,10 +55,9 @@ def complete(case: Case) -> Case:
     done = None not in (phase.duration, phase.segments) and phase.final_speed != "auto"
     if done and not case.scenarios:
         return case
-    other = phase.duration not in (None, case.inflow.length)
-    if other and case.inflow.steady and not case.scenarios:
-        problem, key = "is not the length of a resource's year, 8766 h", "phase.duration"
-        raise InputError(problem, "leave it out", key=key, value=phase.duration)
+    span, year = phase.duration, case.inflow.length
+    if span not in (None, year) and case.inflow.steady and not case.scenarios:
+        raise InputError("is not 8766 h, a year", "leave it out", key="phase.duration", value=span)
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
     final = phase.final_speed
     if final == "auto":

@@ -344,12 +344,9 @@ class YearEntry(_Entry):
         """Yield the entry as rows."""
         both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
         words = {"speed": "by the flow's speed", "record": "by the length of the record"}
-        causes = (
-            f"{words[name]}: not known" if x is None else f"{words[name]} {100.0 * x:.2g} %"
-            for name, x in self.uncertainty_by.items()
-        )
-        known = joined(*causes)
-        known = f"standard uncertainty: {known}" if known else "uncertainty not known"
+        parts = self.uncertainty_by.items()
+        by = (words[k] + (": not known" if x is None else f" {100.0 * x:.2g} %") for k, x in parts)
+        known = f"standard uncertainty: {joined(*by)}" if parts else "uncertainty not known"
         gross, net = (measured(x, "kWh", 6) + both for x in (self.energy_kWh, self.net_energy_kWh))
         yield Row("annual energy", gross, note=f"electrical, of 8766 h; {known}")
         if self.kept not in (None, 1.0):
@@ -413,10 +410,9 @@ class ScenarioEntry(Achieved):
     def rows(self, case: Case) -> Iterator[Row]:
         """Yield the entry as rows; the case gives the remarks on loads without a limit."""
         flow, ratio = self.inflow_speed or Span(), self.tip_speed_ratio or Span()
-        lasts = f"{measured(self.duration_s, 's')}, share of time {measured(self.share)}"
-        stands = self.year or case.control.cut_out
-        lasts = f"mean of the operation in {lasts}" if stands else f"mean of {lasts}"
-        yield Row("flow", flow.mean, "m/s", f"{lasts}, at most {measured(flow.max, 'm/s')}")
+        time = f"{measured(self.duration_s, 's')}, share of time {measured(self.share)}"
+        time = f"the operation in {time}" if self.year or case.control.cut_out else time
+        yield Row("flow", flow.mean, "m/s", f"mean of {time}, at most {measured(flow.max, 'm/s')}")
         yield Row("energy", self.energy_J, "J")
         power = f"on average {measured(self.mean_power_W, 'W')}"
         yield Row("energy, simulated", self.simulated_energy_J, "J", power)
@@ -760,11 +756,9 @@ def _in_operation(
     if of.operation is not None:
         yield of.operation.row(duration)
     for words, (name, load, limit) in at_limits(of).items():
-        if limit is None:
-            row = load.row(words)
-            yield replace(row, note=joined(row.note, unasked(name, load, case)))
-        elif name != apart:
-            yield limit.row(words, load)
+        row = limit.row(words, load) if limit else load.row(words)
+        if name != apart:
+            yield replace(row, note=joined(row.note, "" if limit else unasked(name, load, case)))
 
 
 def at_limits(of: Summary | ScenarioEntry) -> dict[str, tuple[str, Any, Any]]:
@@ -775,10 +769,10 @@ def at_limits(of: Summary | ScenarioEntry) -> dict[str, tuple[str, Any, Any]]:
     limits, loads, found = of.limits or {}, of.loads or {}, {}
     for name in limits | loads:
         load, limit, words = loads.get(name), limits.get(name), limit_words(name)
-        if load and limit and load.scenario != limit.scenario:
-            found[words] = name, None, limit
-            limit, words = None, f"{words} of all"
-        found[words] = name, load, limit
+        elsewhere = load and limit and load.scenario != limit.scenario
+        found[words] = name, None if elsewhere else load, limit
+        if elsewhere:
+            found[f"{words} of all"] = name, load, None
     return found
 
 
@@ -800,14 +794,12 @@ def unasked(name: str, load: LoadEntry, case: Case) -> str:
         Such as ``cavitates: the case has no limits.cavitation``.
     """
     limits = case.of_scenario(load.scenario or "").limits
-    others = ("cavitation", "rotor_speed") if name == "tip_speed" else ()
+    by = ("tip_speed", "cavitation", "rotor_speed") if name == "tip_speed" else (name,)
     most, word = {
         "cavitation": (CavitationLimit().margin, "cavitates"),
         "stress": (case.rotor.blade_material.allowable_stress, "more than the material allows"),
         "tip_speed": (FAST, "fast: near the surface a usual section cavitates"),
     }.get(name, (None, ""))
     key = "limits.cavitation or limits.tip_speed" if name == "tip_speed" else f"limits.{name}"
-    limited = any(getattr(limits, each, None) for each in (name, *others))
-    if limited or not most or (load.value or 0.0) <= most:
-        return ""
-    return f"{word}: {load.scenario or 'the case'} has no {key}"
+    large = most and (load.value or 0.0) > most and not any(getattr(limits, x, None) for x in by)
+    return f"{word}: {load.scenario or 'the case'} has no {key}" if large else ""

@@ -493,12 +493,11 @@ def _limits(found: Findings) -> Rows:
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:
     """Yield limits and loads of the starting blade in one scenario."""
-    limited = set()
+    limited = {limit.name for limit in limits}
     for limit in limits:
         endless = not np.isfinite(limit.upper) and limit.lower <= 0.0
         if isinstance(limit, DesignBounds) or endless:
             continue
-        limited.add(limit.name)
         words, kept = _ends(limit), ""
         if found.running or limit.place != "time":
             kept = _kept(limit, limit.value_of(values))

@@ -78,11 +78,10 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
     scenario = verifications[0].scenario
     scale, kept = YEAR / scenario.mesh.duration, scenario.resource.kept
     energy = sum(each.simulation.electrical_energy for each in verifications) * scale
-    powers = [each.integrated["electrical_power"] for each in verifications]
-    rated = float(np.max(np.concatenate(powers)))
+    power = "electrical_power"
+    rated = max(float(np.max(each.integrated[power])) for each in verifications)
     hours = sum(each.scenario.duration for each in verifications) * scale / HOUR
-    pairs = zip(verifications, powers, strict=True)
-    at_rated = sum(each.integral(1.0 * (power >= RATED * rated)) for each, power in pairs)
+    at_rated = sum(x.integral(1.0 * (x.integrated[power] >= RATED * rated)) for x in verifications)
     parts = uncertainty(verifications)
     known = parts and None not in parts.values()
     return YearEntry(

@@ -125,8 +125,7 @@ class Run:
         Simulation
             Sampled densely over the flow.
         """
-        began = self.began.operation if self.start else None
-        return began or self.design.simulate(self.inflow)
+        return (self.began.operation if self.start else None) or self.design.simulate(self.inflow)
 
     @cached_property
     def began(self) -> StartStop:

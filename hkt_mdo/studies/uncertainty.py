@@ -263,17 +263,13 @@ class Design:
         cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
         if cut_out is None or case.inflow.steady:
             return
-        flows, law = {"this flow": inflow, "the design's own": self.physics.inflow}, ""
-        stops = [
-            word
-            for word, flow in flows.items()
-            if np.sum(np.diff(flow.spans_below(cut_out, duration))) < duration
-        ]
-        if "the design's own" in stops and not self.law.is_feedback:
-            law = "a design under a feedback law, and "
-        if "this flow" in stops or law:
-            problem = f"stops the machine in {' and in '.join(stops)}, and a design is simulated "
-            problem += "through one interval of operation only"
+        flows = inflow, self.physics.inflow
+        here, own = (np.sum(np.diff(x.spans_below(cut_out, duration))) < duration for x in flows)
+        law = "a design under a feedback law, and " if own and not self.law.is_feedback else ""
+        if here or law:
+            flow = "the design's own flow" if own else "this flow"
+            problem = f"stops the machine in {flow}, and "
+            problem += "a design is simulated through one interval of operation only"
             remedy = f"give {law}a flow that stays below it"
             raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
 
