@@ -89,9 +89,7 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     assert both.summary.verdict(both.case) == f"not verified, and {breaks}, 1 warning"
     rows = dict(table(both))
     assert rows["largest stress"] == "60 MPa, limit 100 MPa, margin 40.00 %, in slow"
-    assert rows["largest stress of all"].endswith(
-        "0.400 m, in fast, more than the material allows: fast has no limits.stress"
-    )
+    assert rows["largest stress of all"].endswith("allows: fast has no limits.stress")
     at_limit = {"stress": {"unit": "Pa", "value": 240.01e6}}  # as a limit may be kept
     changes = {"limits": None, "loads": at_limit, "tip_deflection_m": 0.13, "doubts": None}
     kept = edit(result_folder, success=True, **changes)

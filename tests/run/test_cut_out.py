@@ -77,8 +77,8 @@ def test_a_simulation_through_a_standstill_is_refused(solution):
     with pytest.raises(InputError, match="in the design's own flow") as caught:
         design.simulate(solution.case.inflow)
     assert caught.value.key == "control.cut_out"
-    power = power_scale(1000.0, solution.summary.rotor_radius_m, STEADY)
-    power *= solution.summary.power_coefficient_max
+    summary = solution.summary
+    power = summary.power_coefficient_max * power_scale(1e3, summary.rotor_radius_m, STEADY)
     slow = design.simulate(ConstantInflow(speed=STEADY))
     assert slow.energy == pytest.approx(20.0 * power, rel=2e-5)
 
