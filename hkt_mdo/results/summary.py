@@ -587,8 +587,8 @@ class Summary(Achieved, Mapping[str, Any]):
         }
         scenarios = self.scenarios or {}
         for name, entry in scenarios.items() if len(scenarios) > 1 else ():
-            rows = (replace(row, label=f"{name}: {row.label}") for row in entry.rows(case))
-            found[f"Scenario {name}"] = [*rows]
+            rows = entry.rows(case.of_scenario(name))
+            found[f"Scenario {name}"] = [replace(x, label=f"{name}: {x.label}") for x in rows]
         return found
 
     def warnings(self, case: Case) -> list[str]:
