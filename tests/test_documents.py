@@ -18,6 +18,7 @@ from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names
 from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.messages import TAGS
+from hkt_mdo.problem.physics import physics
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.sections import Section
 
@@ -91,6 +92,14 @@ def test_what_the_how_to_shows_is_a_case(block, validator):
     text += "control: {law: quadratic}\n"
     read_case(text, check_files=False)
     validator.validate(parse(text, "x"))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("csv", "blade.csv"), ("text", "blade.dat")])
+def test_a_blade_of_the_how_to_is_read_as_it_stands(kind, name, tmp_path):
+    (tmp_path / name).write_text(blocks(kind)[0], encoding="utf-8")
+    case = next(each for each in blocks("yaml") if f"blade: {name}, " in each)
+    text = f"{case}inflow: {{profile: sine}}\ncontrol: {{law: quadratic}}\n"
+    assert physics(read_case(text, folder=tmp_path)).blade.r.size == 20
 
 
 ARCHITECTURE = (ROOT / "docs" / "dev" / "architecture.md").read_text(encoding="utf-8")

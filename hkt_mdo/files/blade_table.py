@@ -128,20 +128,11 @@ class BladeTable:
         -------
         numpy.ndarray
             The radii in that unit.
-
-        Raises
-        ------
-        InputError
-            If there is no such row.
         """
         tip = 1.0 if self.relative else self.tip_radius
         margin = EDGE * (self.r[-1] if tip is None else tip)
         last = np.inf if tip is None else tip - margin
-        inner = self.r[(self.r > hub_radius + margin) & (self.r < last)]
-        if not inner.size:
-            problem = f"has no row between the hub ({hub_radius:g}) and the tip"
-            raise InputError(problem, "add rows there, or reduce the hub radius", file=self.file)
-        return inner
+        return self.r[(self.r > hub_radius + margin) & (self.r < last)]
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return the two sections between which each station lies, of a file that names sections.

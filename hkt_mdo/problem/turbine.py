@@ -26,6 +26,7 @@ AT_HUB = 1e-3  # share of the span by which a first row at the hub may be off it
 OUTBOARD = 0.02  # of the tip radius: rows that begin farther from the hub are reported
 BEYOND = 1.1  # factor by which a Reynolds number may be beyond the polars
 AGAINST = -1e-3  # camber (height of the centroid over the chord) times lift at 0 degrees
+OTHER = 0.01  # by which a thickness over chord may differ from that of the section named beside it
 ROUNDED = 1e-3  # by which a bound may exceed the sections' thickness, which files round
 
 
@@ -225,8 +226,8 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     if rotor.stations is None and rotor.station_count is None:
         own = table.interior(hub)
         if own.size < 3:
-            problem = f"has {own.size} rows between hub and tip"
-            remedy = "give at least 3, or rotor.station_count"
+            problem = f"has {own.size} rows between hub (r/R = {hub / tip:.4g}) and tip"
+            remedy = "give rotor.station_count, such as 10, or at least 3 rows there"
             raise InputError(problem, remedy, file=rotor.blade)
         text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
         left_out = own.size < table.r.size
@@ -279,6 +280,11 @@ def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tup
     pairs, messages = _pairs(rotor, table, named)
     mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
     blends = ((called.get(a, a), called.get(b, b), share) for a, b, share in pairs)
+    own, told = np.array([each.thickness for each in mixed]), table.thickness
+    if table.section and told is not None and np.max(np.abs(own - told)) > OTHER:
+        spans = (f"{100.0 * np.min(x):.3g} to {100.0 * np.max(x):.3g} %" for x in (told, own))
+        note = "thickness is {} in the blade's file, but {} of the sections it names, which counts"
+        messages = (*messages, note.format(*spans))
     return mixed, messages, tuple(blends)
 
 

@@ -169,6 +169,16 @@ def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
     assert any("thicknes is not read; did you mean" in text for text in same.messages)
 
 
+def test_a_thickness_beside_other_sections_is_told_not_to_count(turbine, tmp_path):
+    rows = NAMED.replace("section", "section,t_over_c").replace(",a\n", ",a,0.4\n")
+    (tmp_path / "both.csv").write_text(rows.replace(",b\n", ",b,0.15\n"))
+    sections = f"sections: [{THICK[:-1]}, name: a}}, {THIN[:-1]}, name: b}}]"
+    text = "thickness is 15 to 40 % in the blade's file, but 15 to 24 % of the sections"
+    for blade, told in (("both.csv", True), ("n.csv", False)):
+        found = turbine(f"blade: {blade}, radius: 1, {sections}")
+        assert any(text in each for each in found.messages) == told
+
+
 def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
     low, high = WINDIO, WINDIO.replace("re: 1.0e+6", "re: 9.0e+6")
     start = low.index("          - re: 1.0e+6")
@@ -191,7 +201,7 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
         ("blade: b.csv, radius: 0.9", "reaches beyond the rotor's tip radius of 0.9 m"),
         (
             "blade: b.csv, radius: 1, hub_radius_fraction: 0.5",
-            "has 2 rows between .*; give at least 3",
+            r"has 2 rows between .*; give rotor\.station_count",
         ),
         (
             "blade: b.csv, radius: 1, stations: [0.1, 0.5, 0.9]",
