@@ -245,7 +245,9 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
         remedy = "-180 and 180 degrees are one angle: give both rows the same coefficients"
         column.refuse(last & (np.abs(values - values[0]) > _ENDS_EQUAL), problem, remedy)
     if name == "drag":
-        column.refuse(values <= 0.0, "drag must be positive", "correct the row")
+        ends = "; for a hub or tip without load, name the section beside it in the blade's file"
+        remedy = "correct the row" + ends * (not np.any(values))
+        column.refuse(values <= 0.0, "drag must be positive", remedy)
     problem = f"is beyond {LARGEST[name]:g}, which no section has"
     remedy = "give the coefficient as a plain number, not in counts or percent"
     column.refuse(np.abs(values) > LARGEST[name], problem, remedy)
