@@ -52,8 +52,8 @@ class Generator(Section):
     shaft_friction_slope: Annotated[float, Quantity("N*m*s/rad", ge=0)] = 0.0
     """Friction torque proportional to the rotor's speed, over the speed."""
     table: ExistingFile | None = None
-    """CSV file with the columns `torque_Nm`, `speed_rpm` or `speed_rad_s`, and `efficiency`: every
-    torque at every speed."""
+    """CSV file with the columns `torque_Nm` or `torque_kNm`, `speed_rpm` or `speed_rad_s`, and
+    `efficiency` or `efficiency_percent`: every torque at every speed."""
 
     @model_validator(mode="after")
     def _check_one_way(self) -> Generator:

@@ -52,6 +52,14 @@ def test_a_table_is_met_at_its_nodes_and_between_them_a_plane_is_a_plane(tmp_pat
     assert generator.electrical_power(-100.0, 3.0) == -300.0
 
 
+def test_a_table_has_the_units_of_its_names_and_may_be_zero_at_standstill(tmp_path):
+    rows = "torque_kNm,speed_rad_s,efficiency_percent\n0,0,0\n0,9,0\n0.7,0,0\n0.7,9,90\n"
+    (tmp_path / "t.csv").write_text(rows)
+    power = Generator(table=str(tmp_path / "t.csv")).electrical_power
+    assert [power(0.0, 9.0), power(700.0, 0.0)] == [0.0, 0.0]
+    assert power(700.0, 9.0) == pytest.approx(5670.0)
+
+
 def test_between_its_points_a_table_stays_within_its_neighbours(tmp_path):
     """A spline through a steep rise would be above one: more power than the shaft has."""
     rise = {0: 0.3, 60: 0.96, 200: 0.97, 400: 0.97}
