@@ -13,6 +13,7 @@ from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.wide_laws import BEND, STILL
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled, provenance
+from hkt_mdo.exports.tables import cut_in
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
@@ -159,6 +160,8 @@ def _tracking(design: Design) -> Code:
             "RADIUS": (design.blade.rotor_radius, "radius of the rotor, m"),
             "DENSITY": (design.physics.density, "density of the water, kg/m^3"),
             "INERTIA": (design.inertia, "of the rotor, kg m^2"),
+            "FRICTION": (design.plant.generator.shaft_friction, "of the shaft, N m"),
+            "FRICTION_SLOPE": (design.plant.generator.shaft_friction_slope, "by speed, N m s/rad"),
         }
         constants |= _STILL
     return Code(constants, {"demand": "PROPORTIONAL * (w - schedule(flow)) + integral"}, curves)
@@ -186,7 +189,8 @@ _SENSED = {
     "tip": "fmax(w, STILL) * RADIUS",
     "volume": "3.141592653589793 * RADIUS * RADIUS * RADIUS",
     "unit": "0.5 * DENSITY * volume * tip * tip",
-    "coefficient": "(torque + INERTIA * acceleration) / unit",
+    "driving": "torque + FRICTION + FRICTION_SLOPE * w + INERTIA * acceleration",
+    "coefficient": "driving / unit",
     "sensed": "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))",
 }
 
@@ -204,8 +208,9 @@ def _head(design: Design) -> list[str]:
     formula = cleandoc(type(law).__doc__ or "").splitlines()
     lines = [*provenance(solution), "", *formula, ""]
     lines.append(f"rotor speeds in the operation of the result: {ends}")
-    if law.cut_out is not None:
-        lines.append(f"cut-out, not part of this code: a flow of {law.cut_out:g} m/s")
+    for name, flow in (("cut-in", cut_in(design)), ("cut-out", law.cut_out)):
+        if flow:
+            lines.append(f"{name}, not part of this code: a flow of {flow:g} m/s")
     names = [
         f"{each.name} {each.upper:g} {each.unit or ''}".rstrip()
         for each in design.physics.all_limits

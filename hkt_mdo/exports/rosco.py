@@ -17,6 +17,7 @@ from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled, provenance
+from hkt_mdo.exports.tables import cut_in
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
@@ -57,6 +58,7 @@ class Rosco(Format):
         words: dict[str, Any] = {
             "provenance": "; ".join(provenance(solution)),
             "design": design,
+            "ends": {"cut-in": cut_in(design), "cut-out": law.cut_out},
             "best_ratio": best,
             "gain": _best_gain(design, best, rotor),  # where the law is not K w²
             "pitches": PITCH,

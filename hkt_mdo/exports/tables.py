@@ -179,21 +179,35 @@ def _design(design: Design) -> Table:
     known = scalars(world, world.rotor, blade)
     for name in ("rotor_radius", "density", "inertia", "mass", "blade_area"):
         rows.append((name, known[name], QUANTITIES[name].unit or "1", QUANTITIES[name].text))
-    viscosity = world.case.fluid.kinematic_viscosity
-    rows.append(("kinematic_viscosity", viscosity, "m**2/s", "kinematic viscosity of the water"))
     for place, (gain, unit) in enumerate(zip(design.gains, law.gain_units, strict=True)):
         rows.append((f"gain_{place}", gain, unit or "1", f"gain of the control law {law.law}"))
-    for name, unit in (("torque_limit", "N*m"), ("cut_out", "m/s")):
-        if getattr(law, name) is not None:
-            rows.append((name, getattr(law, name), unit, f"control.{name} of the case"))
-    if cut_in := _cut_in(design):
-        rows.append(("cut_in", cut_in, "m/s", "resource.cut_in of the case"))
+    generator = world.case.generator
+    keys = [
+        ("fluid.kinematic_viscosity", world.case.fluid.kinematic_viscosity, "m**2/s"),
+        ("control.torque_limit", law.torque_limit, "N*m"),
+        ("control.cut_out", law.cut_out, "m/s"),
+        ("resource.cut_in", cut_in(design), "m/s"),
+        ("generator.shaft_friction", generator.shaft_friction, "N*m"),
+        ("generator.shaft_friction_slope", generator.shaft_friction_slope, "N*m*s/rad"),
+    ]
+    rows += [(key.split(".")[1], x, unit, f"{key} of the case") for key, x, unit in keys if x]
     columns = _columns("design", zip(*rows, strict=True))
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
-def _cut_in(design: Design) -> float:
-    """Return the speed, m/s, below which the machine stands still in all scenarios; or zero."""
+def cut_in(design: Design) -> float:
+    """Return the speed of the flow below which the machine stands still in all scenarios.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    float
+        In m/s; zero where the case has none.
+    """
     scenarios = design.physics.scenarios
     return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
 
@@ -287,7 +301,7 @@ def steady_operation(
         return None
     if flow_range is None:
         speed = np.concatenate([each.inflow.speed_at(each.samples) for each in world.scenarios])
-        low = max((1.0 - WIDER) * float(np.min(speed)), _cut_in(design))
+        low = max((1.0 - WIDER) * float(np.min(speed)), cut_in(design))
         high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
         flow_range = round(low, 3), round(high, 3)
     flow = np.linspace(*flow_range, FLOWS)

@@ -13,7 +13,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled, provenance
 from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
-from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
+from hkt_mdo.exports.tables import REVOLUTIONS, cut_in, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
@@ -48,6 +48,7 @@ class Windio(Format):
                 "number_of_blades": int(blade.blade_count),
                 "rotor_diameter": 2.0 * blade.rotor_radius,
                 "rated_power": float(max(map(np.max, powers))),
+                "cut_in_wind_speed": cut_in(design),
             },
             "components": {
                 "blade": _blade(design, self.stacking, positions),

@@ -187,12 +187,13 @@ def test_the_sample_time_follows_the_loop(tracking, tmp_path):
 
 @LANGUAGES
 def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
-    control = f"{TRACKING}, flow: estimated}}"
+    control = f"{TRACKING}, flow: estimated}}\ngenerator: {{shaft_friction: 20}}"
     solution = result(tmp_path / "result", control, [*SCHEDULE, KP, KI])
     export(solution, ["controller"], tmp_path)
     design, flow = solution.design(), function_of(tmp_path, language, "flow", 3)
     world = design.physics
-    plant = Plant(design.blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"])
+    rotor = design.blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"]
+    plant = Plant(*rotor, world.case.generator)
     estimate, random = FlowEstimate(plant), np.random.default_rng(1)
     speed, torque = random.uniform(3.0, 12.0, 500), random.uniform(0.0, 900.0, 500)
     acceleration = random.uniform(-2.0, 2.0, 500)
@@ -200,7 +201,7 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
     rows = np.column_stack((speed, torque, acceleration)).tolist()
     np.testing.assert_allclose([flow(*row) for row in rows], wanted, rtol=1e-12)
     steady = plant.torque(np.array([7.5]), np.array([1.5]))
-    assert flow(7.5, float(steady[0]), 0.0) == pytest.approx(1.5, rel=1e-6)
+    assert flow(7.5, float(steady[0]) - 20.0, 0.0) == pytest.approx(1.5, rel=1e-6)
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):
