@@ -56,8 +56,7 @@ def test_a_table_has_the_units_of_its_names_and_may_be_zero_at_standstill(tmp_pa
     rows = "torque_kNm,speed_rad_s,efficiency_percent\n0,0,0\n0,9,0\n0.7,0,0\n0.7,9,90\n"
     (tmp_path / "t.csv").write_text(rows)
     power = Generator(table=str(tmp_path / "t.csv")).electrical_power
-    assert [power(0.0, 9.0), power(700.0, 0.0)] == [0.0, 0.0]
-    assert power(700.0, 9.0) == pytest.approx(5670.0)
+    assert power(TORQUE[[0, 3, 3]], SPEED[[2, 0, 2]]) == pytest.approx([0.0, 0.0, 5670.0])
 
 
 def test_between_its_points_a_table_stays_within_its_neighbours(tmp_path):

@@ -174,9 +174,7 @@ def test_a_thickness_beside_other_sections_is_told_not_to_count(turbine, tmp_pat
     (tmp_path / "both.csv").write_text(rows.replace(",b\n", ",b,0.15\n"))
     sections = f"sections: [{THICK[:-1]}, name: a}}, {THIN[:-1]}, name: b}}]"
     text = "thickness is 15 to 40 % in the blade's file, but 15 to 24 % of the sections"
-    for blade, told in (("both.csv", True), ("n.csv", False)):
-        found = turbine(f"blade: {blade}, radius: 1, {sections}")
-        assert any(text in each for each in found.messages) == told
+    assert text in str(turbine(f"blade: both.csv, radius: 1, {sections}").messages)
 
 
 def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
