@@ -293,15 +293,14 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
     if thickness is None or shipped or np.allclose(thickness, section.thickness, 0.0, ROUNDED):
         return [section], ()
     entry, outline = next(iter(rotor.sections), None), section.outline
-    shapes = [outline.stretched(float(each) / outline.thickness) for each in thickness]
-    sections = _alike(
-        _section(rotor, section.polars, shape, float(each), entry)
-        for each, shape in zip(thickness, shapes, strict=True)
-    )
+    sections = [
+        _section(rotor, section.polars, outline.stretched(each / outline.thickness), each, entry)
+        for each in np.asarray(thickness).tolist()
+    ]
     span = f"{100.0 * np.min(thickness):.3g} to {100.0 * np.max(thickness):.3g} %"
     note = f"the one outline is stretched to the thickness of the blade's file, {span}; its polar "
     note += "is the same at all stations"
-    return sections, (note,)
+    return _alike(sections), (note,)
 
 
 def _by_thickness(rotor, design, named):
@@ -458,13 +457,11 @@ def _alike(sections) -> list[_Section]:
     A wall is at most half as thick as its section, which is then solid. Without anything given, the
     area of hollow sections is left to follow from outline and wall; all others have one.
     """
-    sections = list(sections)
     hollow, given = any(each.wall for each in sections), any(each.moments for each in sections)
     linear = given or not hollow or any(each.area for each in sections)
     found = []
     for section in sections:
-        half = 0.5 * section.outline.thickness
-        wall = min(section.wall or half, half) if hollow else None
+        wall = min(section.wall or 0.5, 0.5 * section.outline.thickness) if hollow else None
         area, moments, _ = material_section(section.outline, wall)
         area, moments = section.area or area, section.moments or moments
         own = {"area": area if linear else None, "moments": moments if given else None}

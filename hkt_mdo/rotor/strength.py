@@ -232,7 +232,7 @@ class StructureByThickness:
         """Return the structure of sections of a thickness[n_sections], which increases.
 
         Outlines between them are splines through theirs, at equal fractions of the chord, as are
-        walls between the sections' walls (over the chord; None: solid sections), within their range.
+        walls between the sections' (over the chord; None: solid sections), within their range.
 
         Parameters
         ----------
@@ -268,16 +268,22 @@ class StructureByThickness:
         table = np.hstack((numbers, points.reshape(at.size, -1)))
         return cls(thickness, CubicSpline(at, table), float(density), modulus)
 
-    @property
-    def area(self):
-        """Area over chord squared, over the thickness.
+    def area(self, thickness, order=0):
+        """Return the area over chord squared of a thickness, or its rate by it.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (...)
+            Thickness over chord.
+        order : int
+            1: its rate by the thickness.
 
         Returns
         -------
-        CubicSpline
-            The spline of the sections' table.
+        ndarray of shape (...)
+            The area, or its rate.
         """
-        return CubicSpline(self.numbers.x, self.numbers(self.numbers.x)[:, 0])
+        return self.numbers(thickness, order)[..., 0]
 
     def with_section(self, area, second_moments=None):
         """Return the structure with another area and `SecondMoments` of the sections.
