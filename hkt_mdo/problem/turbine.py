@@ -454,18 +454,17 @@ def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Se
 def _alike(sections) -> list[_Section]:
     """Return sections that can be blended: if one has a wall or second moments, all have.
 
-    A wall is at most half as thick as its section, which is then solid. Without anything given, the
-    area of hollow sections is left to follow from outline and wall; all others have one.
+    A wall is at most half as thick as its section, which is then solid. Where walls differ and
+    nothing else is given, the area is left to follow from outline and wall: it is not linear.
     """
     hollow, given = any(each.wall for each in sections), any(each.moments for each in sections)
-    linear = given or not hollow or any(each.area for each in sections)
+    walls = [min(x.wall or 0.5, 0.5 * x.outline.thickness) if hollow else None for x in sections]
+    linear = given or len(set(walls)) == 1 or any(each.area for each in sections)
     found = []
-    for section in sections:
-        wall = min(section.wall or 0.5, 0.5 * section.outline.thickness) if hollow else None
+    for section, wall in zip(sections, walls, strict=True):
         area, moments, _ = material_section(section.outline, wall)
-        area, moments = section.area or area, section.moments or moments
-        own = {"area": area if linear else None, "moments": moments if given else None}
-        found.append(section._replace(wall=wall, **own))
+        area, moments = linear and (section.area or area), given and (section.moments or moments)
+        found.append(section._replace(wall=wall, area=area or None, moments=moments or None))
     return found
 
 

@@ -364,9 +364,8 @@ def radius_slope(blade, values, by_chord, power):
 
 
 def _thrust(_model, blade, flow, _ratio):
-    spans = blade.edges[2:] - blade.edges[:-2]
-    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * spans
-    return _whole(blade, flow, weights, 2)
+    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count
+    return _whole(blade, flow, weights * (blade.edges[2:] - blade.edges[:-2]), 2)
 
 
 def _root_moment(model, blade, flow, ratio):

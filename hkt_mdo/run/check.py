@@ -167,8 +167,7 @@ def _turbine(found: Findings) -> Rows:
     filled = turbine.along_span(np.subtract(turbine.walls, half), turbine.blade.r) > -KEPT
     kind = "" if any(x.area for x in rotor.sections) else "solid " if np.all(filled) else "hollow "
     if np.any(filled) and any(0.0 < (x.wall or 0.0) < 0.5 for x in (rotor, *rotor.sections)):
-        text = f"the wall fills the section at {found.stations.places(filled)}: it is solid there"
-        yield _warning("rotor.wall", text, "note")
+        yield _warning("rotor.wall", f"leaves no hollow at {found.stations.places(filled)}", "note")
     material = f"{kind}blades of {rotor.blade_material.density:g} kg/m^3"
     shaft = found.physics.rotor.hub_of(blade)
     besides = f"of which {shaft:g} kg m^2 besides the blades"

@@ -133,7 +133,7 @@ def test_polars_of_another_reynolds_number_are_a_note() -> None:
 def test_a_wall_that_fills_the_section_is_a_note() -> None:
     report = check("rotor.wall=0.08")
     assert "solid blades" in rows(report, "Turbine")
-    assert "the wall fills the section at r/R = 0.2 to 0.999" in " ".join(map(str, report.notes))
+    assert "leaves no hollow at r/R = 0.2 to 0.999" in " ".join(map(str, report.notes))
 
 
 def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
