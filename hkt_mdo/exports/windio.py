@@ -114,9 +114,8 @@ def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, 
 
 def _structure(design: Design) -> dict[str, Any]:
     """Return one shell of the blade's material over the whole section."""
-    blade, wall = design.blade, design.physics.case.rotor.wall
-    half = 0.5 * design.thickness
-    share = half if wall is None else np.minimum(half, wall)
+    blade, turbine, half = design.blade, design.turbine, 0.5 * design.thickness
+    share = np.clip(turbine.along_span(turbine.walls, blade.r), min(turbine.walls), half)
     ends = {name: {"anchor": {"name": "skin", "handle": name}} for name in ARCS}
     shell = _curve(_grid(design), extended_to_ends(share * blade.chord))
     places = {name: _curve([0.0, 1.0], 2 * [at]) for name, at in zip(ARCS, (0.0, 1.0), strict=True)}

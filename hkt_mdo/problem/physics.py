@@ -320,6 +320,10 @@ def _derived(turbine: Turbine, whole: list[Scenario]) -> dict[str, float]:
     """Return quantities that follow from a case and its files, by their names in `PLAUSIBLE`."""
     name = "mean flow speed"
     flows = {f"{name} of {x.name}" if len(whole) > 1 else name: x.mean_flow for x in whole}
+    own = [(x.area or 0.0, *(x.moments or (0.0, 0.0))[:2]) for x in turbine.sections]
+    filled = [(x.outline.area, *x.outline.second_moments[:2]) for x in turbine.sections]
+    names = "area of a section", "flapwise second moment", "edgewise second moment"
+    flows.update(zip(names, np.max(np.divide(own, filled), axis=0), strict=True))
     return flows | {
         "tip radius": turbine.blade.tip_radius,
         "outermost station or row": turbine.reach,

@@ -47,6 +47,8 @@ class Turbine(NamedTuple):
     """What was converted, extrapolated or left out."""
     outlines: tuple[Outline, ...] = ()
     """Of the sections: one, or one a station; where thickness is designed, from thin to thick."""
+    walls: tuple[float, ...] = ()
+    """Of each outline over the chord; 0.5: solid."""
     blends: tuple[tuple[str, str, float], ...] = ()
     """The two sections that each station lies between, by name, and the share of the second; one
     entry for a blade of one section, none where the thickness is designed."""
@@ -89,13 +91,13 @@ class Turbine(NamedTuple):
 class _Section(NamedTuple):
     """One section: polars by Reynolds number, thickness, area over chord squared, and outline.
 
-    wall is that of a hollow section, None for a solid one. moments None: those of outline and wall.
+    wall is that of a hollow section, None for a solid one. area, moments None: of outline and wall.
     name is what the polars are called, and shape the outline: empty where another one's is taken.
     """
 
     polars: PolarFamily
     thickness: float
-    area: float
+    area: float | None
     outline: Outline
     wall: float | None = None
     moments: SecondMoments | None = None
@@ -158,10 +160,10 @@ def build_turbine(
         polar, area, structure = _by_thickness(rotor, design, named)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
         blade = replace(blade, thickness=thickness)
-        outlines = tuple(named[name].outline for name in _in_order(named))
-        notes = *read, *messages
-        return Turbine(blade, polar, area, thickness, structure, notes, outlines, **about)
+        about |= _shapes([named[name] for name in _in_order(named)])
+        return Turbine(blade, polar, area, thickness, structure, (*read, *messages), **about)
     sections, blended, blends = _sections(rotor, table, named)
+    sections = [x._replace(area=x.area or material_section(x.outline, x.wall)[0]) for x in sections]
     families, thickness, area, *_ = zip(*sections, strict=True)
     if rotor.reynolds == "local":
         families = families if len(families) > 1 else families * stations.size
@@ -172,8 +174,8 @@ def build_turbine(
         polar = polar[0] if one else polar
     area, thickness = map(_together, (area, thickness))
     structure = _structure(rotor, sections)
-    outlines, notes = tuple(each.outline for each in sections), (*read, *messages, *blended)
-    return Turbine(blade, polar, area, thickness, structure, notes, outlines, blends, **about)
+    about |= _shapes(sections) | {"messages": (*read, *messages, *blended), "blends": blends}
+    return Turbine(blade, polar, area, thickness, structure, **about)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -297,15 +299,14 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
     if thickness is None or shipped or np.allclose(thickness, section.thickness, 0.0, ROUNDED):
         return [section], ()
     entry, outline = next(iter(rotor.sections), None), section.outline
-    shapes = [outline.stretched(float(each) / outline.thickness) for each in thickness]
     sections = [
-        _section(rotor, section.polars, shape, float(each), entry)
-        for each, shape in zip(thickness, shapes, strict=True)
+        _section(rotor, section.polars, outline.stretched(each / outline.thickness), each, entry)
+        for each in np.asarray(thickness).tolist()
     ]
     span = f"{100.0 * np.min(thickness):.3g} to {100.0 * np.max(thickness):.3g} %"
     note = f"the one outline is stretched to the thickness of the blade's file, {span}; its polar "
     note += "is the same at all stations"
-    return sections, (note,)
+    return _alike(sections), (note,)
 
 
 def _by_thickness(rotor, design, named):
@@ -327,8 +328,8 @@ def _by_thickness(rotor, design, named):
         raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
     bounds = tuple(float(each) for each in np.clip(bounds, low, high))
     polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
-    area = over_thickness(thickness, [each.area for each in sections])
-    structure = _structure(rotor, sections, thickness)
+    structure, area = _structure(rotor, sections, thickness), _together(x.area for x in sections)
+    area = structure.area if area is None else over_thickness(thickness, area)
     return ByThickness.of(thickness, polars, bounds), area, structure
 
 
@@ -348,11 +349,17 @@ def _together(values):
     return np.array([first, *others]) if others and first is not None else first
 
 
+def _shapes(sections) -> dict[str, tuple]:
+    """Return the outlines and walls of a `Turbine`."""
+    walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
+    return {"outlines": tuple(each.outline for each in sections), "walls": walls}
+
+
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
     """Return the structure of the blade's section, or of those of its stations or thicknesses.
 
-    Solid sections have the area of their outline, which is blended between stations; a hollow or a
-    given one has the area of the mass, over chord squared.
+    Solid sections have the area of their outline, which is blended between stations; hollow or
+    given ones that of the mass, over chord squared, which is linear between stations.
     """
     material, outlines = rotor.blade_material, [each.outline for each in sections]
     wall = _together(each.wall for each in sections)
@@ -365,7 +372,7 @@ def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickn
     moments = moments and SecondMoments(*map(_together, moments))
     given = moments or wall is not None or any(each.area is not None for each in rotor.sections)
     area = _together(each.area for each in sections)
-    return structure.with_section(area, moments) if given else structure
+    return structure.with_section(area, moments) if given and area is not None else structure
 
 
 def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
@@ -446,31 +453,31 @@ def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Se
     if outline is None:
         own = own.stretched(thickness / own.thickness)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
-    wall = wall or rotor.wall
-    if area is None:
-        area = own.area if wall is None else material_section(own, wall)[0]
     moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
-    return _Section(polars, thickness, area, own, wall, moments, name, shape)
+    return _Section(polars, thickness, area, own, wall or rotor.wall, moments, name, shape)
 
 
 def _alike(sections) -> list[_Section]:
     """Return sections that can be blended: if one has a wall or second moments, all have.
 
-    The wall of a solid section is half as thick as itself.
+    A wall is at most half as thick as its section, which is then solid. Where walls differ and
+    nothing else is given, the area is left to follow from outline and wall: it is not linear.
     """
     hollow, given = any(each.wall for each in sections), any(each.moments for each in sections)
+    walls = [min(x.wall or 0.5, 0.5 * x.outline.thickness) if hollow else None for x in sections]
+    linear = given or len(set(walls)) == 1 or any(each.area for each in sections)
     found = []
-    for section in sections:
-        wall = section.wall or (0.5 * section.outline.thickness if hollow else None)
-        own = material_section(section.outline, wall)[1] if given else None
-        found.append(section._replace(wall=wall, moments=section.moments or own))
+    for section, wall in zip(sections, walls, strict=True):
+        area, moments, _ = material_section(section.outline, wall)
+        area, moments = linear and (section.area or area), given and (section.moments or moments)
+        found.append(section._replace(wall=wall, area=area or None, moments=moments or None))
     return found
 
 
 def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
     """Return the section between two; all of it but the outline is linear in the share.
 
-    Not the second moments, unless given: those follow from the outline and the wall.
+    What is None follows from the outline and the wall.
     """
     if share == 0.0:
         return inner
@@ -485,7 +492,7 @@ def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
     return _Section(
         PolarFamily(numbers, polars),
         linear(inner.thickness, outer.thickness),
-        linear(inner.area, outer.area),
+        inner.area and linear(inner.area, outer.area),
         inner.outline.blend(outer.outline, share),
         inner.wall and linear(inner.wall, outer.wall),
         inner.moments and SecondMoments(*map(linear, inner.moments, outer.moments)),

@@ -21,6 +21,7 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.words import (
     Row,
     amounts,
+    bends_far,
     joined,
     limit_words,
     measured,
@@ -42,9 +43,6 @@ BLADE = (
     *("start_chord_m", "start_twist_deg"),
 )
 """Fields that hold one value for each blade station; thickness where it is designed."""
-
-BENT = 0.1
-"""Deflection of a tip over the radius above which a blade counts as broken."""
 
 BETTER = 1e-3
 """Share by which a branch that was not taken has to be better without time for a warning, as in
@@ -623,14 +621,11 @@ class Summary(Achieved, Mapping[str, Any]):
     def breaks(self, case: Case) -> list[str]:
         """Return what would break the blade: its stress, and a deflection out of a beam's range."""
         most, stress = case.rotor.blade_material.allowable_stress, self.largest.get("stress")
-        bent, radius, found = self.tip_deflection_m, self.tip_radius_m, []
+        found = []
         if most and stress and (stress.value or 0.0) > (1.0 + BETWEEN) * most:
             told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
             found.append(f"the largest stress in a blade, {told}, is above its material's, {limit}")
-        if bent and radius and bent > BENT * radius:
-            share = f"{per_cent(bent, radius, 3) or 'over 10000 %'} of the radius"
-            found.append(f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %")
-        return found
+        return [*found, *bends_far(self.tip_deflection_m, self.tip_radius_m)]
 
     def verdict(self, case: Case) -> str:
         """Return whether the result is verified and its blade holds, and how many warnings."""

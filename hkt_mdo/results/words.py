@@ -1,6 +1,6 @@
 """Rows of a report, and quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from datetime import timedelta
 from itertools import groupby, zip_longest
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
+BENT = 0.1  # deflection of a tip over the radius above which a blade counts as broken
 PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
 _SMALL = "m", "s"
@@ -192,6 +193,13 @@ def weight_moment(moment: float) -> Row:
     """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
     note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
     return Row("weight in water", abs(moment), "N*m", note, 3)
+
+
+def bends_far(deflection: float | None, radius: float | None) -> Iterator[str]:
+    """Yield that a tip's deflection (m) is out of a beam's range, where it is."""
+    if deflection and radius and deflection > BENT * radius:
+        share = f"{per_cent(deflection, radius, 3) or 'over 10000 %'} of the radius"
+        yield f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %"
 
 
 def tip_deflection(deflection: float, radius: float | None) -> Row:

@@ -149,6 +149,25 @@ class LoadModel(Hydrodynamics):
         thickness = weights @ blade.thickness
         return fine, self.structure.at(thickness), self.structure.at(thickness, 1)
 
+    def _centrifugal(self, blade, ratio):
+        """Return the beam, the rate rho_b omega² cos²(cone) over q [n_points, 1], and two loads.
+
+        Times the rate, these are the pull of all that is outboard of the hub and of every place,
+        and the flapwise moment by it on coned blades; with their derivatives, as `_outboard`.
+
+        Raises
+        ------
+        ValueError
+            For a structure with another number of stations.
+        """
+        beam = fine, structure, _ = self._beam(blade)
+        if structure.n_stations not in (None, blade.r.size):
+            raise ValueError(f"the structure is not that of {blade.r.size} stations")
+        rate = 2.0 * structure.density / (self.water_density * blade.rotor_radius**2)
+        rate = rate * np.cos(blade.cone) ** 2 * np.reshape(ratio, (-1, 1)) ** 2
+        pulls, bends = zip(*_outboard(fine, structure.area, 1), strict=True)
+        return beam, rate, pulls, [np.tan(blade.cone) * bend for bend in bends]
+
     def weight_stress(self, blade, derivatives=True):
         """Return the largest stress in a blade by its weight in water alone, as a `Table`, Pa.
 
@@ -172,11 +191,10 @@ class LoadModel(Hydrodynamics):
         (fine, structure, change), weights = self._beam(blade), place_weights(blade.r.size)
         chord, twist = fine.chord, fine.twist
         excess = GRAVITY * (structure.density - self.water_density)
-        moments = (excess * moment for _, moment in _outboard(fine, structure.area, 0))
+        moments = (excess * moment[1:] for _, moment in _outboard(fine, structure.area, 0))
         moment, moment_by_chord, moment_by_area = moments
         weak, strong = _about_chord(0.0, moment[None], twist)
-        wanted = change if derivatives else None
-        bending = structure.bending(weak, strong, chord, wanted)
+        bending = structure.bending(weak, strong, chord, change if derivatives else None)
         values, share, _ = norm(bending.smooth)
         if not derivatives:
             return bem.Table(np.max(np.real(bending.largest), axis=1))
@@ -206,16 +224,13 @@ class LoadModel(Hydrodynamics):
             Less the buoyancy; the sections are linear between stations.
         """
         fine, structure, _ = self._beam(blade)
-        areas = spread(fine, structure.area) * spread(fine, fine.chord) ** 2
-        arm = between(fine.edges) - blade.hub_radius
-        moment = np.sum(WEIGHTS * np.diff(fine.edges) * areas * arm)
-        return float(GRAVITY * (structure.density - self.water_density) * moment)
+        (_, moment), *_ = _outboard(fine, structure.area, 0)
+        return float(GRAVITY * (structure.density - self.water_density) * moment[0])
 
-    def flapwise_moment(self, blade, tip_speed_ratio, r, flow=None):
-        """Return the moment that bends a blade flapwise at radii r over q, m³, (n_points, n_r).
+    def moments(self, blade, tip_speed_ratio, r, flow=None):
+        """Return the moments that bend a blade at radii r over q, m³: flapwise, and edgewise.
 
-        That of the flow's loads, as `root_moment`: coned blades have that of the centrifugal force
-        besides.
+        With the moment of the centrifugal force on coned blades, if there is a structure.
 
         Parameters
         ----------
@@ -230,21 +245,24 @@ class LoadModel(Hydrodynamics):
 
         Returns
         -------
-        ndarray of shape (n_points, n_r)
+        flapwise, edgewise : ndarray of shape (n_points, n_r)
             In m**3.
         """
         flow = self.sections(blade, tip_speed_ratio) if flow is None else flow
-        return _moments(blade, flow, np.asarray(r, dtype=float))[0]
+        flapwise, edgewise = _moments(blade, flow, np.asarray(r, dtype=float))
+        if blade.cone and self.structure is not None:
+            (fine, *_), rate, _, (bend, *_) = self._centrifugal(blade, tip_speed_ratio)
+            flapwise = flapwise + rate * np.interp(r, fine.edges, np.append(bend, 0.0))
+        return flapwise, edgewise
 
     def tip_deflection(self, blade, tip_speed_ratio):
         """Return the tip's deflection out of the rotor plane over q, m/Pa, shape (n_points,).
 
         Euler-Bernoulli's beam of small deflections, clamped at the hub radius, under the loads of
-        the flow (the centrifugal force, which stiffens it, is left out): integral of the curvature
-        times (tip radius - r). Sections bend about their own inclined axes; chord, twist and
-        section are linear between stations and constant from there to hub and tip. Raises
-        ValueError
-        without a structure or its modulus.
+        the undeformed blade, which the centrifugal force does not stiffen: integral of the
+        curvature times (tip radius - r). Sections bend about their own inclined axes; chord, twist
+        and section are linear between stations and constant from there to hub and tip. Raises
+        ValueError without a structure or its modulus.
 
         Parameters
         ----------
@@ -265,12 +283,11 @@ class LoadModel(Hydrodynamics):
         """
         if self.structure is None:
             raise ValueError("deflections need a structure")
-        flow = self.sections(blade, tip_speed_ratio)
         fine, structure, _ = self._beam(blade)
         r = between(fine.edges).ravel()
         several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
         chord, twist, xx, yy, xy = (spread(fine, values).ravel() for values in several)
-        weak, strong = _about_chord(*_moments(blade, flow, r), twist)
+        weak, strong = _about_chord(*self.moments(blade, tip_speed_ratio, r), twist)
         bent = replace(structure, xx=xx, yy=yy, xy=xy).curvature(weak, strong, chord, twist)
         return bent @ ((WEIGHTS * np.diff(fine.edges)).ravel() * (blade.tip_radius - r))
 
@@ -299,7 +316,7 @@ def moment_weights(blade, r):
 
 
 def _moments(blade, flow, r):
-    """Return the flapwise and edgewise moment over q of one blade at radii r (m³)."""
+    """Return the flapwise and edgewise moment of the flow's loads over q at radii r (m³)."""
     weights = np.cos(blade.cone) ** 2 * moment_weights(blade, r)
     return flow.normal_load @ weights, flow.tangential_load @ weights
 
@@ -347,53 +364,54 @@ def radius_slope(blade, values, by_chord, power):
 
 
 def _thrust(_model, blade, flow, _ratio):
-    spans = blade.edges[2:] - blade.edges[:-2]
-    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count * spans
-    return _whole(blade, flow, weights, 2)
+    weights = 0.5 * np.cos(blade.cone) ** 3 * blade.blade_count
+    return _whole(blade, flow, weights * (blade.edges[2:] - blade.edges[:-2]), 2)
 
 
-def _root_moment(_model, blade, flow, _ratio):
-    hub = np.array([blade.hub_radius])
+def _root_moment(model, blade, flow, ratio):
+    hub, added = np.array([blade.hub_radius]), ()
     weights = np.cos(blade.cone) ** 2 * moment_weights(blade, hub)[:, 0]
-    return _whole(blade, flow, weights, 3)
+    if blade.cone and model.structure is not None:
+        (*_, change), rate, _, bends = model._centrifugal(blade, ratio)
+        bend, *by = (rate * each[0] for each in bends)  # by chord and by area
+        by[1] = by[1] * (0.0 if change is None else change.area)
+        added = bend, 2.0 / ratio[:, None] * bend, *(x @ place_weights(blade.r.size) for x in by)
+    return _whole(blade, flow, weights, 3, *added)
 
 
-def _whole(blade, flow, weights, power):
-    """Return the `Load` of the whole blade, weights[n_stations] times the normal loads."""
-    values, r = (flow.normal_load @ weights)[:, None], np.array([blade.hub_radius])
+def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_chord=0.0, by_thickness=0.0):
+    """Return the `Load` of the whole blade, weights[n_stations] times the normal loads.
+
+    And what is added to it, of shape (n_points, 1), with its derivatives.
+    """
+    values, r = (flow.normal_load @ weights)[:, None] + added, np.array([blade.hub_radius])
     if not flow.derivatives.size:
         return Load(r, values, values)
 
     def slopes(share):
         by = _by_flow(flow, blade, share * weights, np.zeros(flow.normal_load.shape))
+        own = np.sum(share * by_ratio, axis=1), share * by_chord, 0.0, share * by_thickness
+        by = [each + other for each, other in zip(by, own, strict=True)]
         return *by, radius_slope(blade, (share * values)[:, 0], by[1], power)
 
     return Load(r, values, values, slopes)
 
 
 def _stress(model, blade, flow, ratio):
-    (fine, structure, change), weights = model._beam(blade), place_weights(blade.r.size)
-    r, chord, twist = fine.r, fine.chord, fine.twist
-    if structure.n_stations not in (None, blade.r.size):
-        raise ValueError(f"the structure is not that of {blade.r.size} stations")
-    area = np.broadcast_to(structure.area, r.size)
-    (pull, bend), *by = _outboard(fine, area, 1)  # that of coned blades bends them, too
-
-    cosine, sine = np.cos(blade.cone), np.sin(blade.cone)
-    rate = 2.0 * structure.density / (model.water_density * blade.rotor_radius**2)
-    rate = rate * cosine * ratio[:, None] ** 2  # rho_b w² cos(cone) over q
+    (fine, structure, change), rate, *both = model._centrifugal(blade, ratio)
+    (pull, *pull_by), (bend, *bend_by) = ([each[1:] for each in of] for of in both)
+    r, chord, twist, area = fine.r, fine.chord, fine.twist, structure.area
+    weights = place_weights(blade.r.size)
     flapwise, edgewise = _moments(blade, flow, r)
-    flapwise = flapwise + rate * sine * bend
-    weak, strong = _about_chord(flapwise, edgewise, twist)
+    weak, strong = _about_chord(flapwise + rate * bend, edgewise, twist)
     wanted = change if flow.derivatives.size else None
-    tension = rate * cosine * pull / (area * chord**2)
+    tension = rate * pull / (area * chord**2)
     bending = structure.bending(weak, strong, chord, wanted, tension)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
         return Load(r, exact, values)
 
-    arms = cosine**2 * moment_weights(blade, r).T
-    by_rate = rate * cosine / (area * chord**2)
+    arms = np.cos(blade.cone) ** 2 * moment_weights(blade, r).T
 
     def slopes(share):
         by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
@@ -401,11 +419,11 @@ def _stress(model, blade, flow, ratio):
         by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
         by_loads = by_flapwise @ arms, by_edgewise @ arms
         by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, blade, *by_loads)
-        tensile = share * tension
-        centrifugal = by_flapwise * rate * sine
-        by_ratio = by_ratio + 2.0 / ratio * np.sum(centrifugal * bend + tensile, axis=1)
+        tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate
+        by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
         by_places, by_area = (
-            centrifugal @ by_bend + (share * by_rate) @ by_pull for by_pull, by_bend in by
+            by_bend @ each + (by_pull / (area * chord**2)) @ other
+            for each, other in zip(bend_by, pull_by, strict=True)
         )
         by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
         by_chord = by_chord + by_places @ weights
@@ -420,29 +438,29 @@ def _stress(model, blade, flow, ratio):
 
 
 def _outboard(fine, area, power):
-    """Return the integrals of A s^p ds and of A s^p (s - r) ds from every place r to the tip.
+    """Return the integrals of A s^p ds and of A s^p (s - r) ds from hub and every place to the tip.
 
-    And their derivatives by the chord and by the area at the places, (n_places, n_places) each. A =
-    area chord², both linear between the places and constant from the last to the tip.
+    And their derivatives by the chord and by the area at the places, (n_places + 1, n_places) each.
+    A = area chord², both linear between the places and constant from there to hub and tip.
     """
-    n, edges = fine.r.size, fine.edges[1:]
-    s, local, areas = between(edges), spread(fine, fine.chord)[:, 1:], spread(fine, area)[:, 1:]
-    unit = WEIGHTS * np.diff(edges)
+    n, r = fine.r.size, fine.edges[:-1]
+    s, local, areas = between(fine.edges), spread(fine, fine.chord), spread(fine, area)
+    unit = WEIGHTS * np.diff(fine.edges)
     weight, unit = (
         np.stack((factor * s**power, factor * s ** (power + 1))) for factor in (unit * areas, unit)
     )
-    integrals = np.cumsum(np.sum(weight * local**2, axis=1)[:, ::-1], axis=1)[:, ::-1]
+
+    def outboard(each):
+        pull, second = np.cumsum(each[:, ::-1], axis=1)[:, ::-1]
+        return pull, second - (r * pull.T).T
 
     def slopes(by):
-        inner = np.sum(by * (1.0 - SHARES), axis=1)  # by the value at the inner end
-        outer = np.sum(by * SHARES, axis=1)
-        slopes = np.triu(np.ones((n, n))) * inner[:, None]
-        slopes[:, :, 1:] += np.triu(np.ones((n, n - 1)), 0) * outer[:, None, :-1]
-        slopes[:, :, -1] += outer[:, None, -1]
-        return slopes[0], slopes[1] - fine.r[:, None] * slopes[0]
+        each, interval = np.zeros((2, n + 1, n), by.dtype), np.arange(n + 1)
+        each[:, interval, np.maximum(interval - 1, 0)] = np.sum(by * (1.0 - SHARES), axis=1)
+        each[:, interval, np.minimum(interval, n - 1)] += np.sum(by * SHARES, axis=1)
+        return outboard(each)
 
-    pull, second = integrals
-    moments = pull, second - fine.r * pull
+    moments = outboard(np.sum(weight * local**2, axis=1))
     return moments, slopes(2.0 * weight * local), slopes(unit * local**2)
 
 

@@ -232,7 +232,7 @@ class StructureByThickness:
         """Return the structure of sections of a thickness[n_sections], which increases.
 
         Outlines between them are splines through theirs, at equal fractions of the chord, as are
-        walls between the sections' walls (over the chord; None: solid sections).
+        walls between the sections' (over the chord; None: solid sections), within their range.
 
         Parameters
         ----------
@@ -256,7 +256,9 @@ class StructureByThickness:
         at = np.unique(np.concatenate(parts))
         x, upper, lower = np.moveaxis([outline.resampled() for outline in outlines], 1, 0)
         along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
-        walls = [None] * at.size if wall is None else over_thickness(thickness, wall)(at)
+        walls = [None] * at.size
+        if wall is not None:
+            walls = np.clip(over_thickness(thickness, wall)(at), np.min(wall), np.max(wall))
         sections = [
             material_section(Outline(np.r_[x[::-1], x], np.r_[upper[::-1], lower]), own)
             for (x, upper, lower), own in zip(along, walls, strict=True)
@@ -265,6 +267,23 @@ class StructureByThickness:
         points = _governing([points for _, _, points in sections], same=True)
         table = np.hstack((numbers, points.reshape(at.size, -1)))
         return cls(thickness, CubicSpline(at, table), float(density), modulus)
+
+    def area(self, thickness, order=0):
+        """Return the area over chord squared of a thickness, or its rate by it.
+
+        Parameters
+        ----------
+        thickness : ndarray of shape (...)
+            Thickness over chord.
+        order : int
+            1: its rate by the thickness.
+
+        Returns
+        -------
+        ndarray of shape (...)
+            The area, or its rate.
+        """
+        return self.numbers(thickness, order)[..., 0]
 
     def with_section(self, area, second_moments=None):
         """Return the structure with another area and `SecondMoments` of the sections.

@@ -20,6 +20,7 @@ from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.results.words import (
     Row,
     amounts,
+    bends_far,
     duration,
     flow_words,
     joined,
@@ -48,7 +49,9 @@ REACHED = 0.05  # share of a limit by which a value below it counts as held by i
 # number may differ from that of the polars
 OUTER, FAR_REYNOLDS = 0.6, 3.0
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
-KEPT = 1e-6  # share of their size by which the bounds of the design may be exceeded
+# share of their size by which the bounds of the design may be exceeded; of the chord by which a
+# wall that fills its section may be thinner than half of it
+KEPT = 1e-6
 
 Rows = Iterator[Row]
 
@@ -159,7 +162,13 @@ def _turbine(found: Findings) -> Rows:
     source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
     if found.case.start.from_ is not None:
         source = f"design of {found.case.start.from_}"
-    material = f"{_kind(rotor)}blades of {rotor.blade_material.density:g} kg/m^3"
+    turbine = found.physics.turbine
+    half = [0.5 * each.thickness for each in turbine.outlines]
+    filled = turbine.along_span(np.subtract(turbine.walls, half), turbine.blade.r) > -KEPT
+    kind = "" if any(x.area for x in rotor.sections) else "solid " if np.all(filled) else "hollow "
+    if np.any(filled) and any(0.0 < (x.wall or 0.0) < 0.5 for x in (rotor, *rotor.sections)):
+        yield _warning("rotor.wall", f"leaves no hollow at {found.stations.places(filled)}", "note")
+    material = f"{kind}blades of {rotor.blade_material.density:g} kg/m^3"
     shaft = found.physics.rotor.hub_of(blade)
     besides = f"of which {shaft:g} kg m^2 besides the blades"
     yield Row("blades", blade.blade_count)
@@ -177,14 +186,6 @@ def _turbine(found: Findings) -> Rows:
     yield Row("inertia", inertia, "kg*m**2", besides if shaft else "", 4)
     water = found.physics.rotor.water_inertias(blade).values()
     yield water_inertia(tuple(water), inertia, rotor.added_inertia)
-
-
-def _kind(rotor) -> str:
-    """Return whether blades are solid or hollow; neither where the area of a section is given."""
-    if any(section.area is not None for section in rotor.sections):
-        return ""
-    walls = [part.wall or 0.0 for part in (rotor, *rotor.sections)]
-    return "hollow " if any(0.0 < wall < 0.5 for wall in walls) else "solid "
 
 
 def _stations(found: Findings) -> Rows:
@@ -487,6 +488,7 @@ def _limits(found: Findings) -> Rows:
     if found.running and not rotor.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
         yield tip_deflection(bent, blade.tip_radius)
+        yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
     if rotor.structure:
         yield weight_moment(rotor.weight_moment(blade))
 

@@ -69,9 +69,9 @@ def over_span(
             both_surfaces = load.exact[0].reshape(2, -1)
             found[name] = blade.r, pressure * np.max(both_surfaces, axis=0)
         else:
-            moment = model.flapwise_moment(blade, ratio, load.r, seen)[0]
+            flapwise, _ = model.moments(blade, ratio, load.r, seen)
             found[name] = load.r, pressure * load.exact[0]
-            found["flapwise_moment"] = load.r, pressure * moment
+            found["flapwise_moment"] = load.r, pressure * flapwise[0]
     return found
 
 

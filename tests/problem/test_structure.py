@@ -81,7 +81,7 @@ def test_given_numbers_stand_in_for_the_outlines():
     assert heavy.rotor.structure.xx == hollow.xx
 
 
-def spanwise(inner, outer, tmp_path):
+def spanwise(inner, outer, tmp_path, design=None):
     """Return the physics of a blade whose sections lie between two of 24 and 12 % thickness."""
     path = tmp_path / "blade.csv"
     rows = [f"{r},{CHORD},10,{0.24 - 0.03 * i}" for i, r in enumerate((0.3, 0.5, 0.7, 0.9, 1.1))]
@@ -90,7 +90,8 @@ def spanwise(inner, outer, tmp_path):
     sections = [polar | {"thickness": 0.24} | inner, polar | {"thickness": 0.12} | outer]
     keys = {key: UNIFORM[key] for key in ("radius", "outline", "material_density")}
     rotor = keys | {"blade": str(path), "hub_radius_fraction": 0.15, "sections": sections}
-    return physics(load_case({"inflow": "sine", "control": "quadratic", "rotor": rotor}))
+    case = {"inflow": "sine", "control": "quadratic", "rotor": rotor, "design": design or {}}
+    return physics(load_case(case))
 
 
 def test_sections_are_linear_between_those_that_are_given(tmp_path):
@@ -121,6 +122,23 @@ def test_a_solid_section_beside_a_hollow_one(tmp_path):
     assert found.rotor.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
     # mass and centrifugal force have one area
     np.testing.assert_allclose(at.area, place_weights(5) @ found.rotor.section_area, rtol=1e-12)
+
+
+@pytest.mark.parametrize("design", [{}, {"thickness_points": 4}])
+def test_between_walls_mass_and_stress_are_of_one_section(design, tmp_path):
+    """The wall is linear; that of a solid section, here 0.5, is half as thick as the section."""
+    found = spanwise({"wall": 0.5}, {"wall": 0.02}, tmp_path, design)
+    thickness = found.blade.thickness if design else np.linspace(0.24, 0.12, 5)
+    area, structure = found.rotor.section_area, found.rotor.structure
+    base, weights = Outline.from_file("naca4415"), place_weights(5)
+    if design:
+        area, structure = area(thickness), structure.at(weights @ thickness)
+    for i, each in enumerate(thickness):
+        outline, wall = base.stretched(each / base.thickness), 0.02 + 0.1 * (each - 0.12) / 0.12
+        own, moments, _ = material_section(outline, wall)
+        at = np.argmax(weights[:, i])
+        told = area[i], structure.area[at], structure.xx[at]
+        assert told == pytest.approx((own, own, moments.xx), rel=2e-3)
 
 
 # Materials

@@ -142,6 +142,8 @@ def test_the_centrifugal_force_bends_coned_blades(nothing):
     bending = rate * np.sin(cone) * arm * 6.0 / height
     assert found.exact[0] == pytest.approx(tension + bending, rel=1e-12)
     assert hub < r[0] < hub + 1e-6
+    (flapwise,), _ = model.moments(blade, [6.0], r)
+    assert flapwise == pytest.approx(rate * np.sin(cone) * arm * chord * height, rel=1e-9)
 
 
 @pytest.mark.parametrize("twist", [0.0, 0.5 * np.pi, 0.6])
@@ -176,14 +178,17 @@ def test_loads_at_the_stations_from_their_definitions(blade, polar, cone):
     s = np.concatenate(([blade.hub_radius], blade.r, [blade.tip_radius]))
     fine = np.linspace(blade.r[0], blade.tip_radius, 100001)
     area = outline.area * np.interp(fine, blade.r, blade.chord) ** 2
+    along = np.linspace(blade.hub_radius, blade.tip_radius, 100001)
     for i, ratio in enumerate(RATIO):
         speed = ratio * flow_speed / blade.rotor_radius
         n, t = (
             q * np.cos(cone) ** 2 * np.concatenate(([0.0], each[i], [0.0]))
             for each in (state.normal_load, state.tangential_load)
         )
-        root = np.trapezoid(n * (s - s[0]), s)
-        assert q * found["root_moment"].largest[i] == pytest.approx(root, rel=1e-13)
+        line = METAL * speed**2 * outline.area * np.interp(along, blade.r, blade.chord) ** 2 * along
+        pulled = np.cos(cone) * np.sin(cone) * np.trapezoid(line * (along - s[0]), along)
+        root = np.trapezoid(n * (s - s[0]), s) + pulled
+        assert q * found["root_moment"].largest[i] == pytest.approx(root, rel=1e-9)
         for j, (r, chord, twist) in enumerate(zip(blade.r, blade.chord, blade.twist, strict=True)):
             arm = s[j + 1 :] - r
             flapwise, edgewise = (np.trapezoid(e[j + 1 :] * arm, s[j + 1 :]) for e in (n, t))

@@ -43,7 +43,7 @@ def outlines():
 
 
 def model_of(family, wall=None):
-    walls = None if wall is None else np.full(3, wall)
+    walls = None if wall is None else np.broadcast_to(wall, 3)
     structure = StructureByThickness.of(THICKNESS, outlines(), METAL, wall=walls)
     return LoadModel(family, structure=structure, depth=3.0)
 
@@ -142,7 +142,7 @@ def test_derivatives_of_sections_by_thickness(thick, family, cone):
         np.testing.assert_allclose(mine, slope(coefficient), atol=1e-9)
 
 
-@pytest.mark.parametrize(("cone", "wall"), [(0.0, None), (0.12, None), (0.0, 0.02)])
+@pytest.mark.parametrize(("cone", "wall"), [(0.0, None), (0.12, None), (0.12, (0.06, 0.02, 0.03))])
 def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
     thick = replace(thick, cone=cone)
     model, n = model_of(family, wall), thick.r.size

@@ -130,6 +130,12 @@ def test_polars_of_another_reynolds_number_are_a_note() -> None:
         assert ("polars are those of Re 2e5" in notes) == told
 
 
+def test_a_wall_that_fills_the_section_is_a_note() -> None:
+    report = check("rotor.wall=0.08")
+    assert "solid blades" in rows(report, "Turbine")
+    assert "leaves no hollow at r/R = 0.2 to 0.999" in " ".join(map(str, report.notes))
+
+
 def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
     """Order 3: a speed at every end of a segment and its rate within; one defect a segment."""
     phase = "phase={segments: 7, duration: 7}"
@@ -288,7 +294,8 @@ def test_command(tmp_path, capsys) -> None:
     assert err == ""
     for title in ("Turbine", "Flow", "Control", "Starting blade", "Optimization", "Warnings"):
         assert f"\n{title}\n" in out
-    assert out.endswith("sine_limited_quadratic can be run, with 1 warning.\n")
+    assert "the largest deflection of a tip is" in out
+    assert out.endswith("sine_limited_quadratic can be run, with 2 warnings.\n")
     assert files(tmp_path) == []
 
 
