@@ -1,5 +1,7 @@
 """The start by quasi-steady co-design reaches what theory knows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from hkt_mdo.problem.point import PRICE
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
+from hkt_mdo.start.find import LOCAL, Candidate, Search, find_start, steady_optimum
 from hkt_mdo.start.quasi_steady import sampled_flow
 
 
@@ -107,3 +109,24 @@ def test_a_load_may_be_limited_in_one_scenario_alone():
     start = find_start(case, case.rotor.best_operation(case.blade), improve=False)
     assert start.operation.running
     assert case.load_names == ("thrust",)
+
+
+def test_a_static_law_is_fitted_on_the_branch_that_it_can_hold(optimum, monkeypatch):
+    """Where the open loop's optimum has left that: to the schedule of the candidate's blade."""
+    control = {"law": "rated", "torque_limit": 700}
+    case = physics(load_case({"inflow": "sine", "control": control, "limits": {"power": 3000}}))
+    begun = []
+
+    def optimum_of(self, point, steady=None):
+        if steady is not None:
+            slower = replace(point.operation, rotor_speed=0.5 * point.operation.rotor_speed)
+            return replace(point, branch="underspeed", operation=slower)
+        begun.append(point)
+        return replace(point, objective=1.0)
+
+    monkeypatch.setattr(Search, "_optimum", optimum_of)
+    monkeypatch.setattr(Search, "_over_time", lambda self, point: point)
+    search = Search(case, optimum, "")
+    search.optima([Candidate("", case.blade)])
+    expected = search._scheduled(case.blade, "overspeed")
+    assert np.array_equal(begun[0].operation.rotor_speed, expected.operation.rotor_speed)
