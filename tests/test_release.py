@@ -28,15 +28,6 @@ def test_one_version_everywhere():
     assert citation["license"] == PROJECT["license"]
 
 
-def test_citation_has_what_its_format_requires():
-    """Citation File Format 1.2.0, https://citation-file-format.github.io."""
-    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert {"cff-version", "message", "title", "authors"} <= set(citation)
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d", citation["date-released"])
-    (paper,) = citation["references"]
-    assert {"type", "title", "authors"} <= set(paper)
-
-
 def test_the_program_says_its_version(capsys, monkeypatch):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"hkt_mdo {program_version()}\n"

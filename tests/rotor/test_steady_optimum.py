@@ -57,12 +57,3 @@ def test_a_station_stays_at_a_bound_only_where_it_would_go_beyond():
     room[0] = -4.0
     step = _newton_step(slope, bend, room, np.full(2, 4.0))
     np.testing.assert_allclose(step, np.minimum(slope, 0.0))
-
-
-# The exploratory model (another program, same assumptions)
-
-
-def test_optimum_is_that_of_the_exploratory_model(blade, polar):
-    best = best_rotor(blade, Hydrodynamics(polar), BOUNDS)
-    assert best.power_coefficient == pytest.approx(0.4657, abs=2e-3)  # its polar was smoothed
-    assert best.tip_speed_ratio == pytest.approx(7.25, abs=0.3)
