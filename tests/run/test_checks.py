@@ -290,13 +290,11 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 
 @pytest.mark.parametrize("short", [0.0, 1.0])
 def test_a_start_too_near_stall_is_no_measure(feedback, tmp_path, monkeypatch, short):
-    entry = "distance_from_stall", short, 0.2, ""
-    monkeypatch.setattr("hkt_mdo.run.checked.recovery", lambda *_: [entry])
+    monkeypatch.setattr("hkt_mdo.run.checked.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
     state = SimpleNamespace(first=first, scratch=tmp_path, optimum=feedback.optimum)
     found = checked(state, start, feedback.result, feedback.verifications).start.reference
-    expected = 0.0 if short else feedback.start.reference
-    assert found == pytest.approx(expected, rel=2e-3)
+    assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
 
 def test_a_standstill_is_told_before_the_optimizers_failure(feedback):
