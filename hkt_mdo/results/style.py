@@ -265,22 +265,31 @@ def picture(figure: Figure, form: str = "png") -> bytes:
     return drawn.getvalue()
 
 
-def save(
+def pictures(
     figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Write figures as NAME.FORMAT, into a folder that is made if need be; return the paths.
+) -> dict[Path, bytes]:
+    """Return the contents of figures' files, by the paths NAME.FORMAT in a folder.
 
-    Raises InputError if Matplotlib does not know a format, when nothing has been written, or a file
-    cannot be written.
+    Raises InputError if Matplotlib does not know a format.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    contents = {
+    return {
         Path(folder, f"{name}.{form}"): picture(figure, form)
         for name, figure in figures.items()
         for form in formats
     }
-    return write_new(contents, force=True)
+
+
+def save(
+    figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
+) -> list[Path]:
+    """Write figures as `pictures` names them, into a folder that is made if need be.
+
+    Returns the paths. Raises InputError as `pictures` does, when nothing has been written, or if a
+    file cannot be written.
+    """
+    return write_new(pictures(figures, folder, formats), force=True)

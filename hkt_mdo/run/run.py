@@ -21,6 +21,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
+from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.evaluation import broken_limits
@@ -195,10 +196,11 @@ def _run(physics: Physics, out: Path, calls, figures, records, start=None, histo
         from hkt_mdo.results import style
         from hkt_mdo.results.figures import figures as drawn
 
-        made = drawn(solution)
+        formats = ("png",) if figures is True else tuple(figures)
+        contents = style.pictures(drawn(solution), out / "figures", formats)
         with usable(out):  # not made anew where it has been taken away meanwhile
             (out / "figures").mkdir(exist_ok=True)
-        style.save(made, out / "figures", ("png",) if figures is True else tuple(figures))
+            write_files(contents)
     return solution
 
 
