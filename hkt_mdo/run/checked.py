@@ -75,9 +75,9 @@ def _moving_reference(state, start, result) -> float:
     """
     physics = state.first
     verifications = verify(as_it_stands(state, physics, start, result))
-    if physics.law.is_feedback:
-        if any(value > most for _, value, most, _ in recovery(physics, verifications)):
-            return 0.0
+    near = recovery(physics, verifications) if physics.law.is_feedback else ()
+    if any(value > most for _, value, most, _ in near):
+        return 0.0
     for verification in verifications:
         limits = physics.limits_in(verification.scenario)
         # a law with states has other states over time than in equilibrium

@@ -245,12 +245,12 @@ class Search:
                     found.append(self._optimum(self._begin(each, branch)))
             followed = set()
             for each in some if follows else ():
-                guide = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
-                guide = self._optimum(guide, self._open_loop)
+                begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
+                guide = self._optimum(begin, self._open_loop)
                 if law.is_static and guide.branch != branch:
                     # it has left the branch that the law can hold: 33 % of turbine 16 of `make
                     # verify PART=turbines` with `rated`
-                    guide = self._scheduled(each.blade, branch)
+                    guide = begin
                 if (digits := f"{guide.objective:.6g}") not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].worth[0]:
