@@ -15,7 +15,7 @@ from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, P
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
 from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
-from hkt_mdo.dynamics.flows import Inflow, SumInflow
+from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SumInflow
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
 from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit
@@ -65,7 +65,35 @@ class Limits(Section):
         return tuple(value for value in values if value is not None)
 
 
-class FlowScenario(Section):
+_LATER = ConstantInflow(speed=1.0)
+"""Stands for the flow of a case that has a resource, or takes the flow of its first scenario."""
+
+
+class _WithFlow(Section):
+    """A case, or one of its scenarios: kinds by their bare names, a resource as the flow."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spell_out_kinds(cls, data: Any) -> Any:
+        """Write out a kind that is given by its bare name."""
+        if not isinstance(data, dict):
+            return data
+        bare = {key: x for key, x in data.items() if key in TAGS and isinstance(x, str)}
+        return data | {key: {TAGS[key]: x} for key, x in bare.items() if key in cls.model_fields}
+
+    @model_validator(mode="after")
+    def _take_resource(self: Any) -> Any:
+        """Take `resource` for `inflow`; refuse both."""
+        if self.resource is not None:
+            if self.inflow is not None and self.inflow is not _LATER:
+                problem, given = "is another name of inflow, and both are given", self.resource
+                raise refusal(problem, "give one of them", key="resource", value=given.profile)
+            object.__setattr__(self, "inflow", self.resource)
+            object.__setattr__(self, "resource", None)
+        return self
+
+
+class FlowScenario(_WithFlow):
     """One of several flows; keys that it does not have are taken from the case."""
 
     name: (
@@ -130,7 +158,7 @@ def _reseeded(inflow: Any, number: int) -> Any:
     return inflow.model_copy(update={"seed": inflow.seed + number}) if known else inflow
 
 
-class Case(Section):
+class Case(_WithFlow):
     """One experiment: a turbine in a flow under a control law, and how it is optimized."""
 
     name: Annotated[
@@ -186,16 +214,18 @@ class Case(Section):
     @model_validator(mode="before")
     @classmethod
     def _spell_out(cls, data: Any) -> Any:
-        """Write out a kind that is given by its bare name, and the stations of a resolved blade.
+        """Write out the stations of a resolved blade; keep a place for a flow that comes later.
 
-        That is one of splines, or whose operation is limited (docs/studies/stations.md).
+        Resolved is a blade of splines, or whose operation is limited (docs/studies/stations.md).
         """
         if not isinstance(data, dict):
             return data
-        data = _scenarios_spelled_out(_resource_moved(data))
-        for key, tag in TAGS.items():
-            if isinstance(data.get(key), str):
-                data = data | {key: {tag: data[key]}}
+        if data.get("inflow") is None and any(
+            each.get(key) is not None
+            for each in (data, *_scenarios(data)[:1])
+            for key in ("inflow", "resource")
+        ):
+            data = data | {"inflow": _LATER}
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
         rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
@@ -280,6 +310,8 @@ class Case(Section):
 
     def _realize(self) -> None:
         """Put scenarios of several realizations as one scenario for each; refuse bad ones."""
+        if self.inflow is _LATER:
+            object.__setattr__(self, "inflow", self.scenarios[0].inflow)
         self._check_scenarios()
         self._check_condition("condition", self.condition)
         for flow in (self.inflow, *(each.inflow for each in self.scenarios)):
@@ -287,8 +319,9 @@ class Case(Section):
                 self._check_condition("resource", Condition(polar=back), "reversed_polar")
         made: dict[str, FlowScenario] = {}
         for number, scenario in enumerate(self.scenarios):
-            for each in scenario.realized(self, f"scenarios[{number}]"):
-                name = (each.name or "").lower()  # they name files
+            named = scenario.model_copy(update={"name": scenario.name or f"flow_{number + 1}"})
+            for each in named.realized(self, f"scenarios[{number}]"):
+                name = str(each.name).lower()  # they name files
                 if name in made:
                     problem, remedy = "is the name of two scenarios", "give each its own"
                     key = f"scenarios[{number}].name"
@@ -404,46 +437,18 @@ def _is_splined(design: Any) -> bool:
 
 def _is_limited(data: dict[str, Any]) -> bool:
     """Tell whether a case, or one of its scenarios, has limits besides that of the torque."""
-    scenarios = data.get("scenarios")
-    for each in (data, *(scenarios if isinstance(scenarios, list | tuple) else ())):
-        limits = each.get("limits") if isinstance(each, dict) else None
+    for each in (data, *_scenarios(data)):
+        limits = each.get("limits")
         if isinstance(limits, dict) and any(x is not None for x in limits.values()):
             return True
     return False
 
 
-def _scenarios_spelled_out(data: dict[str, Any]) -> dict[str, Any]:
-    """Return a case's data with names and flows of its scenarios; the case's flow is the first."""
+def _scenarios(data: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the scenarios in a case's data."""
     given = data.get("scenarios")
-    if not isinstance(given, list | tuple) or not all(isinstance(each, dict) for each in given):
-        return data
-    scenarios = []
-    for number, scenario in enumerate(given, start=1):
-        spelled = dict(_resource_moved(scenario))
-        if spelled.get("name") is None:
-            spelled["name"] = f"flow_{number}"
-        if isinstance(spelled.get("inflow"), str):
-            spelled["inflow"] = {TAGS["inflow"]: spelled["inflow"]}
-        scenarios.append(spelled)
-    data = data | {"scenarios": scenarios}
-    first = scenarios[0].get("inflow") if scenarios else None
-    return data if first is None else {"inflow": first} | data
-
-
-def _resource_moved(data: dict[str, Any]) -> dict[str, Any]:
-    """Return the data of a case, or a scenario, with `resource` in `inflow`; refuse both."""
-    resource = data.get("resource")
-    if not isinstance(resource, dict):
-        return data
-    if data.get("inflow") is not None:
-        problem = "is another name of inflow, and both are given"
-        raise refusal(problem, "give one of them", key="resource")
-    profile = resource.get("profile")
-    known = [kind_name(each) for each in BUILT_IN.of(Resource)]
-    if profile not in known:
-        problem, remedy = "is no resource", f"give profile: {', '.join(known)}"
-        raise refusal(problem, remedy, key="resource.profile", value=profile)
-    return data | {"inflow": resource, "resource": None}
+    found = given if isinstance(given, list | tuple) else ()
+    return [each for each in found if isinstance(each, dict)]
 
 
 _BaseCase = Case
@@ -586,9 +591,4 @@ def _make_case(
     """Return the case of some data, which is changed, and overrides."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
     data.setdefault("name", name)
-    try:
-        return validated(case_class(kinds), data, file, overrides, context)
-    except InputError as failure:
-        if data.get("resource") and failure.key.partition(".")[0] == "inflow":
-            failure.key = failure.key.replace("inflow", "resource", 1)
-        raise
+    return validated(case_class(kinds), data, file, overrides, context)
