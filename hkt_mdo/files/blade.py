@@ -129,7 +129,7 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     check_rows(r, chord, twist, thickness, 1.0 if relative else float(np.max(r.values)))
     section = None
     if "section" in table.header:
-        index = table.place("section")
+        index = table.header.index("section")
         section = tuple(cells[index].strip() for _, cells in table.rows)
         if "" in section:
             line, remedy = table.rows[section.index("")][0], "name the section of every row or none"

@@ -28,10 +28,8 @@ class SectionTable:
     """Thickness over chord."""
     polars: tuple
     """Tables of type `PolarTable`, by Reynolds number."""
-    outline_x: np.ndarray | None = None
-    """Outline along the chord, over the chord, shape (n_points,)."""
-    outline_y: np.ndarray | None = None
-    """Outline across the chord, over the chord, shape (n_points,)."""
+    outline: tuple[np.ndarray, ...] = ()
+    """Its outline along and across the chord, over the chord, each of shape (n_points,)."""
 
 
 @dataclass(frozen=True, eq=False)

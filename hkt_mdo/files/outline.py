@@ -10,7 +10,9 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import FEWEST_POINTS, coordinates_of
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import (
+    Column,
     Csv,
+    Row,
     line_error,
     number_columns,
     numbered_lines,
@@ -76,23 +78,27 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     ]
     if not lines:
         raise InputError("is empty", f"give {_FORMATS}", file=path)
+    begin = next((at for at, line in enumerate(lines) if _COUNT.match(line[1])), None)
     if re.search(r"[xy]_over_c", lines[0][1]):
-        table = Csv(text, path, "x_over_c,y_over_c")
-        columns = table.columns(("x_over_c", "y_over_c"), "outline")
-        x, y = (column.values for column in columns.values())
-        numbers = [line for line, _ in table.rows]
+        names = "x_over_c", "y_over_c"
+        table = Csv(text, path, ",".join(names), names)
+        points = _points(table.rows, table.columns(names, "outline"))
+    elif begin is None:
+        points = _read_pairs(lines, path)
     else:
-        begin = next((at for at, line in enumerate(lines) if _COUNT.match(line[1])), None)
-        read = _read_pairs(lines, path) if begin is None else _read_aerodyn(lines[begin:], path)
-        x, y, numbers = read
-    _check(x, y, numbers, path)
-    return x, y
+        points = _read_aerodyn(lines[begin:], path)
+    _check(points, path)
+    return points[:, 1], points[:, 2]
 
 
-def _read_pairs(
-    lines: list[tuple[int, str]], path: Path
-) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Read pairs of numbers in Selig's or Lednicer's order."""
+def _points(rows: Sequence[Row], columns: dict[str, Column]) -> np.ndarray:
+    """Return number of the line, x and y of each point, shape (n_points, 3)."""
+    x, y = (column.values for column in columns.values())
+    return np.column_stack(([line for line, _ in rows], x, y))
+
+
+def _read_pairs(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
+    """Return the `_points` of pairs of numbers in Selig's or Lednicer's order."""
     rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
     points = [at for at, (_, cells) in enumerate(rows) if _is_point(cells)]
     if not points:
@@ -103,15 +109,15 @@ def _read_pairs(
     lines, rows = lines[first : last + 1], rows[first : last + 1]
     # a line beside the points that is no text is refused as a broken point
     columns = number_columns(broken + rows, ("x", "y"), path, ("x", "y"), remedy=f"give {_FORMATS}")
-    x, y = columns["x"].values, columns["y"].values
-    numbers = [number for number, _ in lines]
+    points = _points(rows, columns)
+    _, x, y = points.T
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
-        return x, y, numbers
+        return points
     n_upper, n_lower = int(x[0]), int(y[0])
     if n_upper + n_lower != x.size - 1:
         problem = f"{x.size - 1} points follow, not {n_upper} + {n_lower}"
         remedy = "count the points of either side, or give coordinates over the chord"
-        raise line_error(path, numbers[0], problem, remedy, value=lines[0][1])
+        raise line_error(path, lines[0][0], problem, remedy, value=lines[0][1])
     upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)
     for side, name in ((upper, "upper"), (lower, "lower")):
         if x[side[0]] > x[side[-1]]:
@@ -120,8 +126,7 @@ def _read_pairs(
             line, shown = lines[side[0]]
             raise line_error(path, line, problem, remedy, value=shown)
     shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
-    order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
-    return x[order], y[order], [numbers[point] for point in order]
+    return points[np.concatenate((upper[::-1], lower[1:] if shared else lower))]
 
 
 def _is_point(cells: Sequence[str]) -> bool:
@@ -135,10 +140,8 @@ def _is_heading(line: str, cells: Sequence[str]) -> bool:
     return grid or bool(_TEXT.match(line))
 
 
-def _read_aerodyn(
-    lines: list[tuple[int, str]], path: Path
-) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Read coordinates of AeroDyn: their number, the reference, and points from either edge."""
+def _read_aerodyn(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
+    """Return the `_points` of AeroDyn: below their number and the reference, from either edge."""
     (line, first), *lines = lines
     count = int(_COUNT.match(first)[1])  # type: ignore[index]
     rows = [(number, re.split(r"[\s,]+", text.partition("!")[0].strip())) for number, text in lines]
@@ -148,18 +151,18 @@ def _read_aerodyn(
         problem = f"is followed by {good} pairs of numbers"
         remedy = f"NumCoords counts the reference and the points, {FEWEST_POINTS} at least"
         raise line_error(path, line, problem, remedy, "NumCoords", value=count)
-    numbers = [number for number, _ in rows[1:]]
-    x, y = np.array([list(map(parse_number, row)) for _, row in rows[1:]]).T
+    points = _points(rows[1:], number_columns(rows[1:], ("x", "y"), path, ("x", "y")))
+    _, x, y = points.T
     if max(abs(x[0]), abs(x[-1])) > EDGE:
-        return x, y, numbers
+        return points
     # from the leading edge round to it: over the same side back from the trailing edge
     order = np.arange(x.size - 1 if x[0] == x[-1] and y[0] == y[-1] else x.size)
-    order = np.roll(order[::-1], int(np.argmax(x)) + 1)
-    return x[order], y[order], [numbers[point] for point in order]
+    return points[np.roll(order[::-1], int(np.argmax(x)) + 1)]
 
 
-def _check(x: np.ndarray, y: np.ndarray, numbers: Sequence[int], path: Path) -> None:
-    """Refuse points that are no closed section; `numbers` are those of their lines."""
+def _check(points: np.ndarray, path: Path) -> None:
+    """Refuse `_points` that are no closed section."""
+    numbers, (_, x, y) = points[:, 0].astype(int).tolist(), points.T
 
     def refuse(wrong: object, problem: str, remedy: str, point: int) -> None:
         if wrong:

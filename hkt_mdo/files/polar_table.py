@@ -40,7 +40,7 @@ _COEFFICIENTS = "cl", "cd", "cm", "cpmin", *SURFACES
 _SYMMETRIC = {"cl": 0.005, "cd": 0.05, "cm": 0.005}
 """How far rows at opposite angles of a symmetric section may differ; drag relatively."""
 
-_ENDS_EQUAL = 1e-6
+ENDS_EQUAL = 1e-6
 """How far coefficients at -180 and 180 deg, which are one angle, may differ."""
 
 
@@ -243,7 +243,7 @@ def _check_coefficient(name: str, column: Column, circle: bool) -> None:
         last = np.arange(values.size) == values.size - 1
         problem = f"differs from {values[0]:g} at -180 degrees"
         remedy = "-180 and 180 degrees are one angle: give both rows the same coefficients"
-        column.refuse(last & (np.abs(values - values[0]) > _ENDS_EQUAL), problem, remedy)
+        column.refuse(last & (np.abs(values - values[0]) > ENDS_EQUAL), problem, remedy)
     if name == "drag":
         ends = "; for a hub or tip without load, name the section beside it in the blade's file"
         remedy = "correct the row" + ends * (not np.any(values))

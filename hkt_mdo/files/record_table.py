@@ -94,9 +94,6 @@ def named_unit(name: str, spellings: dict[str, str]) -> str | None:
 # Columns ------------------------------------------------------------------------------------------
 
 
-_SpeedUnit = Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "knot", "mph", "m3/s", "L/s", "ft3/s"]
-
-
 class RecordFile(Section):
     """A file of samples over time, and its columns."""
 
@@ -110,10 +107,10 @@ class RecordFile(Section):
     """Column or variable of the speed; null: the only one besides the time."""
     second_column: str | None = None
     """Column of the other horizontal component, north where `speed_column` is east."""
-    time_unit: Literal["s", "ms", "us", "ns", "min", "h", "days"] | None = None
+    time_unit: Literal[(*TIME_UNITS,)] | None = None
     """Unit of times that are numbers; null: as in the column's name, such as `time_s`. Dates need
     none."""
-    speed_unit: _SpeedUnit | None = None
+    speed_unit: Literal[(*SPEED_UNITS, *DISCHARGE_UNITS)] | None = None
     """Unit of the speed or discharge; null: as in the column's name."""
     area: Annotated[float, Quantity("m**2", gt=0)] | None = None
     """Cross section of the channel, for a record of the discharge: speed = discharge / area."""
@@ -394,7 +391,7 @@ def read_csv(path: Path, options: RecordFile) -> Columns:
     file = str(path)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
     names = choose(table.header, table.header[0], options, file)
-    indices = [table.place(name) for name in names[:2]]
+    indices = [table.header.index(name) for name in names[:2]]
     cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
     return parse_rows(cells, names, path, "line")
 
@@ -478,6 +475,7 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Colu
         If the file is broken, or lacks one of them; with file, line and column.
     """
     path = Path(path)
-    table = Csv(read_text(path, "table", MAX_BYTES), path, f"a header with {','.join(columns)}")
-    own = len(table.header) == 2 and not {*table.header} & {*columns}
+    text, begin = read_text(path, "table", MAX_BYTES), f"a header with {','.join(columns)}"
+    table = Csv(text, path, begin, columns)
+    own = len({*table.header}) == len(table.header) == 2 and not {*table.header} & {*columns}
     return tuple(table.columns(table.header if own else columns, "table").values())

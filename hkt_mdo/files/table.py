@@ -461,13 +461,13 @@ class Csv:
     expected : str
         The header that is expected, for messages.
     known : collection of str
-        Names of columns that are recognized in capital or small letters.
+        Names of columns that are recognized in capital or small letters, and are there once.
 
     Raises
     ------
     InputError
-        If the file is empty or its first line is no header; on iteration, with the line, if a row
-        has more or fewer cells than the header or is no CSV.
+        If the file is empty, its first line is no header, or it has a known column twice; on
+        iteration, with the line, if a row has more or fewer cells than the header or is no CSV.
     """
 
     def __init__(self, text: str, file: Path, expected: str, known: Collection[str] = ()) -> None:
@@ -486,6 +486,9 @@ class Csv:
             raise self.refuse("is not separated by commas", remedy)
         if any(_NUMBER.fullmatch(name) for name in self.header):
             raise self.refuse("has a number where the columns' names are expected", begin)
+        for name in known:
+            if self.header.count(name) > 1:
+                raise self.refuse("appears twice in the header", "name each column once", name)
 
     def _read(self, reader) -> Iterator[Row]:
         """Yield the rows that are neither empty nor remarks."""
@@ -524,28 +527,6 @@ class Csv:
         what = f"column {column}" if column else ""
         shown = {} if column else {"value": ",".join(self.header)}
         return line_error(self.file, self.header_line, problem, remedy, what, **shown)
-
-    def place(self, name: str) -> int:
-        """Return the index of a column.
-
-        Parameters
-        ----------
-        name : str
-            Name of a column that the header has.
-
-        Returns
-        -------
-        int
-            Index of its cell in a row.
-
-        Raises
-        ------
-        InputError
-            If the header has the column twice.
-        """
-        if self.header.count(name) > 1:
-            raise self.refuse("appears twice in the header", "name each column once", name)
-        return self.header.index(name)
 
     @cached_property
     def rows(self) -> list[Row]:
@@ -597,8 +578,8 @@ class Csv:
             raise self.refuse(f"lacks a column of the {quantity}", remedy)
         return found[0] if found else ""
 
-    def check(self, names: Sequence[str], what: str, optional: Sequence[str] = ()) -> None:
-        """Refuse a header that lacks a column, or has one twice.
+    def check(self, names: Sequence[str], what: str) -> None:
+        """Refuse a header that lacks a column.
 
         Parameters
         ----------
@@ -606,18 +587,14 @@ class Csv:
             Columns that must be there.
         what : str
             What the table is, for messages.
-        optional : sequence of str
-            Columns that may be there, once.
 
         Raises
         ------
         InputError
-            If a column is missing or there twice.
+            If a column is missing.
         """
-        for name in (*names, *optional):
-            if name in self.header:
-                self.place(name)
-            elif name in names:
+        for name in names:
+            if name not in self.header:
                 remedy = did_you_mean(name, self.header)
                 remedy += f"the {what} has the columns {','.join(names)}"
                 raise self.refuse(f"lacks the column {name}", remedy)

@@ -13,7 +13,7 @@ import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
-from hkt_mdo.files.polar_table import PolarTable, polar_table
+from hkt_mdo.files.polar_table import ENDS_EQUAL, PolarTable, polar_table
 from hkt_mdo.files.table import Column, array_columns
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
@@ -27,7 +27,6 @@ DIAMETER_ROUNDED = 1e-6
 _CIRCLE_ROUNDED = math.radians(0.1)  # how far an end may be short of half a turn, rad
 _ANGLE_ROUNDED = 1e-3  # how far it may be beyond, over half a turn
 _ENDS_ROUNDED = 0.01  # difference of the coefficients at both ends that is rounding
-_ENDS_EQUAL = 1e-6  # difference of the coefficients at both ends that counts as zero
 
 _MOST_RADIANS = 3.2
 """Angles that all lie within this are most likely radians, also where degrees are expected."""
@@ -275,7 +274,7 @@ class _Turbine:
                 raise place.refuse(problem, "keep one, or tag them with different configurations")
             polars[reynolds] = table
         by_reynolds = tuple(polars[reynolds] for reynolds in sorted(polars))
-        return SectionTable(name, thickness, by_reynolds, *(column.values for column in outline))
+        return SectionTable(name, thickness, by_reynolds, tuple(x.values for x in outline))
 
     def polar_places(self, airfoil: Place, name: str, configuration: str | None) -> list[Place]:
         """Return where the polars of a configuration are, of the first if none is given."""
@@ -342,7 +341,7 @@ class _Turbine:
             self.messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
         for name, numbers in values.items():
             first, last = numbers[0], numbers[-1]
-            if _ENDS_EQUAL < abs(last - first) < _ENDS_ROUNDED:
+            if ENDS_EQUAL < abs(last - first) < _ENDS_ROUNDED:
                 numbers[[0, -1]] = 0.5 * (first + last)
                 ends = f"{section}: {name} = {first:.4g} and {last:.4g} at ±180 degrees"
                 self.messages.append(f"{ends}, which are one angle: their mean is taken")

@@ -409,7 +409,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
         named[entry.name or str(number + 1)] = parts
     if not named and rotor.polar is None:
         for each in table.sections:
-            outline = None if each.outline_x is None else Outline(each.outline_x, each.outline_y)
+            outline = Outline(*each.outline) if each.outline else None
             shape = rotor.outline or (rotor.blade if outline else "")
             polars = PolarFamily.from_tables(each.polars)
             named[each.name] = polars, outline, each.thickness, None, each.name, shape

@@ -475,8 +475,8 @@ def _read_table(folder: Path, name: str, suffix: str = "") -> dict[str, np.ndarr
     columns = tuple(TABLES[name])
     required = [column for column in columns if column not in maybe]
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
-    table = Csv(text, path, ",".join(required))
-    table.check(required, "table of a result", sorted(maybe))
+    table = Csv(text, path, ",".join(required), columns)
+    table.check(required, "table of a result")
     rows = list(table)
     found = number_columns(rows, table.header, path, columns, parse=_any_number) if rows else {}
     for column in found.values():
