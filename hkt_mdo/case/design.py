@@ -7,16 +7,11 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.sections import Pair, Quantity, Section, find_file, ordered, refusal
+from hkt_mdo.sections import Pair, Quantity, Section, find_file, refusal
 
-_Length = Annotated[float, Quantity("m", gt=0, le=1000)]
-_Angle = Annotated[float, Quantity("deg", ge=-180, le=180)]
-_Lengths = Pair[_Length]
-_Angles = Pair[_Angle]
-_Gains = Annotated[
-    tuple[Annotated[float, Quantity(ge=0)], Annotated[float, Quantity(gt=0)]],
-    AfterValidator(ordered),
-]
+_Lengths = Pair[Annotated[float, Quantity("m", gt=0, le=1000)]]
+_Angles = Pair[Annotated[float, Quantity("deg", ge=-180, le=180)]]
+_Gains = Pair[Annotated[float, Quantity(ge=0)]]
 _Inertias = Pair[Annotated[float, Quantity("kg*m**2", ge=0)]]
 _Thicknesses = Pair[Annotated[float, Quantity(gt=0, le=1)]]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]

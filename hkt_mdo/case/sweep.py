@@ -34,6 +34,9 @@ _NUMBER = re.compile(r"\s*([+-]?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(.*?)\s*")
 Point = dict[str, Any]
 """What a run of a sweep has: the values of its keys."""
 
+Place = dict[str, float]
+"""Where a point is on the axis of each key: a share of its way, 0 to 1."""
+
 
 class Axis(Section):
     """The values of one key: a list, or a range of numbers.
@@ -72,7 +75,7 @@ class Axis(Section):
             if len({json.dumps(each, sort_keys=True) for each in self.values}) < len(self.values):
                 raise refusal("has a value twice", "give each value once")
         else:
-            low, high = (end[0] for end in self.ends)
+            low, high, _ = self.ends
             if self.spacing == "log" and low * high <= 0.0:
                 raise refusal("has ends without a common sign", "give spacing: linear")
             if low == high:
@@ -80,8 +83,13 @@ class Axis(Section):
         return self
 
     @property
-    def ends(self) -> tuple[tuple[float, str], tuple[float, str]]:
-        """Number and unit of both ends of a range."""
+    def size(self) -> int:
+        """Number of values on a grid; 0 of random samples."""
+        return len(self.values) if self.values else self.count or 0
+
+    @property
+    def ends(self) -> tuple[float, float, str]:
+        """Numbers of both ends of a range, and their unit."""
         found = [_NUMBER.fullmatch(str(end)) for end in (self.from_, self.to)]
         try:
             (low, unit), (high, other) = ((float(x[1]), x[2]) for x in found if x)
@@ -90,29 +98,18 @@ class Axis(Section):
             raise refusal("must be a list or a range of numbers", remedy) from None
         if unit != other or not math.isfinite(low + high):
             raise refusal("has ends of two units", "give both ends in one unit")
-        return (low, unit), (high, unit)
+        return low, high, unit
 
-    def at(self, shares: Iterable[float]) -> list[Any]:
-        """Return the values of a range at shares of its way, 0 to 1."""
-        (low, unit), (high, _) = self.ends
-        log = self.spacing == "log"
-        numbers = (low * (high / low) ** x if log else low + (high - low) * x for x in shares)
-        plain = [json.loads(f"{number:.12g}") for number in numbers]  # whole ones as integers
-        return [f"{number!r} {unit}" for number in plain] if unit else plain
-
-    def share(self, value: Any) -> float:
-        """Return at which share of its way an axis has a value."""
+    def at(self, share: float) -> Any:
+        """Return the value of a list, or of a range, at a share of its way, 0 to 1."""
         if self.values:
-            return self.values.index(value) / max(1, len(self.values) - 1)
-        (low, _), (high, _) = self.ends
-        number = float(_NUMBER.fullmatch(str(value))[1])  # type: ignore[index]
+            return self.values[round(share * (len(self.values) - 1))]
+        low, high, unit = self.ends
+        number = low + (high - low) * share
         if self.spacing == "log":
-            return math.log(number / low) / math.log(high / low)
-        return (number - low) / (high - low)
-
-    def on_grid(self) -> list[Any]:
-        """Return the values that the axis has in a grid."""
-        return list(self.values) if self.values else self.at(np.linspace(0.0, 1.0, self.count or 2))
+            number = low * (high / low) ** share
+        plain = json.loads(f"{number:.12g}")  # a whole one as an integer
+        return f"{plain!r} {unit}" if unit else plain
 
 
 class Sweep(Section):
@@ -138,21 +135,21 @@ class Sweep(Section):
 
     @model_validator(mode="after")
     def _check_samples(self) -> Sweep:
-        if bool(self.sampled) != (self.samples is not None):
+        if self.samples is not None and not self.sampled:
             problem = "has no use where every key has a list or a count"
-            remedy, where = "leave it out, or leave out the count of a range", "samples"
-            value: Any = self.samples
-            if self.sampled:
-                problem, where = "has no count, and the sweep no samples", f"over.{self.sampled[0]}"
-                remedy = "give the range a count, or the sweep samples: 100"
-                value = self.over[self.sampled[0]].model_dump(exclude_none=True)
-            raise refusal(problem, remedy, key=where, value=value)
+            remedy = "leave it out, or leave out the count of a range"
+            raise refusal(problem, remedy, key="samples", value=self.samples)
+        if self.samples is None and self.sampled:
+            key, problem = self.sampled[0], "has no count, and the sweep no samples"
+            remedy = "give the range a count, or the sweep samples: 100"
+            value = self.over[key].model_dump(exclude_none=True)
+            raise refusal(problem, remedy, key=f"over.{key}", value=value)
         return self
 
     @property
     def sampled(self) -> list[str]:
         """The keys that have random samples."""
-        return [key for key, axis in self.over.items() if not (axis.values or axis.count)]
+        return [key for key, axis in self.over.items() if not axis.size]
 
     @property
     def columns(self) -> list[str]:
@@ -162,8 +159,7 @@ class Sweep(Section):
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each key of a grid, and of the samples last, if there are any."""
-        counts = [len(x.values) if x.values else x.count for x in self.over.values()]
-        return tuple(filter(None, [*counts, self.samples]))
+        return tuple(map(len, self._parts))
 
     @property
     def size(self) -> int:
@@ -171,27 +167,32 @@ class Sweep(Section):
         return math.prod(self.shape)
 
     @cached_property
-    def _parts(self) -> list[list[Point]]:
-        """The points of each key of the grid, and those of the samples."""
+    def _parts(self) -> list[list[Place]]:
+        """The places of each key of the grid, and those of the samples."""
         parts = [
-            [{key: value} for value in axis.on_grid()]
+            [{key: share} for share in np.linspace(0.0, 1.0, axis.size)]
             for key, axis in self.over.items()
-            if key not in self.sampled
+            if axis.size
         ]
         if self.samples:
             from scipy.stats import qmc
 
             drawn = qmc.LatinHypercube(len(self.sampled), seed=self.seed).random(self.samples)
-            columns = [self.over[x].at(way) for x, way in zip(self.sampled, drawn.T, strict=True)]
-            rows = zip(*columns, strict=True)
-            parts.append([dict(zip(self.sampled, row, strict=True)) for row in rows])
+            parts.append([dict(zip(self.sampled, row, strict=True)) for row in drawn])
         return parts
 
-    def points(self) -> Iterator[Point]:
-        """Yield every point; the last key changes fastest."""
+    def places(self) -> Iterator[Place]:
+        """Yield the place of every point; the last key changes fastest."""
         for parts in product(*self._parts):
-            found = {key: value for part in parts for key, value in part.items()}
+            found = {key: share for part in parts for key, share in part.items()}
             yield {key: found[key] for key in self.over}
+
+    def points(self) -> Iterator[Point]:
+        """Yield every point, in the order of `places`."""
+        return map(self._point, self.places())
+
+    def _point(self, place: Place) -> Point:
+        return {key: self.over[key].at(share) for key, share in place.items()}
 
     def to_yaml(self) -> str:
         """Return the sweep as YAML, without what is by default."""
@@ -224,7 +225,7 @@ class Sweep(Section):
         first = next(self.points())
         for part in self._parts:
             listed = any(self.over[key].values for key in part[0])
-            for point in part if listed else (part[0], part[-1]):
+            for point in map(self._point, part if listed else (part[0], part[-1])):
                 try:
                     self.case_at(first | point, extensions)
                 except InputError as error:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_validator
 
-from hkt_mdo.errors import did_you_mean
-from hkt_mdo.files.aerodyn import has_coordinates
+from hkt_mdo.errors import InputError, did_you_mean
+from hkt_mdo.files.aerodyn import coordinates_of
 from hkt_mdo.files.shipped import MATERIALS, known_names, nearest_names, shipped_rotor
 from hkt_mdo.sections import Quantity, Section, find_file, refusal
 
@@ -25,8 +27,11 @@ def _find_file(value: str, info: ValidationInfo) -> str:
 
 def _outline_of_polar(value: str | None, info: ValidationInfo) -> str | None:
     """Return the outline; without one the polar, if that names or holds coordinates (AeroDyn)."""
-    polar = info.data.get("polar") if value is None else None
-    return polar if polar and has_coordinates(polar) else value
+    polar = info.data.get("polar")
+    if value is None and polar:
+        with suppress(InputError):  # told where the polar is read
+            return polar if coordinates_of(Path(polar)) else None
+    return value
 
 
 _File = Annotated[str, AfterValidator(_find_file)]

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import FEWEST_ROWS, MOST_ROWS, BladeTable, check_rows
 from hkt_mdo.files.polar_table import PolarTable, polar_of_rows, read_reynolds
 from hkt_mdo.files.table import (
@@ -243,25 +242,6 @@ def coordinates_of(airfoil: Path) -> Path | None:
         remedy = "put the file there, or give another outline"
         raise line_error(airfoil, line, "does not exist", remedy, "NumCoords", value=str(named))
     return named
-
-
-def has_coordinates(airfoil: str) -> bool:
-    """Tell whether an airfoil file of AeroDyn holds coordinates, or names a file that exists.
-
-    Parameters
-    ----------
-    airfoil : str
-        A path, or anything else.
-
-    Returns
-    -------
-    bool
-        False also for files of other formats, and for those that cannot be read.
-    """
-    try:
-        return coordinates_of(Path(airfoil)) is not None
-    except InputError:  # said where the polar is read
-        return False
 
 
 # Blade definition ---------------------------------------------------------------------------------

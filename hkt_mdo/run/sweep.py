@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -96,7 +97,8 @@ class _Plan:
 
     def tasks(self) -> Iterator[tuple[str, Callable[[], Row]]]:
         """Yield the runs that have no result, in the order of the points."""
-        for point, _ in zip(self.sweep.points(), range(self.total), strict=False):
+        places = islice(self.sweep.places(), self.total)
+        for point, place in zip(self.sweep.points(), places, strict=False):
             try:
                 case = self.sweep.case_at(point, self.extensions)
             except InputError as error:
@@ -113,8 +115,7 @@ class _Plan:
                 self.total -= 1
                 continue
             self.rows[name] = {}
-            shares = [axis.share(point[key]) for key, axis in self.sweep.over.items()]
-            self.places[name] = np.array(shares)
+            self.places[name] = np.array([*place.values()])
             folder = self.out / RUNS / name
             if found := ended_result(folder, case):
                 if is_current(found, case):
