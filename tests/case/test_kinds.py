@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 import pytest
+import yaml
 
 from hkt_mdo import Case, FeedbackLaw, InputError, load_case
 from hkt_mdo.case import case_class, known_kinds, read_case
@@ -106,31 +107,12 @@ def test_an_installed_package_that_is_broken_is_reported(install, value, told):
 ACCEL = "tip_acceleration"
 HEAD = "from typing import Annotated, ClassVar, Literal\n"
 HEAD += "from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective, Quantity\n"
-NONE = "lambda *_: 0"
-LAW, FLOW = f"law: str = 'a'; demand = {NONE}", f"profile: str = 'a'; speed_at = {NONE}"
-STATES = f"{LAW}; gain_units = 'N', ''; states = {{'x': 'N'}}; "
-STATES += f"rates = at_rest = follow = speed_at_rest = {NONE}"
-GAIN = "gain: Annotated[float, Quantity('kN*m')] | None = None"
-BOUND = "bound: Annotated[float, Quantity('kN')]"
-FORMLESS = "class A(FeedbackLaw):\n    law: Literal['mine'] = 'mine'\n"
+FAULTS = yaml.safe_load((FILE.parent / "no_kinds.yaml").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(
-    ("text", "told"),
-    [
-        ("", "defines no kind; write a subclass of FeedbackLaw, Inflow, Limit, Obj"),
-        (f"{HEAD}class Base(FeedbackLaw):\n    pass\n", "defines no kind"),
-        (f"{HEAD}{FORMLESS}", "A: has no method demand; write demand as in docs/dev/arch"),
-        ("a = 1\n\nb = a / 0\n", "line 3: cannot be run: ZeroDivisionError: division by"),
-        ("import json\njson.loads('{')\n", "line 2: cannot be run: JSONDecodeError"),
-        ("a = 1\nb = (\n", "line 2: cannot be run: SyntaxError: '[(]' was never closed"),
-        ("import sys\nsys.exit(3)\n", "line 2: cannot be run: SystemExit: 3"),
-        ("inflow: sine\n", "line 1: cannot be run: NameError"),
-        ("\0", "cannot be run: .*null bytes"),
-    ],
-)
+@pytest.mark.parametrize(("text", "told"), FAULTS["files"])
 def test_a_bad_extension_file_is_reported_with_its_line(text, told, tmp_path):
-    (tmp_path / "e.py").write_text(text, encoding="utf-8")
+    (tmp_path / "e.py").write_text(text.replace("HEAD", HEAD), encoding="utf-8")
     before = set(sys.modules)
     with pytest.raises(InputError, match=f"e.py: .*{told}") as caught:
         read_case(MINIMAL, extensions=[tmp_path / "e.py"])
@@ -158,49 +140,7 @@ def test_what_is_no_extension_is_reported(extension, told, tmp_path):
         known_kinds([extension])
 
 
-@pytest.mark.parametrize(
-    ("base", "body", "told"),
-    [
-        ("Limit", "pass", "has no name"),
-        ("Inflow", "profile: str", "has no name; write profile: ClassVar"),
-        ("FeedbackLaw", f"law: Literal['linear'] = 'linear'; demand = {NONE}", "name linear of"),
-        ("Limit", "name: ClassVar = 'given'", "has the name given, which no key can have"),
-        ("FeedbackLaw", "law: ClassVar[str] = 'a'", "has no method demand; write demand as in"),
-        ("Limit", "inputs: ClassVar = ('rotor_sped',)", "unknown quantity rotor_sped; did you me"),
-        ("Limit", "inputs: ClassVar = ('rotor_speed', 'thrust')", "takes several quantities and"),
-        ("Limit", "inputs: ClassVar = 'thrust'", "names no inputs"),
-        ("Objective", "inputs: ClassVar = ('thrust',)", "has neither a rate over time nor a"),
-        ("Objective", f"inputs: ClassVar = ('thrust',); value = {NONE}", "a quantity over time"),
-        ("Aggregate", "measure: ClassVar[str] = 'none'", "has no method value"),
-        ("FeedbackLaw", LAW, "names no gains, .*; write gain_units: "),
-        ("FeedbackLaw", f"{LAW}; gain_units = ('N*m')", "names no gains"),
-        ("FeedbackLaw", f"{STATES}; slopes = {NONE}", "has its own slopes, which follows"),
-        ("FeedbackLaw", STATES, "has 'N' for unit and description of the state x"),
-        ("FeedbackLaw", f"{STATES}; rates = FeedbackLaw.rates", "has states and no method rates"),
-        (
-            "FeedbackLaw",
-            f"{LAW}; starting_gain = {NONE}",
-            "has starting_gain, .*; write starting_gai",
-        ),
-        (
-            "FeedbackLaw",
-            f"{LAW}; gain_units = ('N*m',); {GAIN}",
-            "has gain in kN.m, and gain_units",
-        ),
-        (
-            "Inflow",
-            f"{FLOW}; higest_frequency: float = 1.0",
-            "has higest_frequency, .*; write highest_f",
-        ),
-        (
-            "Inflow",
-            f"{FLOW}; highest_frequency = {NONE}",
-            "has a method highest_frequency, which m",
-        ),
-        ("Limit", f"inputs = ('thrust',); unit = 'N'; {BOUND}", "has bound in kN, and unit = N"),
-        ("Limit", "inputs = ('thrust',); unit = '-'", "unknown unit '-'; .* None for a plain numb"),
-    ],
-)
+@pytest.mark.parametrize(("base", "body", "told"), FAULTS["classes"])
 def test_what_is_no_kind_is_reported(base, body, told):
     """Of a subclass with this body; limits and objectives with inputs have a name, too."""
     if "inputs" in body:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -14,7 +15,7 @@ from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.records import low_pass, read_record, record_from
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files import record_table
-from tests.conftest import refused
+from tests.conftest import DATA, refused
 from tests.files.broken.records import ROWS
 from tests.properties import examples
 
@@ -23,6 +24,7 @@ TIME = STEP * np.arange(2400)
 NOISE = 0.02 * np.random.default_rng(5).standard_normal(TIME.size)
 SLOW = 1.5 + 0.2 * np.sin(0.25 * TIME)
 SPEED = SLOW + NOISE
+OPTIONS = yaml.safe_load((DATA / "broken" / "record_options.yaml").read_text())
 
 
 def csv(folder, time=TIME, speed=SPEED, header="time_s,speed_m_s", name="record.csv"):
@@ -130,37 +132,9 @@ def test_a_clock_that_was_changed_counts_on_if_zones_say_so(tmp_path):
 # Columns, units and parts that do not fit ---------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"speed_column": "u"}, "speed_column = 'u': is no column; there are time_s, speed_m_s"),
-        ({"speed_column": "speed"}, "did you mean speed_m_s?"),
-        ({"speed_column": "time_s"}, "= 'time_s': is the time"),
-        ({"time_column": "speed_m_s"}, "column speed_m_s: has no unit that is known (s, ms"),
-        ({"speed_unit": "ft/s"}, "column speed_m_s: is in m/s by its own name or attributes, and"),
-        ({"time_unit": "h"}, "column time_s: is in s by its own name"),
-        ({"component": "E"}, "component = 'E': is given for a record without components"),
-        ({"bins": (1, 2)}, "bins = [1.0, 2.0]: is given for a record without depth bins"),
-        ({"second_column": "speed_m_s"}, "second_column = 'speed_m_s': is the first one"),
-        ({"area": 40.0}, "column speed_m_s: is a speed in m/s, and area is given for a discharge"),
-        ({"start": 601.0}, "start = 601.0: is at 601 s, but the record ends 599.75 s after"),
-        ({"start": 500.0, "duration": 100.0}, "duration = 100.0: ends at 600 s"),
-        ({"start": 599.0}, "start = 599.0: leaves 4 samples of the record; take a longer part"),
-        ({"duration": 1.0}, "duration = 1.0: leaves 5 samples"),
-        ({"cutoff": 2.0}, "cutoff = 2.0: must lie between 0.001667 Hz, one wave in the record"),
-        ({"cutoff": 1e-3}, "and 2 Hz, half the sampling rate; give another cutoff"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), OPTIONS)
 def test_options_that_do_not_fit_the_file(tmp_path, options, message):
     assert message in refused(read_record, csv(tmp_path), **options)
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("gaps", "ignore"), ("spikes", "no"), ("uneven", ""), ("speed_unit", "fps")]
-)
-def test_words_that_are_no_option(tmp_path, key, value):
-    with pytest.raises(InputError, match=f"{key} = '{value}': unknown; give one of"):
-        read_record(csv(tmp_path), **{key: value})
 
 
 def test_a_part_is_taken(tmp_path):
