@@ -73,23 +73,24 @@ def guard(kind: Any, source: str) -> Any:
             if name.startswith("_") or name in seen:
                 continue
             seen.add(name)
-            how = _HOW.get(type(value), _OTHER if name in SLOPES else None)
-            if how and callable(of := how[0](value)):
-                made = how[1](_guard(of, name, file, f"{kind.__name__}.{name}"))
+            if (made := _guarded(value, name, file, f"{kind.__name__}.{name}")) is not None:
                 setattr(kind, name, made)
                 if isinstance(made, cached_property):
                     made.__set_name__(kind, name)
     return kind
 
 
-_HOW: dict[type, tuple[Callable, Callable]] = {
-    FunctionType: (lambda method: method, lambda method: method),
-    property: (lambda value: value.fget, property),
-    cached_property: (lambda value: value.func, cached_property),
-}
-"""By type of an attribute: the function that is guarded, and what wraps the guarded one again."""
-_OTHER = (lambda value: lambda _, *args, **named: value(*args, **named), lambda method: method)
-"""The same of a static method, or of anything else that is called in place of a method."""
+def _guarded(value: Any, *place: str) -> Any:
+    """Return an attribute of a kind whose function is guarded; None of one without."""
+    if isinstance(value, FunctionType):
+        return _guard(value, *place)
+    if isinstance(value, property):
+        return property(_guard(value.fget, *place)) if value.fget else None
+    if isinstance(value, cached_property):
+        return cached_property(_guard(value.func, *place))
+    if place[0] in SLOPES and callable(value):  # a static method, or what stands for a method
+        return _guard(lambda _, *args, **named: value(*args, **named), *place)
+    return None
 
 
 def _guard(method: Callable, name: str, file: str, place: str) -> Callable:

@@ -72,7 +72,7 @@ TAGS: dict[type[Section], str] = {
 _TAKEN = {"given", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit, Objective or Aggregate"
 _FORMULAS = {"demand": FeedbackLaw, "speed_at": Inflow, "value": Aggregate}
-"""By base class: the method that a kind must have."""
+"""By a method that a kind must have: its base class."""
 
 Extension = str | Path | ModuleType | type
 

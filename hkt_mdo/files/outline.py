@@ -35,7 +35,7 @@ FARTHEST = 0.6
 _ORDER = "give the points from the trailing edge over the upper side to the leading edge and back"
 _CHORD_AXES = "give coordinates over the chord: leading edge at (0, 0), trailing edge at (1, 0)"
 _FORMATS = "a CSV file x_over_c,y_over_c, or coordinates in Selig's or Lednicer's order"
-_COUNT = re.compile(r"(\d+)\s+NumCoords\b", re.IGNORECASE)
+_NUM_COORDS = re.compile(r"(\d+)\s+NumCoords\b", re.IGNORECASE)
 _TEXT = re.compile(r"(?!.*\b(nan|inf))(.*[^\W\d_]{3}|\D*[^\W\d_]\D*$)")
 
 _ROUNDING = 1e-12
@@ -78,7 +78,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     ]
     if not lines:
         raise InputError("is empty", f"give {_FORMATS}", file=path)
-    begin = next((at for at, line in enumerate(lines) if _COUNT.match(line[1])), None)
+    begin = next((at for at, line in enumerate(lines) if _NUM_COORDS.match(line[1])), None)
     if re.search(r"[xy]_over_c", lines[0][1]):
         names = "x_over_c", "y_over_c"
         table = Csv(text, path, ",".join(names), names)
@@ -100,12 +100,14 @@ def _points(rows: Sequence[Row], columns: dict[str, Column]) -> np.ndarray:
 def _read_pairs(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
     """Return the `_points` of pairs of numbers in Selig's or Lednicer's order."""
     rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
-    points = [at for at, (_, cells) in enumerate(rows) if _is_point(cells)]
+    points = [at for at, (_, cells) in enumerate(rows) if _count(cells) == 2]
     if not points:
         raise line_error(path, lines[0][0], "has no coordinates", f"give {_FORMATS}")
     first, last = points[0], points[-1]
     beside = [*range(1, first), *range(last + 1, len(rows))[:1]]  # line 0 may be any name
-    broken = [rows[at] for at in beside if not _is_heading(lines[at][1], rows[at][1])]
+    # text above the points may also be the four ends of the grid of MSES
+    broken = [rows[at] for at in beside if not _TEXT.match(lines[at][1])]
+    broken = [row for row in broken if _count(row[1]) != 4]
     lines, rows = lines[first : last + 1], rows[first : last + 1]
     # a line beside the points that is no text is refused as a broken point
     columns = number_columns(broken + rows, ("x", "y"), path, ("x", "y"), remedy=f"give {_FORMATS}")
@@ -129,25 +131,19 @@ def _read_pairs(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
     return points[np.concatenate((upper[::-1], lower[1:] if shared else lower))]
 
 
-def _is_point(cells: Sequence[str]) -> bool:
-    """Tell whether a row is two numbers."""
-    return len(cells) == 2 and None not in map(parse_number, cells)
-
-
-def _is_heading(line: str, cells: Sequence[str]) -> bool:
-    """Tell whether a line beside the points is text, or the four ends of the grid of MSES."""
-    grid = len(cells) == 4 and None not in map(parse_number, cells)
-    return grid or bool(_TEXT.match(line))
+def _count(cells: Sequence[str]) -> int:
+    """Return how many numbers a row is; 0 of one that has anything else."""
+    return 0 if None in map(parse_number, cells) else len(cells)
 
 
 def _read_aerodyn(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
     """Return the `_points` of AeroDyn: below their number and the reference, from either edge."""
     (line, first), *lines = lines
-    count = int(_COUNT.match(first)[1])  # type: ignore[index]
+    count = int(_NUM_COORDS.match(first)[1])  # type: ignore[index]
     rows = [(number, re.split(r"[\s,]+", text.partition("!")[0].strip())) for number, text in lines]
     rows = rows[:count]
-    if len(rows) < count or count < FEWEST_POINTS or not all(_is_point(row) for _, row in rows):
-        good = next((at for at, (_, row) in enumerate(rows) if not _is_point(row)), len(rows))
+    good = next((at for at, (_, row) in enumerate(rows) if _count(row) != 2), len(rows))
+    if good < count or count < FEWEST_POINTS:
         problem = f"is followed by {good} pairs of numbers"
         remedy = f"NumCoords counts the reference and the points, {FEWEST_POINTS} at least"
         raise line_error(path, line, problem, remedy, "NumCoords", value=count)

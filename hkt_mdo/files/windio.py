@@ -47,7 +47,7 @@ class _Version(NamedTuple):
 
     number: int
     shape: str
-    half_turn: float
+    radian: float  # of the unit of angles
     angle_unit: str
     thickness: str
     coefficients: tuple[str, str, str]
@@ -57,14 +57,10 @@ class _Version(NamedTuple):
         """The unit of angles in words."""
         return f"windIO {self.number} counts angles in {self.angle_unit}"
 
-    def radians(self, angles: np.ndarray) -> np.ndarray:
-        """Return angles of the file in radians."""
-        return np.deg2rad(angles) if self.number == 2 else angles
-
 
 _VERSIONS = (
-    _Version(1, "outer_shape_bem", np.pi, "radians", "relative_thickness", ("c_l", "c_d", "c_m")),
-    _Version(2, "outer_shape", 180.0, "degrees", "rthick", ("cl", "cd", "cm")),
+    _Version(1, "outer_shape_bem", 1.0, "radians", "relative_thickness", ("c_l", "c_d", "c_m")),
+    _Version(2, "outer_shape", np.pi / 180.0, "degrees", "rthick", ("cl", "cd", "cm")),
 )
 
 
@@ -138,7 +134,7 @@ class _Turbine:
         s_axis, height = self.height()
         s_chord, chord = _spanwise(shape.get("chord"))
         s_twist, twist = _spanwise(shape.get("twist"))
-        twist = replace(twist, values=version.radians(twist.values))
+        twist = replace(twist, values=version.radian * twist.values)
         if version.number == 2:
             self.messages.append("windIO 2: degrees converted to radians")
         if not np.array_equal(s_chord, s_twist):
@@ -161,9 +157,8 @@ class _Turbine:
             thickness = np.minimum(np.interp(s, s_thick, thick.values), 1.0)
         elif None not in of_section.values():
             thickness = np.interp(s, s_airfoils, [of_section[name] for name in names])
-        cone, right_angle = root.find("components.hub.cone_angle"), 0.5 * version.half_turn
-        angle = cone and cone.number(-right_angle, right_angle, version.angles)
-        angle = angle and float(version.radians(angle))
+        cone, most = root.find("components.hub.cone_angle"), 0.5 * np.pi / version.radian
+        angle = cone and version.radian * cone.number(-most, most, version.angles)
         r_airfoils = hub + np.interp(s_airfoils, s_axis, height)
         return BladeTable(
             r,
@@ -305,7 +300,7 @@ class _Turbine:
             if curve is None:
                 continue
             grid, column = _curve(curve)
-            radians = version.radians(grid.values)
+            radians = version.radian * grid.values
             beyond = np.abs(radians) > np.pi * (1.0 + _ANGLE_ROUNDED)
             grid.refuse(beyond, "lies beyond the full circle", version.angles)
             if version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
