@@ -35,7 +35,7 @@ _NAME = (
     "give such a name, or none: the case is then named after its file",
 )
 _PLAIN = {
-    **dict.fromkeys(("model_type", "model_attributes_type"), _SECTION),
+    **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), _SECTION),
     **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
@@ -77,7 +77,7 @@ def _find(
         if inside is not None:
             section, field = inside, None
     what = re.split(r"[.;,](?: |$)", " ".join(text.split()), maxsplit=1)[0]
-    return dotted(path), section, field, what if field else ""
+    return dotted(path), section, field, what
 
 
 def _section(field: FieldInfo | None) -> type[BaseModel] | None:

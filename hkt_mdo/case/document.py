@@ -113,13 +113,13 @@ def _without_repeated_keys(
     known: dict[tuple[str, str], str] = {}  # the first section that has a key with these words
     for tag, section in sections.items():
         again: dict[str, list[str]] = {}
-        own_title = section.get("title", "")
+        own, title = {}, section.get("title", "")
         for key, value in section["properties"].items():
-            title = known.setdefault((key, str(value)), own_title)
-            if title != own_title:
-                again[title] = [*again.get(title, ()), key]
-        repeated = {key for keys in again.values() for key in keys}
-        own = {key: x for key, x in section["properties"].items() if key not in repeated}
+            first = known.setdefault((key, str(value)), title)
+            if first == title:
+                own[key] = value
+            else:
+                again.setdefault(first, []).append(key)
         yield tag, section | {"properties": own}, again
 
 

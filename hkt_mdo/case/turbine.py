@@ -264,15 +264,15 @@ class Spread(Section):
     """Standard deviations of the realizations about the scenario, normal and cut off at three."""
 
     lift: _Deviation = 0.0
-    """Of the factor on the lift."""
+    """Deviation of the lift factor."""
     drag: _Deviation = 0.0
-    """Of the factor on the drag."""
+    """Deviation of the drag factor."""
     inertia: _Deviation = 0.0
-    """Of the factor on the inertia."""
+    """Deviation of the inertia factor."""
     torque_constant: _Deviation = 0.0
-    """Of the factor on the torque that a feedback law demands."""
+    """Deviation of the factor on the torque of a feedback law."""
     density: Annotated[float, Quantity("kg/m**3", ge=0, le=100)] = 0.0
-    """Of the density of the water."""
+    """Deviation of the density."""
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
     """Seed of the draws."""
 

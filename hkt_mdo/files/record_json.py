@@ -71,7 +71,7 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     data = json.loads(read_text(path, "record", MAX_BYTES))
     try:
         series = _series(data)
-    except (KeyError, TypeError, IndexError, AttributeError):
+    except (KeyError, TypeError, IndexError, AttributeError, ValueError):
         series = []
     if not series:
         remedy = f"give {_KNOWN}, or write it as CSV"
