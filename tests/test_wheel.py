@@ -20,7 +20,7 @@ of_the_wheel = pytest.mark.parametrize("installed", ["*.whl"], ids=["wheel"], in
 
 
 PAGES = "CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE MANIFEST.in Makefile README.md"
-SAMPLE = ("files/test_shipped.py", "files/test_polar_files.py", "case/test_quantity.py")
+SAMPLE = ("rotor/test_airfoil.py", "files/test_polar_files.py", "case/test_quantity.py")
 """Tests that are run against what is installed."""
 
 
