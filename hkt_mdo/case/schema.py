@@ -501,16 +501,12 @@ def _choice(key: str, classes: Sequence[type[Section] | None]) -> Any:
 
     def describe(schema: dict[str, Any]) -> None:
         """Let the JSON schema take the bare name of a kind that has no required keys."""
-        for part in schema.get("anyOf", [schema])[:1]:
-            whole = part.pop("oneOf", None) or [{"$ref": part.pop("$ref")}]
-            part["oneOf"] = [*whole, {"enum": [kind_name(each) for each in plain]}]
-            part.setdefault("discriminator", {"propertyName": TAGS[key]})
+        part = schema.get("anyOf", [schema])[0]
+        part["oneOf"].append({"enum": [kind_name(each) for each in plain]})
 
     default = None if None in classes else _BaseCase.model_fields[key].default
-    options: dict[str, Any] = {"default": default}
-    if len(kinds) > 1:
-        options["discriminator"] = TAGS[key]
-    return Union[tuple(classes)], Field(json_schema_extra=describe, **options)  # noqa: UP007
+    tag = Field(default, discriminator=TAGS[key], json_schema_extra=describe)
+    return Union[tuple(classes)], tag  # noqa: UP007
 
 
 if not TYPE_CHECKING:

@@ -76,8 +76,8 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     if not series:
         remedy = f"give {_KNOWN}, or write it as CSV"
         raise InputError("is JSON, and no record of a known form", remedy, file=path)
-    messages = [f"{', '.join((each.name, *each.about))}: no samples" for each in series]
-    messages = [text for text, each in zip(messages, series, strict=True) if not each.times]
+    empty = [each for each in series if not each.times]
+    messages = [f"{', '.join((each.name, *each.about))}: no samples" for each in empty]
     series = [each for each in series if each.times] or series
     columns = _names(series)
     noaa = "metadata" in data and {*columns} == {*NOAA}
