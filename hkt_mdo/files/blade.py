@@ -62,7 +62,7 @@ def read_blade(source: str | Path) -> BladeTable:
 
 def _suspect_radians(file: Path, column: str, twist: np.ndarray, remedy: str) -> tuple[str, ...]:
     """Return a warning of twists in degrees that are so small that they are most likely radians."""
-    most = float(np.max(np.abs(twist), initial=0.0))
+    most = float(np.max(np.abs(twist)))
     suspected = bool(0.0 < most < 1.0 and np.ptp(twist) > 0.0)
     problem = f"{column} is in degrees, and no value is above {most:.3g}"
     return (f"{file}: {problem}: if it is in radians, {remedy}",) * suspected

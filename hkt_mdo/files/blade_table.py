@@ -117,6 +117,8 @@ class BladeTable:
     def interior(self, hub_radius: float) -> np.ndarray:
         """Return the radii of the rows strictly between hub and tip, where blade elements may lie.
 
+        The tip's radius is known: of a file that does not say it after `scaled`.
+
         Parameters
         ----------
         hub_radius : float
@@ -128,9 +130,8 @@ class BladeTable:
             The radii in that unit.
         """
         tip = 1.0 if self.relative else self.tip_radius
-        margin = EDGE * (self.r[-1] if tip is None else tip)
-        last = np.inf if tip is None else tip - margin
-        return self.r[(self.r > hub_radius + margin) & (self.r < last)]
+        margin = EDGE * tip
+        return self.r[(self.r > hub_radius + margin) & (self.r < tip - margin)]
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return the two sections between which each station lies, of a file that names sections.

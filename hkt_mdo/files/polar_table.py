@@ -81,9 +81,9 @@ def polar_table(
     Parameters
     ----------
     columns : mapping of str to Column
-        Finite numbers: the angle of attack by one of the names `ANGLES`, ``cl``, ``cd``, and
-        perhaps ``cm`` and the smallest pressure coefficient, ``cpmin`` or both of `SURFACES`, which
-        then count.
+        Finite numbers, one row at least: the angle of attack by one of the names `ANGLES`, ``cl``,
+        ``cd``, and perhaps ``cm`` and the smallest pressure coefficient, ``cpmin`` or both of
+        `SURFACES`, which then count.
     reynolds : float, optional
         Reynolds number by the chord.
     where : str
@@ -108,7 +108,7 @@ def polar_table(
     in_degrees, angle, file = unit != "alpha_rad", columns[unit], columns[unit].file
     table = {"alpha": angle} | {name: columns[name] for name in _COEFFICIENTS if name in columns}
     changes = [np.diff(column.values) != 0.0 for column in table.values()]
-    new = np.append(True, np.any(changes, axis=0))[: angle.values.size]
+    new = np.append(True, np.any(changes, axis=0))
     if not np.all(new):
         messages.append(f"{file}: {np.sum(~new)} repeated rows are left out")
         table = {name: column.at(np.flatnonzero(new)) for name, column in table.items()}
@@ -119,7 +119,7 @@ def polar_table(
         messages.append(f"{file}: symmetric section, mirrored below {shown} degrees")
         table = _mirrored(table)
     lift, drag, moment = table["cl"], table["cd"], table.get("cm")
-    constant = lift.values.size > 0 and not np.ptp(lift.values) and not np.ptp(drag.values)
+    constant = not np.ptp(lift.values) and not np.ptp(drag.values)
     radians, circle = _angles(table["alpha"], in_degrees, constant)
     for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
         if column is not None:
@@ -176,7 +176,7 @@ def polar_of_rows(
 def _is_half_of_symmetric(table: Mapping[str, Column], low: float) -> bool:
     """Tell whether a table begins between `low` and 0, and is symmetric as far as it goes."""
     angle = table["alpha"].values
-    begins_late = angle.size and low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
+    begins_late = low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
     if not begins_late or (angle[0] == 0.0 and "cm" not in table):
         return False
     below = np.flatnonzero(angle <= 0.0)
@@ -213,7 +213,7 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
     remedy = "angles of attack run from -180 to 180 degrees"
     remedy += "" if in_degrees else "; if these are degrees, name the column alpha_deg"
     given.refuse(np.abs(angle) > 180.0 + _CIRCLE_EDGE, "lies beyond the full circle", remedy)
-    first, last = (angle[0], angle[-1]) if angle.size else (0.0, 0.0)
+    first, last = angle[0], angle[-1]
     circle = bool(first <= -180 + _CIRCLE_EDGE and last >= 180 - _CIRCLE_EDGE)
     radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
     if circle:
@@ -232,7 +232,7 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
             remedy = f"if these are radians, convert them{other}; {remedy}"
     else:
         return radians, circle
-    span = f"{given.values[0]:g} … {given.values[-1]:g}" if angle.size else "nothing"
+    span = f"{given.values[0]:g} … {given.values[-1]:g}"
     raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
 
 
