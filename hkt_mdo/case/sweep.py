@@ -189,9 +189,10 @@ class Sweep(Section):
 
     def points(self) -> Iterator[Point]:
         """Yield every point, in the order of `places`."""
-        return map(self._point, self.places())
+        return map(self.point_at, self.places())
 
-    def _point(self, place: Place) -> Point:
+    def point_at(self, place: Place) -> Point:
+        """Return the values of the keys at a place."""
         return {key: self.over[key].at(share) for key, share in place.items()}
 
     def to_yaml(self) -> str:
@@ -225,7 +226,7 @@ class Sweep(Section):
         first = next(self.points())
         for part in self._parts:
             listed = any(self.over[key].values for key in part[0])
-            for point in map(self._point, part if listed else (part[0], part[-1])):
+            for point in map(self.point_at, part if listed else (part[0], part[-1])):
                 try:
                     self.case_at(first | point, extensions)
                 except InputError as error:

@@ -97,8 +97,8 @@ class _Plan:
 
     def tasks(self) -> Iterator[tuple[str, Callable[[], Row]]]:
         """Yield the runs that have no result, in the order of the points."""
-        places = islice(self.sweep.places(), self.total)
-        for point, place in zip(self.sweep.points(), places, strict=False):
+        for place in islice(self.sweep.places(), self.total):
+            point = self.sweep.point_at(place)
             try:
                 case = self.sweep.case_at(point, self.extensions)
             except InputError as error:
