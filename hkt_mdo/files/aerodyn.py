@@ -5,7 +5,7 @@ Numbers may have Fortran's exponents (1.0D+00).
 
 import re
 from dataclasses import replace
-from itertools import dropwhile
+from itertools import dropwhile, islice
 from pathlib import Path
 
 import numpy as np
@@ -62,9 +62,8 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
     """  # noqa: DOC501 - `line_error` returns an InputError
     tables = []  # rows and settings of each
     settings: dict[str, tuple[int, str]] = {}  # line and value by name
-    lines, at = _lines_without_remarks(text), 0
-    while at < len(lines):
-        line, content, _ = lines[at]
+    lines = iter(_lines_without_remarks(text))
+    for line, content, _ in lines:
         match = _SETTING.match(content)
         if match is None:
             problem, remedy = "comes where a value with its name is expected", _REMEDY
@@ -74,13 +73,11 @@ def read_airfoil(text: str, path: Path) -> list[PolarTable]:
             raise line_error(path, line, problem, remedy, value=content)
         value, name = match[1], match[2].lower()
         settings[name] = line, value
-        at += 1
         if name == "numcoords" and not value.startswith("@"):
-            at += _count(settings, "NumCoords", path, 0)
+            list(islice(lines, _count(settings, "NumCoords", path, 0)))  # passed over
         elif name == "numalf":
-            count = _count(settings, "NumAlf", path)
-            tables.append((lines[at : at + count], settings.copy()))
-            at += count
+            rows = list(islice(lines, _count(settings, "NumAlf", path)))
+            tables.append((rows, settings.copy()))
             settings.pop("re", None)
     polars = [_read_table(*table, path, f"table {i}") for i, table in enumerate(tables, start=1)]
     count = _count(settings, "NumTabs", path)
