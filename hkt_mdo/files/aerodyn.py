@@ -5,7 +5,7 @@ Numbers may have Fortran's exponents (1.0D+00).
 
 import re
 from dataclasses import replace
-from itertools import dropwhile, islice
+from itertools import dropwhile, groupby, islice
 from pathlib import Path
 
 import numpy as np
@@ -172,16 +172,13 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
     count = parse_number(counted.split()[0])
     about = " ".join(line for _, line in lines[:begin]).lower()
     fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
-    tables: list[PolarTable] = []
-    block: list[tuple[int, list[str]]] = []
-    for line, content in [*lines[begin + 1 :], (lines[-1][0], "EOT")]:
-        cells = _SEPARATOR.split(content.strip())
-        if content.strip() and cells[0].upper() != "EOT":
-            block.append((line, cells))
-        elif content.strip() and block:
-            where = f"table {len(tables) + 1}"
-            tables.append(_read_old_table(block, path, where, fourth, count == 1.0))
-            block = []
+    rows = [(line, _SEPARATOR.split(x.strip())) for line, x in lines[begin + 1 :] if x.strip()]
+    parts = groupby(rows, lambda row: row[1][0].upper() == "EOT")
+    blocks = [list(block) for ends, block in parts if not ends]
+    tables = [
+        _read_old_table(block, path, f"table {i}", fourth, count == 1.0)
+        for i, block in enumerate(blocks, start=1)
+    ]
     if len(tables) != count:
         problem = f"is not the number of tables that end with EOT, {len(tables)}"
         raise line_error(path, number, problem, _OLD_REMEDY, value=counted.strip())
