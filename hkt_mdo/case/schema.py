@@ -445,10 +445,10 @@ def _is_limited(data: dict[str, Any]) -> bool:
 
 
 def _scenarios(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the scenarios in a case's data."""
+    """Return the scenarios in a case's data; none where one of them is no section of keys."""
     given = data.get("scenarios")
-    found = given if isinstance(given, list | tuple) else ()
-    return [each for each in found if isinstance(each, dict)]
+    found = list(given) if isinstance(given, list | tuple) else []
+    return found if all(isinstance(each, dict) for each in found) else []
 
 
 _BaseCase = Case
