@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
+from warnings import catch_warnings
 
 import numpy as np
 from pydantic import create_model
@@ -82,7 +83,8 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
             needed(package, f"install it with: {install(extra)}", key="--to", value=name)
         kind = resolve_name(f"hkt_mdo.exports.{FORMATS[name]}")
         fields[name] = kind, kind()
-    root = create_model("Exports", __base__=Section, **fields)
+    with catch_warnings(action="ignore"):  # pydantic has a method `json`
+        root = create_model("Exports", __base__=Section, **fields)
     made = validated(root, {}, "hkt export", overrides)
     return [getattr(made, name) for name in fields]
 
@@ -153,6 +155,45 @@ def provenance(solution: Solution) -> tuple[str, ...]:
     if not solution.success:
         lines.append(f"THE RUN WAS NO SUCCESS: {solution.message}")
     return tuple(map(printable, lines))
+
+
+def cut_in(design: Design) -> float:
+    """Return the speed of the flow below which the machine stands still in all scenarios.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    float
+        In m/s; zero where the case has none.
+    """
+    scenarios = design.physics.scenarios
+    return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
+
+
+def beside_law(design: Design) -> list[str]:
+    """Return what an operation has besides the control law: cut-in, cut-out and friction.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    list of str
+        A line for each that the case has.
+    """
+    generator = design.plant.generator
+    ends = {"cut-in": cut_in(design), "cut-out": design.law.cut_out}
+    parts = {name: f"a flow of {x:g} m/s" for name, x in ends.items() if x}
+    if generator.rubs:
+        constant, slope = generator.shaft_friction, generator.shaft_friction_slope
+        parts["friction of the shaft"] = f"{constant:g} N m and {slope:g} N m s/rad"
+    return [f"{name}, not part of the law: {part}" for name, part in parts.items()]
 
 
 def filled(template: str, words: dict[str, Any]) -> str:

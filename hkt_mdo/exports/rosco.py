@@ -16,8 +16,7 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
-from hkt_mdo.exports.tables import cut_in
+from hkt_mdo.exports.base import Format, beside_law, filled, provenance
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
@@ -54,13 +53,14 @@ class Rosco(Format):
         rotor = design.physics.rotor.as_built(design.blade).at_flow(mean)
         highest = float(solution.table("coefficients")["tip_speed_ratio"][-1])
         ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
-        best = solution.summary.tip_speed_ratio_at_power_coefficient_max
+        best, radius = rotor.best_operation(design.blade), design.blade.rotor_radius
+        torque = torque_scale(design.physics.density, radius, 1.0) * best.power_coefficient
         words: dict[str, Any] = {
             "provenance": "; ".join(provenance(solution)),
             "design": design,
-            "ends": {"cut-in": cut_in(design), "cut-out": law.cut_out},
-            "best_ratio": best,
-            "gain": _best_gain(design, best, rotor),  # where the law is not K w²
+            "beside_law": beside_law(design),
+            "best": best,
+            "gain": torque * radius**2 / best.tip_speed_ratio**3,  # where the law is not K w²
             "pitches": PITCH,
             "ratios": ratios,
             "mean_flow": mean,
@@ -82,20 +82,13 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
     if law.torque_limit is not None:
         largest = law.torque_limit
     rates = [each.upper for each in design.physics.all_limits if each.name == "torque_rate"]
-    slow = 1e-3 * float(np.min(speeds))  # so that the schedule always holds
     words = {
-        "flow_filter": 1.0,
         "reference_filter": FAST / LAG,
-        "adaption": 0.0,
         "largest_torque": largest,
+        "rates": rates,
         "largest_rate": min(rates, default=1e3 * largest),
-        "limits_rate": bool(rates),
         "rated_power": NEVER * largest * fastest,
-        "rated_speed": slow,
-        "rated_torque": 0.0,
-        "highest_part_torque": 0.0,
-        "proportional": 0.0,
-        "integral": 0.0,
+        "rated_speed": 1e-3 * float(np.min(speeds)),  # so that the schedule always holds
         "flows": flows,
         "speeds": speeds,
         "torques": torques,
@@ -174,14 +167,6 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         problem = "needs flows in which the rotor turns steadily under its law, but there are none"
         raise InputError(problem, "check the gains of the result", key="--to", value="rosco")
     return flows, speeds, law.torque(speeds, design.gains)
-
-
-def _best_gain(design: Design, ratio: Any, rotor: Hydrodynamics) -> float:
-    """Return K at the largest power coefficient, N m s²/rad²."""
-    radius = design.blade.rotor_radius
-    torque = rotor.coefficients(design.blade, [ratio]).torque[0]
-    scale = torque_scale(design.physics.density, radius, 1.0)
-    return float(scale * torque * (radius / ratio) ** 2)
 
 
 def _coefficients(design: Design, rotor: Hydrodynamics, ratios: np.ndarray) -> dict[str, Any]:

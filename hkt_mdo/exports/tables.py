@@ -11,7 +11,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, provenance
+from hkt_mdo.exports.base import Format, cut_in, provenance
 from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import csv_text
 from hkt_mdo.problem.evaluation import loads_along, scalars
@@ -193,23 +193,6 @@ def _design(design: Design) -> Table:
     rows += [(key.split(".")[1], x, unit, f"{key} of the case") for key, x, unit in keys if x]
     columns = _columns("design", zip(*rows, strict=True))
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
-
-
-def cut_in(design: Design) -> float:
-    """Return the speed of the flow below which the machine stands still in all scenarios.
-
-    Parameters
-    ----------
-    design : Design
-        The design of a result.
-
-    Returns
-    -------
-    float
-        In m/s; zero where the case has none.
-    """
-    scenarios = design.physics.scenarios
-    return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
 
 
 def _columns(table: str, values: Iterable[Any]) -> dict[str, Column]:

@@ -10,10 +10,10 @@ import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
+from hkt_mdo.exports.base import Format, beside_law, cut_in, filled, provenance
 from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
-from hkt_mdo.exports.tables import REVOLUTIONS, cut_in, section_names, steady_operation
+from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
@@ -89,6 +89,7 @@ def _comments(design: Design) -> str:
         "provenance": "\n".join(provenance(design.solution)),
         "case": design.physics.case,
         "design": design,
+        "beside_law": beside_law(design),
         "outlines": outlines,
         "poisson": POISSON,
     }

@@ -197,7 +197,7 @@ def test_tracking_is_a_speed_over_the_flow_by_vs_fbp_2(tmp_path):
 def test_a_law_whose_torque_rises_is_a_speed_over_the_torque_by_vs_fbp_3(tmp_path):
     law = "{law: power_law, exponent: 1.5, cut_out: 2.4}"
     file = exported(with_law(tmp_path, law, 22.0, ["N*m"]), tmp_path) / "DISCON.IN"
-    assert "! cut-out, not part of this file: a flow of 2.4 m/s" in file.read_text()
+    assert "! cut-out, not part of the law: a flow of 2.4 m/s" in file.read_text()
     found = read_DISCON(str(file))
     assert (int(found["VS_ControlMode"]), int(found["VS_FBP"])) == (4, 3)
     speed, torque = np.array(found["VS_FBP_Omega"]), np.array(found["VS_FBP_Tau"])
