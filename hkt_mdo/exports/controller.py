@@ -98,7 +98,8 @@ def _values(design: Design) -> tuple[dict[str, Any], dict[str, PPoly]]:
         case "tracking":
             *speeds, kp, ki = gains
             values |= {"PROPORTIONAL": kp, "INTEGRAL": ki, "LAG": law.lag}
-            knots = np.linspace(*law.flow_range, law.knots)
+            slowest, fastest = law.flow_range
+            knots = np.linspace(slowest, fastest, law.knots)
             curves["schedule"] = CubicSpline(knots, speeds, bc_type="natural")
     if law.estimates_flow:
         curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of

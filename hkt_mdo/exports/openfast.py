@@ -29,6 +29,11 @@ UNKNOWN_DEPTH = 2.0  # rotor radii from the surface to the hub, where no case gi
 BED = 1.5  # rotor radii from the hub to the bed, where nothing gives it
 STIFF = 1e10  # Pa, modulus of a blade that has none; its modes are switched off
 PARTS = 4  # rows of ElastoDyn's blade between two places of the structure
+WHOLE = (
+    *("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat", "airfoils/no_load.dat"),
+    *("elastodyn.dat", "elastodyn_blade.dat", "elastodyn_tower.dat"),
+)
+"""Files of the whole rotor, each of a template."""
 
 
 class TipSpeedRatios(Section):
@@ -80,10 +85,7 @@ class OpenFast(Format):
             "aerodyn_rows": self._aerodyn_rows(blade, kinds),
             "elastodyn_rows": _elastodyn_rows(design),
         }
-        names = ["aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat", "elastodyn.dat"]
-        names += ["elastodyn_blade.dat", "elastodyn_tower.dat"]
-        texts = {name: filled(name, words) for name in names}
-        texts["airfoils/no_load.dat"] = filled("no_load.dat", words)
+        texts = {name: filled(name.removeprefix("airfoils/"), words) for name in WHOLE}
         numbers = reynolds_numbers(design)
         for name, kind in sections.items():
             about = _airfoil_words(design, kind, numbers, has_suction)

@@ -65,7 +65,7 @@ class Rosco(Format):
             "ratios": ratios,
             "mean_flow": mean,
         }
-        words |= _law_words(design, rotor) | _coefficients(design, rotor, ratios)
+        words |= _law_words(design) | _coefficients(design, rotor, ratios)
         loop = words["loop"]
         own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
         words["speed_filter"] = own_filter if self.speed_filter is None else self.speed_filter
@@ -74,7 +74,7 @@ class Rosco(Format):
         return {f"rosco/{name}": filled(name, words).encode() for name in names}
 
 
-def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
+def _law_words(design: Design) -> dict[str, Any]:
     """Return entries of DISCON.IN for the law, and the frequency `loop` of its loop (rad/s)."""
     law, gains = design.law, design.gains
     flows, speeds, torques = _schedule(design)
@@ -97,7 +97,7 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
         loop = float(np.max(law.torque_by_speed(speeds, gains))) / design.inertia
         return words | {"loop": loop} | _overspeed(law, gains, largest, fastest)
     if isinstance(law, Tracking):
-        return words | _by_flow(law, design, rotor, flows, speeds)
+        return words | _by_flow(law, design, flows, speeds)
     if np.any(np.diff(torques) <= 0.0):
         problem = "finds the rotor speed from the torque, which has to increase with the speed"
         remedy = f"export controller, which has the law {law.law} itself"
@@ -129,7 +129,7 @@ def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
     }
 
 
-def _by_flow(law, design, rotor, flows, speeds) -> dict[str, Any]:
+def _by_flow(law, design, flows, speeds) -> dict[str, Any]:
     """Return the words of a speed that follows the sensed or the estimated flow (VS_FBP 2)."""
     kp, ki = (float(gain) for gain in design.gains[-2:])
     words = {
@@ -142,13 +142,10 @@ def _by_flow(law, design, rotor, flows, speeds) -> dict[str, Any]:
         "loop": kp / design.inertia,
     }
     if law.estimates_flow:
-        middle, radius = flows.size // 2, design.blade.rotor_radius
+        middle, plant = flows.size // 2, design.plant
         flow = flows[middle] * np.array([1.0 - 1e-4, 1.0 + 1e-4])
-        scale = torque_scale(design.physics.density, radius, flow)
-        ratio = speeds[middle] * radius / flow
-        slower, faster = scale * rotor.coefficients(design.blade, ratio).torque
-        by_flow = (faster - slower) / (flow[1] - flow[0])
-        words["adaption"] = float(design.inertia / (by_flow * law.lag))
+        by_flow = np.diff(plant.torque(np.full(2, speeds[middle]), flow)) / np.diff(flow)
+        words["adaption"] = float(plant.inertia / (by_flow[0] * law.lag))
     return words
 
 
