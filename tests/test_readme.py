@@ -1,4 +1,4 @@
-"""README: its numbers are those of the pages that it names, its links lead somewhere."""
+"""README: its numbers are those of the pages that it names, its output that of a run."""
 
 import re
 from pathlib import Path
@@ -61,14 +61,3 @@ def test_the_output_shown_is_that_of_the_run(solve, capsys):
         assert number.sub("#", found).startswith(number.sub("#", value)), line
         for first, other in zip(number.findall(value)[:1], number.findall(found), strict=False):
             assert float(other) == pytest.approx(float(first), rel=2e-3), line
-
-
-def test_its_links_lead_to_files_and_headings():
-    for target in re.findall(r"\]\(([^)h][^)]*)\)", README):
-        path, _, anchor = target.partition("#")
-        page = ROOT / path
-        assert page.is_file(), target
-        if anchor:
-            headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
-            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
-            assert anchor in slugs, target

@@ -36,11 +36,15 @@ def test_the_program_says_its_version(capsys, monkeypatch):
     assert program_version() == "unknown"
 
 
-@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "CHANGELOG.md"])
-def test_links_of_the_front_pages_lead_somewhere(name):
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_links_of_the_front_pages_lead_to_files_and_headings(name):
     text = (ROOT / name).read_text(encoding="utf-8")
-    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
-        assert target.startswith("https:") or (ROOT / target).exists(), target
+    for path, anchor in re.findall(r"\]\((?!https:)([^)#]+)#?([^)]*)\)", text):
+        assert (ROOT / path).exists(), path
+        if anchor:
+            headings = re.findall(r"(?m)^#+ (.*)$", (ROOT / path).read_text(encoding="utf-8"))
+            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
+            assert anchor in slugs, (path, anchor)
     for path in re.findall(r"`((?:hkt_mdo|tests|docs|scripts|studies)/[\w/.]+\w)`", text):
         assert (ROOT / path).exists(), path
 

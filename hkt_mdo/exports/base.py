@@ -174,7 +174,7 @@ def cut_in(design: Design) -> float:
     return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
 
 
-def beside_law(design: Design) -> list[str]:
+def beside_law(design: Design) -> dict[str, str]:
     """Return what an operation has besides the control law: cut-in, cut-out and friction.
 
     Parameters
@@ -184,34 +184,40 @@ def beside_law(design: Design) -> list[str]:
 
     Returns
     -------
-    list of str
-        A line for each that the case has.
+    dict of str
+        A text for each that the case has.
     """
-    generator = design.plant.generator
+    generator = design.physics.case.generator
     ends = {"cut-in": cut_in(design), "cut-out": design.law.cut_out}
-    parts = {name: f"a flow of {x:g} m/s" for name, x in ends.items() if x}
+    found = {name: f"a flow of {speed:g} m/s" for name, speed in ends.items() if speed}
     if generator.rubs:
         constant, slope = generator.shaft_friction, generator.shaft_friction_slope
-        parts["friction of the shaft"] = f"{constant:g} N m and {slope:g} N m s/rad"
-    return [f"{name}, not part of the law: {part}" for name, part in parts.items()]
+        found["friction"] = f"{constant:g} N m and {slope:g} N m s/rad on the shaft"
+    return found
 
 
-def filled(template: str, words: dict[str, Any]) -> str:
+def filled(template: str, design: Design, words: dict[str, Any]) -> str:
     """Return the text of a template with its fields filled in.
 
     Parameters
     ----------
     template : str
         Name of a file in the folder of templates.
+    design : Design
+        The design of a result; a template may name it, its `blade` and its `case`, and what
+        `provenance` and `beside_law` return.
     words : dict
-        What the template names; its filter `rows` writes numbers to some digits, a line each row.
+        What else the template names; its filter `rows` writes numbers to some digits, a line each
+        row.
 
     Returns
     -------
     str
         The text.
     """
-    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(words))
+    known = {"design": design, "blade": design.blade, "case": design.physics.case}
+    known |= {"provenance": provenance(design.solution), "beside_law": beside_law(design)}
+    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(known | words))
 
 
 def _rows(values: np.ndarray, digits: int) -> str:

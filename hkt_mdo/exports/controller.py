@@ -57,7 +57,7 @@ class Controller(Format):
             "sample_time": self._sample_time(design) if law.states else 0.0,
         }
         names = ("controller.h", "controller.c", "controller.py")
-        return {name: filled(f"{name}.in", words).encode() for name in names}
+        return {name: filled(f"{name}.in", design, words).encode() for name in names}
 
     def _sample_time(self, design: Design) -> float:
         """Return the time between two steps; refuse one at which a held torque is unstable."""
@@ -89,10 +89,8 @@ def _values(design: Design) -> tuple[dict[str, Any], dict[str, PPoly]]:
         "FRICTION_SLOPE": generator.shaft_friction_slope,
     }
     match law.law:
-        case "power_law":
-            values["EXPONENT"] = gains[1] if law.exponent is None else law.exponent
-        case "rated":
-            values["POWER"] = gains[1] if law.power is None else law.power
+        case "power_law" | "rated":
+            values[law.second.upper()] = law.second_of(gains)
         case "curve":
             curves["curve"] = _curve(design)
         case "tracking":
@@ -136,7 +134,7 @@ def _head(design: Design) -> list[str]:
     formula = cleandoc(type(law).__doc__ or "").splitlines()
     lines = [*provenance(solution), "", *formula, ""]
     lines.append(f"rotor speeds in the operation of the result: {ends}")
-    lines += beside_law(design)
+    lines += [f"{x}, not part of the law: {y}" for x, y in beside_law(design).items()]
     names = [
         f"{each.name} {each.upper:g} {each.unit or ''}".rstrip()
         for each in design.physics.all_limits

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
+from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.exports.solids import Airfoil, airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.results.design import Design
@@ -72,11 +72,7 @@ class OpenFast(Format):
         has_suction = all(polar.suction is not None for kind in kinds for polar in kind.polars)
         words = self._water(design) | self._cases(design)
         words |= {
-            "provenance": "; ".join(provenance(design.solution)),
             "options": self,
-            "design": design,
-            "blade": blade,
-            "fluid": design.physics.case.fluid,
             "pressure": {"atmospheric": ATMOSPHERIC, "vapour": VAPOUR},
             "precone": 0.0 - float(np.rad2deg(blade.cone)),
             "rotor_speed": float(first.trajectory["rotor_speed_rad_s"][0]) * REVOLUTIONS,
@@ -85,15 +81,15 @@ class OpenFast(Format):
             "aerodyn_rows": self._aerodyn_rows(blade, kinds),
             "elastodyn_rows": _elastodyn_rows(design),
         }
-        texts = {name: filled(name.removeprefix("airfoils/"), words) for name in WHOLE}
+        texts = {name: filled(name.removeprefix("airfoils/"), design, words) for name in WHOLE}
         numbers = reynolds_numbers(design)
         for name, kind in sections.items():
             about = _airfoil_words(design, kind, numbers, has_suction)
-            texts[name] = filled("airfoil.dat", words | about)
+            texts[name] = filled("airfoil.dat", design, words | about)
         return {f"openfast/{name}": text.encode() for name, text in texts.items()}
 
     def _water(self, design: Design) -> dict[str, Any]:
-        """Return depths and heights (m), and remarks on those that are assumed."""
+        """Return depths and heights (m)."""
         radius, known = design.blade.rotor_radius, design.physics.rotor.depth
         known = design.physics.case.site.hub_depth if known is None else known
         depth = UNKNOWN_DEPTH * radius if known is None else known
@@ -102,8 +98,6 @@ class OpenFast(Format):
             problem = f"is too small for the blades: the hub is {depth:.4g} m deep"
             remedy = f"give more than {depth + radius:.4g} m"
             raise InputError(problem, remedy, key="openfast.water_depth", value=self.water_depth)
-        assumed = f" FILL IN: a hub {UNKNOWN_DEPTH:g} rotor radii deep is assumed"
-        deep = f" FILL IN: {BED:g} rotor radii from hub to bed are assumed"
         height = water - depth if self.mhk == 1 else -depth
         return {
             "water_depth": water,
@@ -111,8 +105,8 @@ class OpenFast(Format):
             "hub_height_over_bed": water - depth,
             "tower_base": 0.0 if self.mhk == 1 else 0.5 * height,
             "depth_is_known": known is not None,
-            "depth_mark": assumed if known is None else "",
-            "water_depth_mark": deep if self.water_depth is None else "",
+            "unknown_depth": UNKNOWN_DEPTH,
+            "bed": BED,
         }
 
     def _cases(self, design: Design) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, beside_law, filled, provenance
+from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
@@ -56,9 +56,6 @@ class Rosco(Format):
         best, radius = rotor.best_operation(design.blade), design.blade.rotor_radius
         torque = torque_scale(design.physics.density, radius, 1.0) * best.power_coefficient
         words: dict[str, Any] = {
-            "provenance": "; ".join(provenance(solution)),
-            "design": design,
-            "beside_law": beside_law(design),
             "best": best,
             "gain": torque * radius**2 / best.tip_speed_ratio**3,  # where the law is not K w²
             "pitches": PITCH,
@@ -71,7 +68,7 @@ class Rosco(Format):
         words["speed_filter"] = own_filter if self.speed_filter is None else self.speed_filter
         words["step"] = f"{1.0 / (MARGIN * loop):.2g}"
         names = ("DISCON.IN", "Cp_Ct_Cq.txt")
-        return {f"rosco/{name}": filled(name, words).encode() for name in names}
+        return {f"rosco/{name}": filled(name, design, words).encode() for name in names}
 
 
 def _law_words(design: Design) -> dict[str, Any]:
@@ -113,7 +110,7 @@ def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
     words: dict[str, Any] = {}
     speed = min(np.sqrt(largest / gain), NEVER * fastest)
     if isinstance(law, RatedFeedback):
-        power = float(gains[1] if law.power is None else law.power)
+        power = float(law.second_of(gains))
         speed = min(speed, np.cbrt(power / gain))
         about = "torque K w^2 up to a rated power, constant power by overspeed above it"
         words = {"rated_power": power}

@@ -127,16 +127,13 @@ class Outer(Format, ABC):
         InputError
             If the case gives no outline.
         """
-        thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
         words = {
             "outlines": outline_names(design.solution, design.turbine),  # refuses if none
-            "provenance": "\n".join(provenance(design.solution)),
             "options": self,
-            "blade": design.blade,
             "cone": np.rad2deg(design.blade.cone),
-            "thin": thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm",
+            "thin": TRAILING_EDGE,
         }
-        return filled("solids.txt", words).splitlines()
+        return filled("solids.txt", design, words).splitlines()
 
 
 class Sections(Outer):

@@ -149,22 +149,20 @@ def tables(design: Design, flow_range: tuple[float, float] | None = None) -> lis
     found += _station_loads(design, steady)
     several = len(scenarios) > 1
     for scenario, own in scenarios.items():
-        for name, title in _SERIES.items():
-            columns = getattr(own, name)
-            if columns:
-                of = f" of the scenario {scenario}" if several else ""
+        of, ending = (f" of the scenario {scenario}", f"_{scenario}") if several else ("", "")
+        for name, (label, title) in _SERIES.items():
+            if columns := getattr(own, name):
                 described = {key: Column(x, *TABLES[name][key]) for key, x in columns.items()}
-                table = "loads_over_span" if name == "loads" else name
-                label = f"{table}_{scenario}" if several else table
-                found.append(Table(label, title + of, described))
+                found.append(Table(label + ending, title + of, described))
     return found
 
 
 _SERIES = {
-    "trajectory": "optimized trajectory at the collocation nodes",
-    "simulation": "independent integration of the same design with direct BEM",
-    "loads": "loads along the blade at the times of the largest stress and suction",
+    "trajectory": ("trajectory", "optimized trajectory at the collocation nodes"),
+    "simulation": ("simulation", "independent integration of the same design with direct BEM"),
+    "loads": ("loads_over_span", "loads along the span when stress and suction are largest"),
 }
+"""Name and title of the tables that a result has."""
 
 
 def _design(design: Design) -> Table:

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import TEMPLATES, Format, beside_law, cut_in, filled, provenance
+from hkt_mdo.exports.base import TEMPLATES, Format, cut_in, filled
 from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
@@ -73,15 +73,8 @@ def _comments(design: Design, poisson: float) -> str:
         outlines = f"Coordinates are those of {outline_names(design.solution, design.turbine)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
-    words = {
-        "provenance": "\n".join(provenance(design.solution)),
-        "case": design.physics.case,
-        "design": design,
-        "beside_law": beside_law(design),
-        "outlines": outlines,
-        "poisson": poisson,
-    }
-    return filled("windio.txt", words).rstrip("\n")
+    words = {"outlines": outlines, "poisson": poisson}
+    return filled("windio.txt", design, words).rstrip("\n")
 
 
 def _outer_shape(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
@@ -174,16 +167,12 @@ def _control(design: Design) -> dict[str, Any]:
     limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
     speeds = [own.trajectory["rotor_speed_rad_s"] for own in tables]
     fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
-    found: dict[str, Any] = {
+    known = {
         "max_rotor_speed": fastest * REVOLUTIONS,
         "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
+        "max_gen_torque": law.torque_limit,
+        "region2_k": float(design.gains[0]) / REVOLUTIONS**2 if law.law == "quadratic" else None,
+        "rated_power": float(law.second_of(design.gains)) if law.law == "rated" else None,
+        "max_torque_rate": limits.get("torque_rate"),
     }
-    if law.torque_limit is not None:
-        found["max_gen_torque"] = law.torque_limit
-    if law.law == "quadratic":
-        found["region2_k"] = float(design.gains[0]) / REVOLUTIONS**2
-    if law.law == "rated":
-        found["rated_power"] = float(design.gains[1] if law.power is None else law.power)
-    if "torque_rate" in limits:
-        found["max_torque_rate"] = limits["torque_rate"]
-    return found
+    return {key: value for key, value in known.items() if value is not None}

@@ -11,14 +11,14 @@ import subprocess
 import sys
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rosco.toolbox.utilities import load_from_txt, read_DISCON
 
 from hkt_mdo import Solution
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Simulation, Start, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.rotor import bem
@@ -69,22 +69,11 @@ def kept(tmp_path_factory):
     return of
 
 
-class Verification(NamedTuple):
-    """One flow in both programs: what ROSCO's controller does, and the program's own integration.
-
-    time, speed and torque have the shape (n_steps,); energy is captured, generated delivered (J).
-    """
-
-    time: np.ndarray
-    speed: np.ndarray
-    torque: np.ndarray
-    energy: float
-    generated: float
-    own: Simulation
-
-
 def operate(solution, tmp_path, step=0.01, duration=None):
-    """Drive the rotor of a result over its flow by ROSCO's controller."""
+    """Drive the rotor of a result over its flow by ROSCO's controller, and by this program's `own`.
+
+    energy is captured, generated delivered, J.
+    """
     design = solution.design()
     blade, rotor = design.blade, design.physics.rotor.as_built(design.blade)
     scenario = design.physics.scenarios[0]
@@ -122,7 +111,8 @@ def operate(solution, tmp_path, step=0.01, duration=None):
     result = np.load(found)
     speed, torque = result["speed"], result["torque"]
     energy = np.trapezoid(plant.torque(speed, flow) * speed, time)
-    return Verification(time, speed, torque, energy, np.trapezoid(torque * speed, time), own)
+    found = {"energy": energy, "generated": np.trapezoid(torque * speed, time), "own": own}
+    return SimpleNamespace(time=time, speed=speed, torque=torque, **found)
 
 
 def library():

@@ -236,11 +236,11 @@ def test_polars_without_outlines_are_refused(tmp_path):
 def read_step(content, folder):
     """Return the volumes of the solids that a STEP file holds, m**3; all of it is valid."""
     from OCP.BRepCheck import BRepCheck_Analyzer
-    from OCP.BRepGProp import BRepGProp
-    from OCP.GProp import GProp_GProps
     from OCP.STEPControl import STEPControl_Reader
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
+
+    from hkt_mdo.exports.step import solid_volume
 
     (folder / "read.step").write_bytes(content)
     reader = STEPControl_Reader()
@@ -250,9 +250,7 @@ def read_step(content, folder):
     assert BRepCheck_Analyzer(shape).IsValid()
     explorer, volumes = TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_SOLID), []
     while explorer.More():
-        properties = GProp_GProps()
-        BRepGProp.VolumeProperties_s(explorer.Current(), properties, 1e-5)
-        volumes.append(1e-9 * properties.Mass())
+        volumes.append(solid_volume(explorer.Current()))
         explorer.Next()
     return volumes
 
