@@ -82,9 +82,9 @@ class OpenFast(Format):
             "elastodyn_rows": _elastodyn_rows(design),
         }
         texts = {name: filled(name.removeprefix("airfoils/"), design, words) for name in WHOLE}
-        numbers = reynolds_numbers(design)
+        words["numbers"], columns = reynolds_numbers(design), 3 + has_suction
         for name, kind in sections.items():
-            about = _airfoil_words(design, kind, numbers, has_suction)
+            about = _airfoil_words(design, kind, columns)
             texts[name] = filled("airfoil.dat", design, words | about)
         return {f"openfast/{name}": text.encode() for name, text in texts.items()}
 
@@ -163,18 +163,15 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
     return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))
 
 
-def _airfoil_words(
-    design: Design, kind: Airfoil, numbers: list[float], has_suction: bool
-) -> dict[str, Any]:
+def _airfoil_words(design: Design, kind: Airfoil, columns: int) -> dict[str, Any]:
     """Return what the file of an airfoil names."""
     places = (design.blade.r / design.blade.tip_radius)[kind.stations]
-    rows = [polar_rows(each)[:, : 3 + has_suction] for each in kind.polars]
     return {
         "outline": kind.outline,
         "radii": ", ".join(f"{place:.4g}" for place in places),
         "alpha_min": np.rad2deg(max(polar.alpha_min for polar in kind.polars)),
         "alpha_max": np.rad2deg(min(polar.alpha_max for polar in kind.polars)),
-        "tables": list(zip(numbers, rows, strict=True)),
+        "tables": [polar_rows(polar)[:, :columns] for polar in kind.polars],
     }
 
 

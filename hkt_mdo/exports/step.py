@@ -62,9 +62,8 @@ class Step(Solid):
 
     def files(self, design: Design) -> dict[str, bytes]:
         remarks, count = self.remarks(design), design.blade.blade_count
-        blade = rooted = self.solid(design, self.radii(design))
-        if self.hub != "none":
-            rooted = self.solid(design, self.rooted(design))
+        blade = self.solid(design, self.radii(design))
+        rooted = blade if self.hub == "none" else self.solid(design, self.rooted(design))
         rotor = [turned(rooted, 2.0 * np.pi * n / count) for n in range(count)]
         if self.hub != "none":
             whole = cylinder(*self.cylinder(design))

@@ -287,8 +287,7 @@ def steady_operation(
         flow_range = round(low, 3), round(high, 3)
     flow = np.linspace(*flow_range, FLOWS)
     speed, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
-    if law.torque_limit is not None:
-        running &= design.plant.generator_torque(speed, flow) <= law.torque_limit
+    running &= design.plant.generator_torque(speed, flow) <= (law.torque_limit or np.inf)
     flow, speed = flow[running], speed[running]
     if not flow.size:
         remedy = "give flow_range: flow speeds in which the rotor turns"

@@ -478,9 +478,8 @@ def phase_in(case: Case, inflow: Inflow) -> Phase:
         With numbers for duration and segments.
     """
     if case.inflow.steady and not inflow.steady:
-        given = {"duration": None, "segments": None}
-        update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
-        case = case.model_copy(update=update)
+        phase = case.phase.model_copy(update={"duration": None, "segments": None})
+        case = case.model_copy(update={"inflow": inflow, "phase": phase})
     return complete(case).phase
 
 
