@@ -90,8 +90,8 @@ class OpenFast(Format):
 
     def _water(self, design: Design) -> dict[str, Any]:
         """Return depths and heights (m)."""
-        radius, known = design.blade.rotor_radius, design.physics.rotor.depth
-        known = design.physics.case.site.hub_depth if known is None else known
+        radius, physics = design.blade.rotor_radius, design.physics
+        known = physics.rotor.depth or physics.case.site.hub_depth
         depth = UNKNOWN_DEPTH * radius if known is None else known
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:

@@ -318,8 +318,6 @@ class Design:
         Start
             Speed, states and time; an open loop has no states.
         """
-        if not self.law.is_feedback:
-            return Start(speed, (), time)
         flow = inflow.speed_at(np.array([time]))
         states = self.law.at_rest(self.plant.generator_torque(np.array([speed]), flow), flow)
         return Start(speed, [float(state[0]) for state in states], time)
