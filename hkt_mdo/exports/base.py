@@ -129,9 +129,7 @@ def export(
         remedy = "run the case again, or give --force: every file then says so"
         raise InputError(problem, remedy, file=solution.folder)
     design = solution.design()
-    contents: dict[Path, bytes] = {}
-    for each in wanted:
-        contents |= {out / name: content for name, content in each.files(design).items()}
+    contents = {out / name: x for each in wanted for name, x in each.files(design).items()}
     return write_new(contents, force)
 
 

@@ -67,8 +67,8 @@ class Rosco(Format):
         own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
         words["speed_filter"] = own_filter if self.speed_filter is None else self.speed_filter
         words["step"] = f"{1.0 / (MARGIN * loop):.2g}"
-        names = ("DISCON.IN", "Cp_Ct_Cq.txt")
-        return {f"rosco/{name}": filled(name, design, words).encode() for name in names}
+        texts = {name: filled(name, design, words) for name in ("DISCON.IN", "Cp_Ct_Cq.txt")}
+        return {f"rosco/{name}": text.encode() for name, text in texts.items()}
 
 
 def _law_words(design: Design) -> dict[str, Any]:
@@ -166,9 +166,8 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def _coefficients(design: Design, rotor: Hydrodynamics, ratios: np.ndarray) -> dict[str, Any]:
     """Return the coefficients, each of shape (n_ratios, n_pitches)."""
     blade, columns = design.blade, []
-    with warnings.catch_warnings():
-        # sections without a solution at unusual pitch
-        warnings.simplefilter("ignore", RuntimeWarning)
+    # sections without a solution at unusual pitch
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         for pitch in np.deg2rad(PITCH):
             pitched = blade.with_shape(blade.chord, blade.twist + pitch)
             columns.append(rotor.coefficients(pitched, ratios))

@@ -55,8 +55,6 @@ _MILLI = 1e3  # OpenCASCADE works in millimetres; the files are in metres
 class Step(Solid):
     """Blade and rotor as solids of B-spline surfaces, smooth along the span, in metres."""
 
-    name = "step"
-
     spanwise: Annotated[int, Field(ge=3, le=1000)] = 3
     """Smallest number of sections that the surface goes through; hub, stations and tip always."""
 
