@@ -169,10 +169,6 @@ class Airfoil:
     def evaluate(self, alpha, *_):
         return tuple(float(curve(alpha)) for curve in self.curves)
 
-    def derivatives(self, alpha, *_):
-        lift, drag = (float(curve(alpha, 1)) for curve in self.curves)
-        return lift, 0.0, drag, 0.0
-
 
 def read_by_wisdem(path, folder, n_span, n_aoa):
     """Return what WISDEM takes in: span, chord, twist (deg), angles (deg), lift and drag."""
