@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parent.parent / "hkt_mdo"
+MODULES = sorted(PACKAGE.rglob("*.py"))
 
 # A package may import those named beside it; the order is from the lowest to the highest.
 ALLOWED = {
@@ -47,10 +48,6 @@ ALLOWED = {
 }
 
 
-def modules():
-    return sorted(PACKAGE.rglob("*.py"))
-
-
 def imports(path):
     """Return the modules of the package that a file imports, at its top or within functions."""
     found = set()
@@ -62,7 +59,7 @@ def imports(path):
     return {name for name in found if name.startswith("hkt_mdo.")}
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_go_one_way(path):
     room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
     rooms = {name.split(".")[1] for name in imports(path)} & ALLOWED.keys()
@@ -72,7 +69,7 @@ def test_imports_go_one_way(path):
 
 def test_modules_import_each_other_in_no_circle():
     names = {
-        ".".join(("hkt_mdo", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in modules()
+        ".".join(("hkt_mdo", *p.relative_to(PACKAGE).with_suffix("").parts)): p for p in MODULES
     }
     open_ = {name: imports(path) & names.keys() - {name} for name, path in names.items()}
     while open_:

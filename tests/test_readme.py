@@ -11,16 +11,11 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def section(title):
-    """Return the part of README under a heading."""
-    return README.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
-
-
 def test_its_test_commands_are_those_of_continuous_integration():
     commands = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-2:]
     assert commands == ["make test", "make check"]
-    for command in commands:
-        assert command in section("Install")
+    install = README.partition("\n## Install\n")[2].partition("\n## ")[0]
+    assert all(command in install for command in commands)
 
 
 def test_every_number_of_the_table_is_on_the_page_that_it_names():

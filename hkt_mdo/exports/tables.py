@@ -206,8 +206,7 @@ def _quantities(values: dict[str, Any]) -> dict[str, Column]:
 
 
 def _blade(design: Design) -> Table:
-    blade = design.blade
-    thickness = design.thickness
+    blade, thickness = design.blade, design.thickness
     shape = blade.r, blade.r / blade.tip_radius, blade.chord, blade.twist
     values = *shape, np.rad2deg(blade.twist), thickness, thickness * blade.chord
     columns, names = _columns("blade", values), section_names(design)

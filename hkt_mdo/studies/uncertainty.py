@@ -186,8 +186,7 @@ class Design:
             The plant has filters; the controller has what it needs to replay an open loop with
             memory.
         """
-        plant, known = self.plant.with_memory(tau1), self.known.with_memory(tau1)
-        return replace(self, plant=plant, known=known)
+        return replace(self, plant=self.plant.with_memory(tau1), known=self.known.with_memory(tau1))
 
     @property
     def law(self) -> Law:

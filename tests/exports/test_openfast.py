@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from openfast_io.FAST_reader import InputReader_OpenFAST
 
-from hkt_mdo import Solution
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.exports.openfast import reynolds_numbers
@@ -245,12 +244,9 @@ def test_the_reynolds_number_is_that_of_the_only_polar_that_says_one(tmp_path):
 
 
 def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):
-    folder = tmp_path / "result"
-    shutil.copytree(DATA / "paper", folder)
-    case = folder / "case.yaml"
-    case.write_text(case.read_text().replace("blade_count: null", "blade_count: 4"))
+    text = "inflow: sine\ncontrol: quadratic\nrotor: {blade_count: 4}\n"
     with pytest.raises(InputError, match="takes 3 blades, and the rotor has 4"):
-        export(Solution.load(folder), ["openfast"], tmp_path / "out")
+        export(made(tmp_path / "result", text, [11.0]), ["openfast"], tmp_path / "out")
 
 
 @pytest.mark.slow
