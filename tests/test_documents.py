@@ -3,16 +3,15 @@
 import json
 import re
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
 from hkt_mdo.case import Case, case_json_schema, load_case, read_case
-from hkt_mdo.case.turbine import SectionFile
 from hkt_mdo.cli import main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
+from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.shipped import POLAR_FAMILIES, shipped_names
@@ -20,26 +19,20 @@ from hkt_mdo.files.yaml_text import parse
 from hkt_mdo.messages import TAGS
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.sections import Section
+from hkt_mdo.sections import parts_of
 
 ROOT = Path(__file__).parent.parent
 CASES = sorted((ROOT / "cases").glob("*.yaml"))
 MINIMAL = "inflow: {profile: sine}\ncontrol: {law: quadratic}\n"
 
 
-def members(key):
-    """Return the classes that a tag chooses from."""
-    return get_args(Case.model_fields[key].annotation)
-
-
-def sections():
-    """Return every class of a case, found from the case itself."""
-    found = [Case, SectionFile, *members("inflow"), *members("control")]
-    for field in Case.model_fields.values():
-        kind = field.annotation
-        if isinstance(kind, type) and issubclass(kind, Section):
-            found.append(kind)
-    return found
+def sections(kind=Case):
+    """Yield every class of a case but the limits, found from the case itself."""
+    yield kind
+    for field in kind.model_fields.values():
+        for part in parts_of(field.rebuild_annotation()):
+            if isinstance(part, type) and not issubclass(part, Limit):
+                yield from sections(part)
 
 
 def one_line(text):

@@ -1,4 +1,4 @@
-"""README: its numbers are those of the pages that it names, its links lead somewhere."""
+"""README: its numbers are those of the pages that it names, its output that of a run."""
 
 import re
 from pathlib import Path
@@ -11,16 +11,11 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def section(title):
-    """Return the part of README under a heading."""
-    return README.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
-
-
 def test_its_test_commands_are_those_of_continuous_integration():
     commands = (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()[-2:]
     assert commands == ["make test", "make check"]
-    for command in commands:
-        assert command in section("Install")
+    install = README.partition("\n## Install\n")[2].partition("\n## ")[0]
+    assert all(command in install for command in commands)
 
 
 def test_every_number_of_the_table_is_on_the_page_that_it_names():
@@ -61,14 +56,3 @@ def test_the_output_shown_is_that_of_the_run(solve, capsys):
         assert number.sub("#", found).startswith(number.sub("#", value)), line
         for first, other in zip(number.findall(value)[:1], number.findall(found), strict=False):
             assert float(other) == pytest.approx(float(first), rel=2e-3), line
-
-
-def test_its_links_lead_to_files_and_headings():
-    for target in re.findall(r"\]\(([^)h][^)]*)\)", README):
-        path, _, anchor = target.partition("#")
-        page = ROOT / path
-        assert page.is_file(), target
-        if anchor:
-            headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
-            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
-            assert anchor in slugs, target

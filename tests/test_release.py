@@ -11,7 +11,7 @@ from packaging.utils import canonicalize_name
 
 import hkt_mdo
 from hkt_mdo.cli import main
-from hkt_mdo.errors import program_version
+from hkt_mdo.errors import install, program_version
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -36,11 +36,15 @@ def test_the_program_says_its_version(capsys, monkeypatch):
     assert program_version() == "unknown"
 
 
-@pytest.mark.parametrize("name", ["CONTRIBUTING.md", "CHANGELOG.md"])
-def test_links_of_the_front_pages_lead_somewhere(name):
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_links_of_the_front_pages_lead_to_files_and_headings(name):
     text = (ROOT / name).read_text(encoding="utf-8")
-    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", text):
-        assert target.startswith("https:") or (ROOT / target).exists(), target
+    for path, anchor in re.findall(r"\]\((?!https:)([^)#]+)#?([^)]*)\)", text):
+        assert (ROOT / path).exists(), path
+        if anchor:
+            headings = re.findall(r"(?m)^#+ (.*)$", (ROOT / path).read_text(encoding="utf-8"))
+            slugs = [re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings]
+            assert anchor in slugs, (path, anchor)
     for path in re.findall(r"`((?:hkt_mdo|tests|docs|scripts|studies)/[\w/.]+\w)`", text):
         assert (ROOT / path).exists(), path
 
@@ -77,3 +81,9 @@ def test_every_requirement_names_a_lowest_version():
     optional = [each for extra in PROJECT["optional-dependencies"].values() for each in extra]
     for each in map(Requirement, [*PROJECT["dependencies"], *optional]):
         assert each.name == PROJECT["name"] or ">=" in str(each.specifier), each
+
+
+def test_the_line_that_installs_an_extra_is_of_the_checkout(monkeypatch, tmp_path):
+    assert install("cad") == f"pip install -e '{ROOT}[cad]'"
+    monkeypatch.setattr("hkt_mdo.errors.__file__", str(tmp_path / "hkt_mdo" / "errors.py"))
+    assert install("cad") == "pip install 'hkt_mdo[cad]'"

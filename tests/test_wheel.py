@@ -22,6 +22,7 @@ of_the_wheel = pytest.mark.parametrize("installed", ["*.whl"], ids=["wheel"], in
 PAGES = "CHANGELOG.md CITATION.cff CONTRIBUTING.md LICENSE MANIFEST.in Makefile README.md"
 SAMPLE = ("rotor/test_airfoil.py", "files/test_polar_files.py", "case/test_quantity.py")
 """Tests that are run against what is installed."""
+CLEAN = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +62,9 @@ def installed(request, built, tmp_path_factory):
 def hkt(installed, tmp_path):
     """Return a function that runs the installed command in an empty folder."""
     programs, _ = installed
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 
     def run(*arguments):
-        how = {"cwd": tmp_path, "env": environment, "capture_output": True, "text": True}
+        how = {"cwd": tmp_path, "env": CLEAN, "capture_output": True, "text": True}
         done = subprocess.run([programs / "hkt", *arguments], check=False, **how)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
@@ -86,15 +86,14 @@ def test_the_tests_of_the_source_pass_with_what_is_installed(installed, built, t
     shutil.unpack_archive(archive, tmp_path, **safe)
     (source,) = tmp_path.iterdir()
     shutil.rmtree(source / "hkt_mdo")  # what is tested is the installed package
-    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     code = "import hkt_mdo; print(hkt_mdo.__file__, hkt_mdo.__version__)"
     command = [programs / "python", "-c", code]
-    place = subprocess.check_output(command, cwd=source, env=environment, text=True)
+    place = subprocess.check_output(command, cwd=source, env=CLEAN, text=True)
     version = archive.name.removeprefix("hkt_mdo-").removesuffix(".tar.gz")
     assert place.split() == [str(library / "hkt_mdo" / "__init__.py"), version]
     tests = [f"tests/{name}" for name in SAMPLE]
     command = [programs / "python", "-m", "pytest", "-p", "no:cacheprovider", *tests]
-    done = subprocess.run(command, cwd=source, env=environment, capture_output=True, check=False)
+    done = subprocess.run(command, cwd=source, env=CLEAN, capture_output=True, check=False)
     assert done.returncode == 0, done.stdout.decode()
 
 

@@ -52,7 +52,8 @@ class _TwoGains(FeedbackLaw):
         """Units of the gain, and of the second parameter where it is designed."""
         return self.both_units[: 1 + (getattr(self, self.second) is None)]
 
-    def _second(self, gains):
+    def second_of(self, gains):
+        """Return the second parameter, given or designed."""
         given = getattr(self, self.second)
         return gains[1] if given is None else given
 
@@ -80,7 +81,7 @@ class PowerLawFeedback(_TwoGains):
         return all(getattr(self, name) == getattr(other, name) for name in _OF_EVERY_LAW)
 
     def demand(self, speed, gains):
-        return gains[0] * _forward(speed) ** self._second(gains)
+        return gains[0] * _forward(speed) ** self.second_of(gains)
 
     def fit(self, speed, torque):
         logarithm, torque = np.log(speed), _positive(torque)
@@ -117,7 +118,7 @@ class RatedFeedback(_TwoGains):
     both_units: ClassVar[tuple[str | None, ...]] = ("N*m*s**2/rad**2", "W")
 
     def demand(self, speed, gains):
-        power = self._second(gains)
+        power = self.second_of(gains)
         wanted = gains[0] * speed**3  # power of quadratic feedback
         root = np.sqrt((wanted - power) ** 2 + 0.25 * self.smoothing * wanted * power)
         least = (2.0 - 0.125 * self.smoothing) * power / (wanted + power + root)

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
+from warnings import catch_warnings
 
 import numpy as np
 from pydantic import create_model
@@ -82,7 +83,8 @@ def chosen(names: Sequence[str], overrides: Iterable[str] = ()) -> list[Format]:
             needed(package, f"install it with: {install(extra)}", key="--to", value=name)
         kind = resolve_name(f"hkt_mdo.exports.{FORMATS[name]}")
         fields[name] = kind, kind()
-    root = create_model("Exports", __base__=Section, **fields)
+    with catch_warnings(action="ignore"):  # pydantic has a method `json`
+        root = create_model("Exports", __base__=Section, **fields)
     made = validated(root, {}, "hkt export", overrides)
     return [getattr(made, name) for name in fields]
 
@@ -127,9 +129,7 @@ def export(
         remedy = "run the case again, or give --force: every file then says so"
         raise InputError(problem, remedy, file=solution.folder)
     design = solution.design()
-    contents: dict[Path, bytes] = {}
-    for each in wanted:
-        contents |= {out / name: content for name, content in each.files(design).items()}
+    contents = {out / name: x for each in wanted for name, x in each.files(design).items()}
     return write_new(contents, force)
 
 
@@ -155,22 +155,67 @@ def provenance(solution: Solution) -> tuple[str, ...]:
     return tuple(map(printable, lines))
 
 
-def filled(template: str, words: dict[str, Any]) -> str:
+def cut_in(design: Design) -> float:
+    """Return the speed of the flow below which the machine stands still in all scenarios.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    float
+        In m/s; zero where the case has none.
+    """
+    scenarios = design.physics.scenarios
+    return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
+
+
+def beside_law(design: Design) -> dict[str, str]:
+    """Return what an operation has besides the control law: cut-in, cut-out and friction.
+
+    Parameters
+    ----------
+    design : Design
+        The design of a result.
+
+    Returns
+    -------
+    dict of str
+        A text for each that the case has.
+    """
+    generator = design.physics.case.generator
+    ends = {"cut-in": cut_in(design), "cut-out": design.law.cut_out}
+    found = {name: f"a flow of {speed:g} m/s" for name, speed in ends.items() if speed}
+    if generator.rubs:
+        constant, slope = generator.shaft_friction, generator.shaft_friction_slope
+        found["friction"] = f"{constant:g} N m and {slope:g} N m s/rad on the shaft"
+    return found
+
+
+def filled(template: str, design: Design, words: dict[str, Any]) -> str:
     """Return the text of a template with its fields filled in.
 
     Parameters
     ----------
     template : str
         Name of a file in the folder of templates.
+    design : Design
+        The design of a result; a template may name it, its `blade` and its `case`, and what
+        `provenance` and `beside_law` return.
     words : dict
-        What the template names; its filter `rows` writes numbers to some digits, a line each row.
+        What else the template names; its filter `rows` writes numbers to some digits, a line each
+        row.
 
     Returns
     -------
     str
         The text.
     """
-    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(words))
+    known = {"design": design, "blade": design.blade, "case": design.physics.case}
+    known |= {"provenance": provenance(design.solution), "beside_law": beside_law(design)}
+    return str(templates(TEMPLATES, rows=_rows).get_template(template).render(known | words))
 
 
 def _rows(values: np.ndarray, digits: int) -> str:

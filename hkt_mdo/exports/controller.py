@@ -1,19 +1,19 @@
 """The control law of a result as code: a function in C99 and one in Python.
 
-Expressions that are the same in C and Python, such as ``GAIN * w``, are written here once.
+Expressions that are the same in C and Python, such as ``GAIN * w``, are in ``laws.yaml`` once.
 """
 
 from inspect import cleandoc
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
+import yaml
 from scipy.interpolate import CubicSpline, PPoly
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.wide_laws import BEND, STILL
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
-from hkt_mdo.exports.tables import cut_in
+from hkt_mdo.exports.base import TEMPLATES, Format, beside_law, filled, provenance
 from hkt_mdo.results.design import Design
 from hkt_mdo.sections import Quantity
 
@@ -23,22 +23,8 @@ QUICK, LONGEST = 0.2, 0.01
 UNSTABLE = 2.0
 
 
-class Code(NamedTuple):
-    """A law as expressions that are valid in C and Python, in SI units; w is the rotor's speed.
-
-    Attributes
-    ----------
-    constants : dict of (float, str)
-        Value and meaning of each constant, by name.
-    steps : dict of str
-        Expressions by name, one after the other; the last is the torque before saturation.
-    curves : dict of PPoly
-        Piecewise cubic curves by the name of their function, linear beyond their ends.
-    """
-
-    constants: dict[str, tuple[float, str]]
-    steps: dict[str, str]
-    curves: dict[str, PPoly]
+LAWS: dict[str, dict[str, str]] = yaml.safe_load((TEMPLATES / "laws.yaml").read_text("utf-8"))
+"""Expressions of each law by name, and, in capitals, constants with their meaning."""
 
 
 class Controller(Format):
@@ -54,28 +40,24 @@ class Controller(Format):
             problem = f"{law.law} is a torque over time and no law of the rotor's speed"
             remedy = "export csv, whose trajectory has it, or run the case with a feedback law"
             raise InputError(problem, remedy, key="--to", value="controller")
-        code = _code(design)
-        if code is None:
+        if law.law not in LAWS:
             problem = f"{law.law} is a law of an extension, known as Python code only"
             remedy = "write its code yourself; csv has its gains and its steady operation"
             raise InputError(problem, remedy, key="--to", value="controller")
-        constants, steps = code.constants, code.steps | {"torque": "demand"}
-        if law.torque_limit is not None:
-            limit = law.torque_limit, "largest torque, N m"
-            smoothing = law.smoothing, "smoothing of the saturation"
-            constants = constants | {"LIMIT": limit, "SMOOTHING": smoothing}
-            steps = code.steps | _SATURATED
+        end = LAWS["unlimited" if law.torque_limit is None else "saturated"]
+        torque, sensed = LAWS[law.law] | end, LAWS["sensed"] if law.estimates_flow else {}
+        values, curves = _values(design)
         words = {
             # a backslash or a trigraph would continue the comment on the next line
             "head": [x.replace("\\", "/").replace("??", "? ?") for x in _head(design)],
-            "constants": constants,
-            "curves": {name: _rows(curve) for name, curve in code.curves.items()},
-            "steps": steps,
-            "sensed": _SENSED if law.estimates_flow else {},
+            "constants": {x: (values[x], y) for x, y in (torque | sensed).items() if x.isupper()},
+            "curves": {name: _rows(curve) for name, curve in curves.items()},
+            "steps": {name: value for name, value in torque.items() if not name.isupper()},
+            "sensed": {name: value for name, value in sensed.items() if not name.isupper()},
             "sample_time": self._sample_time(design) if law.states else 0.0,
         }
         names = ("controller.h", "controller.c", "controller.py")
-        return {name: filled(f"{name}.in", words).encode() for name in names}
+        return {name: filled(f"{name}.in", design, words).encode() for name in names}
 
     def _sample_time(self, design: Design) -> float:
         """Return the time between two steps; refuse one at which a held torque is unstable."""
@@ -91,38 +73,36 @@ class Controller(Format):
         return self.sample_time
 
 
-# Laws ---------------------------------------------------------------------------------------------
-
-
-def _code(design: Design) -> Code | None:
-    """Return the law of a design as code; None for one that is known as Python code only."""
+def _values(design: Design) -> tuple[dict[str, Any], dict[str, PPoly]]:
+    """Return constants by name, and piecewise cubic curves, linear beyond their ends."""
     law: Any = design.law
-    gains = design.gains.tolist()
+    gains, generator, curves = design.gains.tolist(), design.plant.generator, {}
+    values = {
+        "GAIN": gains[0],
+        "STILL": STILL,
+        "LIMIT": law.torque_limit,
+        "SMOOTHING": law.smoothing,
+        "RADIUS": design.blade.rotor_radius,
+        "DENSITY": design.physics.density,
+        "INERTIA": design.inertia,
+        "FRICTION": generator.shaft_friction,
+        "FRICTION_SLOPE": generator.shaft_friction_slope,
+    }
     match law.law:
-        case "linear":
-            return Code({"GAIN": (gains[0], "N m s/rad")}, {"demand": "GAIN * w"}, {})
-        case "quadratic":
-            return Code({"GAIN": (gains[0], "N m s^2/rad^2")}, {"demand": "GAIN * w * w"}, {})
-        case "power_law":
-            constants = {
-                "GAIN": (gains[0], "torque at 1 rad/s, N m"),
-                "EXPONENT": (gains[1] if law.exponent is None else law.exponent, "exponent"),
-            }
-            demand = "GAIN * pow(fmax(w, STILL), EXPONENT)"
-            return Code(constants | _STILL, {"demand": demand}, {})
-        case "rated":
-            constants = {
-                "GAIN": (gains[0], "N m s^2/rad^2"),
-                "POWER": (gains[1] if law.power is None else law.power, "rated power, W"),
-                "SMOOTHING": (law.smoothing, "smoothing of the corner and of the saturation"),
-            }
-            return Code(constants, _RATED, {})
+        case "power_law" | "rated":
+            values[law.second.upper()] = law.second_of(gains)
         case "curve":
-            demand = "exp(curve(log(fmax(w, STILL))))"
-            return Code(_STILL, {"demand": demand}, {"curve": _curve(design)})
+            curves["curve"] = _curve(design)
         case "tracking":
-            return _tracking(design)
-    return None
+            *speeds, kp, ki = gains
+            values |= {"PROPORTIONAL": kp, "INTEGRAL": ki, "LAG": law.lag}
+            slowest, fastest = law.flow_range
+            knots = np.linspace(slowest, fastest, law.knots)
+            curves["schedule"] = CubicSpline(knots, speeds, bc_type="natural")
+    if law.estimates_flow:
+        curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of
+        values |= {"SMALLEST": float(found.x[0]), "LARGEST": float(found.x[-1])}
+    return values, curves
 
 
 def _curve(design: Design) -> PPoly:
@@ -141,60 +121,6 @@ def _curve(design: Design) -> PPoly:
     return curve
 
 
-def _tracking(design: Design) -> Code:
-    law: Any = design.law
-    *speeds, kp, ki = design.gains.tolist()
-    slowest, fastest = law.flow_range
-    knots = np.linspace(slowest, fastest, law.knots)
-    curves: dict[str, PPoly] = {"schedule": CubicSpline(knots, speeds, bc_type="natural")}
-    constants = {
-        "PROPORTIONAL": (kp, "N m s/rad"),
-        "INTEGRAL": (ki, "N m/rad"),
-        "LAG": (law.lag, "with which the flow speed is followed, s; 0: at once"),
-    }
-    if law.estimates_flow:
-        curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of
-        constants |= {
-            "SMALLEST": (float(found.x[0]), "driving torque over that of the tip speed, at least"),
-            "LARGEST": (float(found.x[-1]), "and at most"),
-            "RADIUS": (design.blade.rotor_radius, "radius of the rotor, m"),
-            "DENSITY": (design.physics.density, "density of the water, kg/m^3"),
-            "INERTIA": (design.inertia, "of the rotor, kg m^2"),
-            "FRICTION": (design.plant.generator.shaft_friction, "of the shaft, N m"),
-            "FRICTION_SLOPE": (design.plant.generator.shaft_friction_slope, "by speed, N m s/rad"),
-        }
-        constants |= _STILL
-    return Code(constants, {"demand": "PROPORTIONAL * (w - schedule(flow)) + integral"}, curves)
-
-
-_STILL = {"STILL": (STILL, "slowest speed that counts, rad/s")}
-_RATED = {
-    "wanted": "GAIN * w * w * w",
-    "apart": "wanted - POWER",
-    "root": "sqrt(apart * apart + 0.25 * SMOOTHING * wanted * POWER)",
-    "least": "(2.0 - 0.125 * SMOOTHING) * POWER / (wanted + POWER + root)",
-    "demand": "least * GAIN * w * w",
-}
-
-
-# Code ---------------------------------------------------------------------------------------------
-
-_SATURATED = {
-    "ratio": "2.0 * demand / LIMIT",
-    "rising": "sqrt(SMOOTHING + ratio * ratio)",
-    "falling": "sqrt(SMOOTHING + (ratio - 2.0) * (ratio - 2.0))",
-    "torque": "0.25 * LIMIT * (2.0 + rising - falling)",
-}
-_SENSED = {
-    "tip": "fmax(w, STILL) * RADIUS",
-    "volume": "3.141592653589793 * RADIUS * RADIUS * RADIUS",
-    "unit": "0.5 * DENSITY * volume * tip * tip",
-    "driving": "torque + FRICTION + FRICTION_SLOPE * w + INERTIA * acceleration",
-    "coefficient": "driving / unit",
-    "sensed": "tip / ratio_of(fmin(fmax(coefficient, SMALLEST), LARGEST))",
-}
-
-
 def _rows(curve: PPoly) -> tuple[list[list[float]], float]:
     """Return the knots of a curve with the coefficients that begin there, and its end."""
     return np.column_stack((curve.x[:-1], curve.c[::-1].T)).tolist(), float(curve.x[-1])
@@ -208,9 +134,7 @@ def _head(design: Design) -> list[str]:
     formula = cleandoc(type(law).__doc__ or "").splitlines()
     lines = [*provenance(solution), "", *formula, ""]
     lines.append(f"rotor speeds in the operation of the result: {ends}")
-    for name, flow in (("cut-in", cut_in(design)), ("cut-out", law.cut_out)):
-        if flow:
-            lines.append(f"{name}, not part of this code: a flow of {flow:g} m/s")
+    lines += [f"{x}, not part of the law: {y}" for x, y in beside_law(design).items()]
     names = [
         f"{each.name} {each.upper:g} {each.unit or ''}".rstrip()
         for each in design.physics.all_limits

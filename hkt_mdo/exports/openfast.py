@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
+from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.exports.solids import Airfoil, airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.results.design import Design
@@ -29,6 +29,11 @@ UNKNOWN_DEPTH = 2.0  # rotor radii from the surface to the hub, where no case gi
 BED = 1.5  # rotor radii from the hub to the bed, where nothing gives it
 STIFF = 1e10  # Pa, modulus of a blade that has none; its modes are switched off
 PARTS = 4  # rows of ElastoDyn's blade between two places of the structure
+WHOLE = (
+    *("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat", "airfoils/no_load.dat"),
+    *("elastodyn.dat", "elastodyn_blade.dat", "elastodyn_tower.dat"),
+)
+"""Files of the whole rotor, each of a template."""
 
 
 class TipSpeedRatios(Section):
@@ -67,11 +72,7 @@ class OpenFast(Format):
         has_suction = all(polar.suction is not None for kind in kinds for polar in kind.polars)
         words = self._water(design) | self._cases(design)
         words |= {
-            "provenance": "; ".join(provenance(design.solution)),
             "options": self,
-            "design": design,
-            "blade": blade,
-            "fluid": design.physics.case.fluid,
             "pressure": {"atmospheric": ATMOSPHERIC, "vapour": VAPOUR},
             "precone": 0.0 - float(np.rad2deg(blade.cone)),
             "rotor_speed": float(first.trajectory["rotor_speed_rad_s"][0]) * REVOLUTIONS,
@@ -80,28 +81,23 @@ class OpenFast(Format):
             "aerodyn_rows": self._aerodyn_rows(blade, kinds),
             "elastodyn_rows": _elastodyn_rows(design),
         }
-        names = ["aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat", "elastodyn.dat"]
-        names += ["elastodyn_blade.dat", "elastodyn_tower.dat"]
-        texts = {name: filled(name, words) for name in names}
-        texts["airfoils/no_load.dat"] = filled("no_load.dat", words)
-        numbers = reynolds_numbers(design)
+        texts = {name: filled(name.removeprefix("airfoils/"), design, words) for name in WHOLE}
+        words["numbers"], columns = reynolds_numbers(design), 3 + has_suction
         for name, kind in sections.items():
-            about = _airfoil_words(design, kind, numbers, has_suction)
-            texts[name] = filled("airfoil.dat", words | about)
+            about = _airfoil_words(design, kind, columns)
+            texts[name] = filled("airfoil.dat", design, words | about)
         return {f"openfast/{name}": text.encode() for name, text in texts.items()}
 
     def _water(self, design: Design) -> dict[str, Any]:
-        """Return depths and heights (m), and remarks on those that are assumed."""
-        radius, known = design.blade.rotor_radius, design.physics.rotor.depth
-        known = design.physics.case.site.hub_depth if known is None else known
+        """Return depths and heights (m)."""
+        radius, physics = design.blade.rotor_radius, design.physics
+        known = physics.rotor.depth or physics.case.site.hub_depth
         depth = UNKNOWN_DEPTH * radius if known is None else known
         water = depth + BED * radius if self.water_depth is None else self.water_depth
         if water <= depth + radius:
             problem = f"is too small for the blades: the hub is {depth:.4g} m deep"
             remedy = f"give more than {depth + radius:.4g} m"
             raise InputError(problem, remedy, key="openfast.water_depth", value=self.water_depth)
-        assumed = f" FILL IN: a hub {UNKNOWN_DEPTH:g} rotor radii deep is assumed"
-        deep = f" FILL IN: {BED:g} rotor radii from hub to bed are assumed"
         height = water - depth if self.mhk == 1 else -depth
         return {
             "water_depth": water,
@@ -109,8 +105,8 @@ class OpenFast(Format):
             "hub_height_over_bed": water - depth,
             "tower_base": 0.0 if self.mhk == 1 else 0.5 * height,
             "depth_is_known": known is not None,
-            "depth_mark": assumed if known is None else "",
-            "water_depth_mark": deep if self.water_depth is None else "",
+            "unknown_depth": UNKNOWN_DEPTH,
+            "bed": BED,
         }
 
     def _cases(self, design: Design) -> dict[str, Any]:
@@ -167,18 +163,15 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
     return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))
 
 
-def _airfoil_words(
-    design: Design, kind: Airfoil, numbers: list[float], has_suction: bool
-) -> dict[str, Any]:
+def _airfoil_words(design: Design, kind: Airfoil, columns: int) -> dict[str, Any]:
     """Return what the file of an airfoil names."""
     places = (design.blade.r / design.blade.tip_radius)[kind.stations]
-    rows = [polar_rows(each)[:, : 3 + has_suction] for each in kind.polars]
     return {
         "outline": kind.outline,
         "radii": ", ".join(f"{place:.4g}" for place in places),
         "alpha_min": np.rad2deg(max(polar.alpha_min for polar in kind.polars)),
         "alpha_max": np.rad2deg(min(polar.alpha_max for polar in kind.polars)),
-        "tables": list(zip(numbers, rows, strict=True)),
+        "tables": [polar_rows(polar)[:, :columns] for polar in kind.polars],
     }
 
 

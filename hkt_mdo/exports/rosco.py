@@ -16,8 +16,7 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
-from hkt_mdo.exports.tables import cut_in
+from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.results.design import Design
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import torque_scale
@@ -54,27 +53,25 @@ class Rosco(Format):
         rotor = design.physics.rotor.as_built(design.blade).at_flow(mean)
         highest = float(solution.table("coefficients")["tip_speed_ratio"][-1])
         ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
-        best = solution.summary.tip_speed_ratio_at_power_coefficient_max
+        best, radius = rotor.best_operation(design.blade), design.blade.rotor_radius
+        torque = torque_scale(design.physics.density, radius, 1.0) * best.power_coefficient
         words: dict[str, Any] = {
-            "provenance": "; ".join(provenance(solution)),
-            "design": design,
-            "ends": {"cut-in": cut_in(design), "cut-out": law.cut_out},
-            "best_ratio": best,
-            "gain": _best_gain(design, best, rotor),  # where the law is not K w²
+            "best": best,
+            "gain": torque * radius**2 / best.tip_speed_ratio**3,  # where the law is not K w²
             "pitches": PITCH,
             "ratios": ratios,
             "mean_flow": mean,
         }
-        words |= _law_words(design, rotor) | _coefficients(design, rotor, ratios)
+        words |= _law_words(design) | _coefficients(design, rotor, ratios)
         loop = words["loop"]
         own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
         words["speed_filter"] = own_filter if self.speed_filter is None else self.speed_filter
         words["step"] = f"{1.0 / (MARGIN * loop):.2g}"
-        names = ("DISCON.IN", "Cp_Ct_Cq.txt")
-        return {f"rosco/{name}": filled(name, words).encode() for name in names}
+        texts = {name: filled(name, design, words) for name in ("DISCON.IN", "Cp_Ct_Cq.txt")}
+        return {f"rosco/{name}": text.encode() for name, text in texts.items()}
 
 
-def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
+def _law_words(design: Design) -> dict[str, Any]:
     """Return entries of DISCON.IN for the law, and the frequency `loop` of its loop (rad/s)."""
     law, gains = design.law, design.gains
     flows, speeds, torques = _schedule(design)
@@ -82,20 +79,13 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
     if law.torque_limit is not None:
         largest = law.torque_limit
     rates = [each.upper for each in design.physics.all_limits if each.name == "torque_rate"]
-    slow = 1e-3 * float(np.min(speeds))  # so that the schedule always holds
     words = {
-        "flow_filter": 1.0,
         "reference_filter": FAST / LAG,
-        "adaption": 0.0,
         "largest_torque": largest,
+        "rates": rates,
         "largest_rate": min(rates, default=1e3 * largest),
-        "limits_rate": bool(rates),
         "rated_power": NEVER * largest * fastest,
-        "rated_speed": slow,
-        "rated_torque": 0.0,
-        "highest_part_torque": 0.0,
-        "proportional": 0.0,
-        "integral": 0.0,
+        "rated_speed": 1e-3 * float(np.min(speeds)),  # so that the schedule always holds
         "flows": flows,
         "speeds": speeds,
         "torques": torques,
@@ -104,7 +94,7 @@ def _law_words(design: Design, rotor: Hydrodynamics) -> dict[str, Any]:
         loop = float(np.max(law.torque_by_speed(speeds, gains))) / design.inertia
         return words | {"loop": loop} | _overspeed(law, gains, largest, fastest)
     if isinstance(law, Tracking):
-        return words | _by_flow(law, design, rotor, flows, speeds)
+        return words | _by_flow(law, design, flows, speeds)
     if np.any(np.diff(torques) <= 0.0):
         problem = "finds the rotor speed from the torque, which has to increase with the speed"
         remedy = f"export controller, which has the law {law.law} itself"
@@ -120,7 +110,7 @@ def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
     words: dict[str, Any] = {}
     speed = min(np.sqrt(largest / gain), NEVER * fastest)
     if isinstance(law, RatedFeedback):
-        power = float(gains[1] if law.power is None else law.power)
+        power = float(law.second_of(gains))
         speed = min(speed, np.cbrt(power / gain))
         about = "torque K w^2 up to a rated power, constant power by overspeed above it"
         words = {"rated_power": power}
@@ -136,7 +126,7 @@ def _overspeed(law, gains, largest, fastest) -> dict[str, Any]:
     }
 
 
-def _by_flow(law, design, rotor, flows, speeds) -> dict[str, Any]:
+def _by_flow(law, design, flows, speeds) -> dict[str, Any]:
     """Return the words of a speed that follows the sensed or the estimated flow (VS_FBP 2)."""
     kp, ki = (float(gain) for gain in design.gains[-2:])
     words = {
@@ -149,13 +139,10 @@ def _by_flow(law, design, rotor, flows, speeds) -> dict[str, Any]:
         "loop": kp / design.inertia,
     }
     if law.estimates_flow:
-        middle, radius = flows.size // 2, design.blade.rotor_radius
+        middle, plant = flows.size // 2, design.plant
         flow = flows[middle] * np.array([1.0 - 1e-4, 1.0 + 1e-4])
-        scale = torque_scale(design.physics.density, radius, flow)
-        ratio = speeds[middle] * radius / flow
-        slower, faster = scale * rotor.coefficients(design.blade, ratio).torque
-        by_flow = (faster - slower) / (flow[1] - flow[0])
-        words["adaption"] = float(design.inertia / (by_flow * law.lag))
+        by_flow = np.diff(plant.torque(np.full(2, speeds[middle]), flow)) / np.diff(flow)
+        words["adaption"] = float(plant.inertia / (by_flow[0] * law.lag))
     return words
 
 
@@ -176,20 +163,11 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return flows, speeds, law.torque(speeds, design.gains)
 
 
-def _best_gain(design: Design, ratio: Any, rotor: Hydrodynamics) -> float:
-    """Return K at the largest power coefficient, N m s²/rad²."""
-    radius = design.blade.rotor_radius
-    torque = rotor.coefficients(design.blade, [ratio]).torque[0]
-    scale = torque_scale(design.physics.density, radius, 1.0)
-    return float(scale * torque * (radius / ratio) ** 2)
-
-
 def _coefficients(design: Design, rotor: Hydrodynamics, ratios: np.ndarray) -> dict[str, Any]:
     """Return the coefficients, each of shape (n_ratios, n_pitches)."""
     blade, columns = design.blade, []
-    with warnings.catch_warnings():
-        # sections without a solution at unusual pitch
-        warnings.simplefilter("ignore", RuntimeWarning)
+    # sections without a solution at unusual pitch
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         for pitch in np.deg2rad(PITCH):
             pitched = blade.with_shape(blade.chord, blade.twist + pitch)
             columns.append(rotor.coefficients(pitched, ratios))

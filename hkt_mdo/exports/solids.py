@@ -5,7 +5,7 @@ completes a right-handed system. The origin is where the blades' axes meet the s
 """
 
 from abc import ABC
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -46,8 +46,6 @@ class Stations(NamedTuple):
 class Outer(Format, ABC):
     """What all formats of the blade's outer surface have in common."""
 
-    name: ClassVar[str]
-    """Name of the format."""
     trailing_edge: Annotated[float, Quantity("m", ge=0)] | None = None
     """Thickness of the trailing edge; aft of its thickest place no section is thinner. Null: 0.5 %
     of the local chord; 0: as the outline has it."""
@@ -93,8 +91,8 @@ class Outer(Format, ABC):
         if least[thin] > 0.5 * largest[thin]:
             given, whole = (1e3 * chord[thin] * each[thin] for each in (least, largest))
             problem = f"is more than half of the section's {whole:.3g} mm at r = {r[thin]:.4g} m"
-            key, remedy = f"{self.name}.trailing_edge", "give a thinner trailing edge"
-            raise InputError(problem, remedy, key=key, value=f"{given:.3g} mm")
+            key = f"{type(self).__name__.lower()}.trailing_edge"
+            raise InputError(problem, "give a thinner one", key=key, value=f"{given:.3g} mm")
         aft = np.arange(x.shape[1]) > np.argmax(thickness, axis=1)[:, None]
         grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
         along = np.hstack((x[:, ::-1], x[:, 1:])) - self.stacking
@@ -127,22 +125,17 @@ class Outer(Format, ABC):
         InputError
             If the case gives no outline.
         """
-        thin = f"{100.0 * TRAILING_EDGE:g} % of the local chord"
         words = {
             "outlines": outline_names(design.solution, design.turbine),  # refuses if none
-            "provenance": "\n".join(provenance(design.solution)),
             "options": self,
-            "blade": design.blade,
             "cone": np.rad2deg(design.blade.cone),
-            "thin": thin if self.trailing_edge is None else f"{1e3 * self.trailing_edge:g} mm",
+            "thin": TRAILING_EDGE,
         }
-        return filled("solids.txt", words).splitlines()
+        return filled("solids.txt", design, words).splitlines()
 
 
 class Sections(Outer):
     """Coordinates of the section at each station, one CSV file a station."""
-
-    name = "sections"
 
     def files(self, design: Design) -> dict[str, bytes]:
         remarks, blade = self.remarks(design), design.blade
@@ -228,8 +221,6 @@ class Solid(Outer, ABC):
 
 class Stl(Solid):
     """Blade and rotor as closed surfaces of triangles, binary, in metres."""
-
-    name = "stl"
 
     def rotor(self, design: Design) -> list[np.ndarray]:
         """Return the closed bodies of a rotor: its blades and, last, a hub if it has one.

@@ -55,16 +55,13 @@ _MILLI = 1e3  # OpenCASCADE works in millimetres; the files are in metres
 class Step(Solid):
     """Blade and rotor as solids of B-spline surfaces, smooth along the span, in metres."""
 
-    name = "step"
-
     spanwise: Annotated[int, Field(ge=3, le=1000)] = 3
     """Smallest number of sections that the surface goes through; hub, stations and tip always."""
 
     def files(self, design: Design) -> dict[str, bytes]:
         remarks, count = self.remarks(design), design.blade.blade_count
-        blade = rooted = self.solid(design, self.radii(design))
-        if self.hub != "none":
-            rooted = self.solid(design, self.rooted(design))
+        blade = self.solid(design, self.radii(design))
+        rooted = blade if self.hub == "none" else self.solid(design, self.rooted(design))
         rotor = [turned(rooted, 2.0 * np.pi * n / count) for n in range(count)]
         if self.hub != "none":
             whole = cylinder(*self.cylinder(design))

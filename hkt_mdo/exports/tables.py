@@ -11,7 +11,7 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, provenance
+from hkt_mdo.exports.base import Format, cut_in, provenance
 from hkt_mdo.files.shipped import COLUMNS
 from hkt_mdo.files.table import csv_text
 from hkt_mdo.problem.evaluation import loads_along, scalars
@@ -149,22 +149,20 @@ def tables(design: Design, flow_range: tuple[float, float] | None = None) -> lis
     found += _station_loads(design, steady)
     several = len(scenarios) > 1
     for scenario, own in scenarios.items():
-        for name, title in _SERIES.items():
-            columns = getattr(own, name)
-            if columns:
-                of = f" of the scenario {scenario}" if several else ""
+        of, ending = (f" of the scenario {scenario}", f"_{scenario}") if several else ("", "")
+        for name, (label, title) in _SERIES.items():
+            if columns := getattr(own, name):
                 described = {key: Column(x, *TABLES[name][key]) for key, x in columns.items()}
-                table = "loads_over_span" if name == "loads" else name
-                label = f"{table}_{scenario}" if several else table
-                found.append(Table(label, title + of, described))
+                found.append(Table(label + ending, title + of, described))
     return found
 
 
 _SERIES = {
-    "trajectory": "optimized trajectory at the collocation nodes",
-    "simulation": "independent integration of the same design with direct BEM",
-    "loads": "loads along the blade at the times of the largest stress and suction",
+    "trajectory": ("trajectory", "optimized trajectory at the collocation nodes"),
+    "simulation": ("simulation", "independent integration of the same design with direct BEM"),
+    "loads": ("loads_over_span", "loads along the span when stress and suction are largest"),
 }
+"""Name and title of the tables that a result has."""
 
 
 def _design(design: Design) -> Table:
@@ -195,23 +193,6 @@ def _design(design: Design) -> Table:
     return Table("design", f"numbers of the design; the control law is {law.law}", columns)
 
 
-def cut_in(design: Design) -> float:
-    """Return the speed of the flow below which the machine stands still in all scenarios.
-
-    Parameters
-    ----------
-    design : Design
-        The design of a result.
-
-    Returns
-    -------
-    float
-        In m/s; zero where the case has none.
-    """
-    scenarios = design.physics.scenarios
-    return min(getattr(getattr(each, "resource", None), "cut_in", 0.0) for each in scenarios)
-
-
 def _columns(table: str, values: Iterable[Any]) -> dict[str, Column]:
     """Return the columns of a table, from their values in the order of `COLUMNS`."""
     texts = COLUMNS["exports"][table].items()
@@ -225,8 +206,7 @@ def _quantities(values: dict[str, Any]) -> dict[str, Column]:
 
 
 def _blade(design: Design) -> Table:
-    blade = design.blade
-    thickness = design.thickness
+    blade, thickness = design.blade, design.thickness
     shape = blade.r, blade.r / blade.tip_radius, blade.chord, blade.twist
     values = *shape, np.rad2deg(blade.twist), thickness, thickness * blade.chord
     columns, names = _columns("blade", values), section_names(design)
@@ -306,8 +286,7 @@ def steady_operation(
         flow_range = round(low, 3), round(high, 3)
     flow = np.linspace(*flow_range, FLOWS)
     speed, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
-    if law.torque_limit is not None:
-        running &= design.plant.generator_torque(speed, flow) <= law.torque_limit
+    running &= design.plant.generator_torque(speed, flow) <= (law.torque_limit or np.inf)
     flow, speed = flow[running], speed[running]
     if not flow.size:
         remedy = "give flow_range: flow speeds in which the rotor turns"

@@ -10,10 +10,10 @@ import numpy as np
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.exports.base import Format, filled, provenance
+from hkt_mdo.exports.base import TEMPLATES, Format, cut_in, filled
 from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
-from hkt_mdo.exports.tables import REVOLUTIONS, cut_in, section_names, steady_operation
+from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
@@ -22,9 +22,6 @@ from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.sections import Quantity
 
-VERSION = "2.0"
-MATERIAL, POISSON = "blade", 0.33  # name of the blade's material; its ratio is not known
-ARCS = "start_nd_arc", "end_nd_arc"
 DIGITS = 12  # of thickness over chord: rounding must not tell equal sections apart
 
 
@@ -35,95 +32,69 @@ class Windio(Format):
     """Place of the blade's straight axis on the chord, from the leading edge, over the chord."""
 
     def files(self, design: Design) -> dict[str, bytes]:
-        blade, law, tables = design.blade, design.law, design.solution.tables.values()
-        shapes, positions = _airfoils(design)
+        blade, case, tables = design.blade, design.physics.case, design.solution.tables.values()
+        root: dict[str, Any] = yaml.safe_load((TEMPLATES / "turbine.yaml").read_text("utf-8"))
+        (material,), parts = root["materials"], root["components"]
+        root |= {"name": design.solution.name, "comments": _comments(design, material["nu"])}
+        root["airfoils"], positions = _airfoils(design)
+        root["control"] |= _control(design)
         powers = [own.trajectory["electrical_power_W"] for own in tables]
-        root: dict[str, Any] = {
-            "name": design.solution.name,
-            "windIO_version": VERSION,
-            "comments": _comments(design),
-            "assembly": {
-                "drivetrain": "direct_drive",
-                "rotor_orientation": "Upwind",
-                "number_of_blades": int(blade.blade_count),
-                "rotor_diameter": 2.0 * blade.rotor_radius,
-                "rated_power": float(max(map(np.max, powers))),
-                "cut_in_wind_speed": cut_in(design),
-            },
-            "components": {
-                "blade": _blade(design, self.stacking, positions),
-                "hub": {
-                    "diameter": 2.0 * blade.hub_radius,
-                    "cone_angle": abs(float(np.rad2deg(blade.cone))),
-                    "cd": 0.0,
-                },
-                "drivetrain": {"outer_shape": {"uptilt": 0.0}, "gearbox": {"gear_ratio": 1.0}},
-            },
-            "airfoils": shapes,
-            "control": _control(design),
+        root["assembly"] |= {
+            "number_of_blades": int(blade.blade_count),
+            "rotor_diameter": 2.0 * blade.rotor_radius,
+            "rated_power": float(max(map(np.max, powers))),
+            "cut_in_wind_speed": cut_in(design),
         }
-        if law.cut_out is not None:
-            root["assembly"]["cut_out_wind_speed"] = law.cut_out
-        material = design.physics.case.rotor.blade_material
-        if material.modulus is not None:
-            root["components"]["blade"]["structure"] = _structure(design)
-            about = {"orth": 0, "rho": material.density, "E": material.modulus, "nu": POISSON}
-            root["materials"] = [{"name": MATERIAL} | about]
-        steady = None if design.physics.case.generator.lossless else steady_operation(design)
+        if design.law.cut_out is not None:
+            root["assembly"]["cut_out_wind_speed"] = design.law.cut_out
+        cone = abs(float(np.rad2deg(blade.cone)))
+        parts["hub"] |= {"diameter": 2.0 * blade.hub_radius, "cone_angle": cone}
+        length = blade.tip_radius - blade.hub_radius
+        parts["blade"]["reference_axis"]["z"] = _curve([0.0, 1.0], [0.0, length])
+        parts["blade"]["outer_shape"] = _outer_shape(design, self.stacking, positions)
+        known = case.rotor.blade_material
+        if known.modulus is not None:
+            material |= {"rho": known.density, "E": known.modulus}
+            parts["blade"]["structure"]["layers"][0]["thickness"] = _shell(design)
+        else:
+            del root["materials"], parts["blade"]["structure"]
+        steady = None if case.generator.lossless else steady_operation(design)
         if steady is not None:
-            curve = {"rpm_efficiency": _efficiency(steady)}
-            root["components"]["drivetrain"]["generator"] = curve
+            parts["drivetrain"]["generator"] = {"rpm_efficiency": _efficiency(steady)}
         dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
         plain = json.loads(to_json(root))
         text = yaml.dump(plain, Dumper=dumper, sort_keys=False, default_flow_style=None, width=1000)
         return {"turbine.yaml": text.encode()}
 
 
-def _comments(design: Design) -> str:
+def _comments(design: Design, poisson: float) -> str:
     """Return comments on values for which the schema has no key."""
     try:
         outlines = f"Coordinates are those of {outline_names(design.solution, design.turbine)}."
     except InputError as error:
         outlines = f"COORDINATES ARE A PLACEHOLDER: {error.key} {error.problem}."
-    words = {
-        "provenance": "\n".join(provenance(design.solution)),
-        "case": design.physics.case,
-        "design": design,
-        "outlines": outlines,
-        "poisson": POISSON,
-    }
-    return filled("windio.txt", words).rstrip("\n")
+    words = {"outlines": outlines, "poisson": poisson}
+    return filled("windio.txt", design, words).rstrip("\n")
 
 
-def _blade(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
-    """Return axis and outer shape; chord, twist and thickness are constant towards hub and tip."""
-    blade, grid = design.blade, _grid(design)
-    chord, still = extended_to_ends(blade.chord), _curve([0.0, 1.0], [0.0, 0.0])
-    length = blade.tip_radius - blade.hub_radius
+def _outer_shape(design: Design, stacking: float, positions: list[dict]) -> dict[str, Any]:
+    """Return the outer shape; chord, twist and thickness are constant towards hub and tip."""
+    grid, chord = _grid(design), extended_to_ends(design.blade.chord)
     return {
-        "reference_axis": {"x": still, "y": still, "z": _curve([0.0, 1.0], [0.0, length])},
-        "outer_shape": {
-            "chord": _curve(grid, chord),
-            "twist": _curve(grid, np.rad2deg(extended_to_ends(blade.twist))),
-            "rthick": _curve(grid, np.round(extended_to_ends(design.thickness), DIGITS)),
-            "section_offset_y": _curve(grid, stacking * chord),
-            "airfoils": positions,
-        },
+        "chord": _curve(grid, chord),
+        "twist": _curve(grid, np.rad2deg(extended_to_ends(design.blade.twist))),
+        "rthick": _curve(grid, np.round(extended_to_ends(design.thickness), DIGITS)),
+        "section_offset_y": _curve(grid, stacking * chord),
+        "airfoils": positions,
     }
 
 
-def _structure(design: Design) -> dict[str, Any]:
-    """Return one shell of the blade's material over the whole section."""
-    blade, turbine, half = design.blade, design.turbine, 0.5 * design.thickness
-    share = np.clip(turbine.along_span(turbine.walls, blade.r), min(turbine.walls), half)
-    ends = {name: {"anchor": {"name": "skin", "handle": name}} for name in ARCS}
-    shell = _curve(_grid(design), extended_to_ends(share * blade.chord))
-    places = {name: _curve([0.0, 1.0], 2 * [at]) for name, at in zip(ARCS, (0.0, 1.0), strict=True)}
-    return {
-        "anchors": [{"name": "skin"} | places],
-        "webs": [],
-        "layers": [{"name": "shell", "material": MATERIAL, "thickness": shell} | ends],
-    }
+def _shell(design: Design) -> dict[str, Any]:
+    """Return the thickness of the one shell: the wall, or half of a solid section."""
+    blade, turbine = design.blade, design.turbine
+    walls = turbine.along_span(turbine.walls, blade.r)
+    share = np.clip(walls, min(turbine.walls), 0.5 * design.thickness)
+    return _curve(_grid(design), extended_to_ends(share * blade.chord))
 
 
 def _curve(grid: Any, values: Any) -> dict[str, Any]:
@@ -196,18 +167,12 @@ def _control(design: Design) -> dict[str, Any]:
     limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
     speeds = [own.trajectory["rotor_speed_rad_s"] for own in tables]
     fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
-    pitch = "fine_pitch", "min_pitch_limit", "max_pitch_limit", "max_pitch_rate"
-    found: dict[str, Any] = dict.fromkeys(pitch, 0.0) | {
-        "min_rotor_speed": 0.0,
+    known = {
         "max_rotor_speed": fastest * REVOLUTIONS,
         "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
+        "max_gen_torque": law.torque_limit,
+        "region2_k": float(design.gains[0]) / REVOLUTIONS**2 if law.law == "quadratic" else None,
+        "rated_power": float(law.second_of(design.gains)) if law.law == "rated" else None,
+        "max_torque_rate": limits.get("torque_rate"),
     }
-    if law.torque_limit is not None:
-        found["max_gen_torque"] = law.torque_limit
-    if law.law == "quadratic":
-        found["region2_k"] = float(design.gains[0]) / REVOLUTIONS**2
-    if law.law == "rated":
-        found["rated_power"] = float(design.gains[1] if law.power is None else law.power)
-    if "torque_rate" in limits:
-        found["max_torque_rate"] = limits["torque_rate"]
-    return found
+    return {key: value for key, value in known.items() if value is not None}

@@ -73,8 +73,11 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
 
 def _start(design: Design) -> Design | None:
     """Return the design with the blade at the start; None if that is the same."""
-    start, found = ((x.chord, x.twist) for x in (design.physics.blade, design.blade))
-    return None if np.allclose(start, found) else replace(design, blade=design.physics.blade)
+    blade, thickness_of = design.physics.blade, design.physics.rotor.thickness_of
+    start, found = ((x.chord, x.twist, thickness_of(x)) for x in (blade, design.blade))
+    if np.allclose(start, found):
+        return None
+    return replace(design, blade=blade, turbine=design.turbine._replace(blade=blade))
 
 
 def _body(design: Design, kind: Stl, name: str, color: str) -> Body:

@@ -186,8 +186,7 @@ class Design:
             The plant has filters; the controller has what it needs to replay an open loop with
             memory.
         """
-        plant, known = self.plant.with_memory(tau1), self.known.with_memory(tau1)
-        return replace(self, plant=plant, known=known)
+        return replace(self, plant=self.plant.with_memory(tau1), known=self.known.with_memory(tau1))
 
     @property
     def law(self) -> Law:
@@ -318,8 +317,6 @@ class Design:
         Start
             Speed, states and time; an open loop has no states.
         """
-        if not self.law.is_feedback:
-            return Start(speed, (), time)
         flow = inflow.speed_at(np.array([time]))
         states = self.law.at_rest(self.plant.generator_torque(np.array([speed]), flow), flow)
         return Start(speed, [float(state[0]) for state in states], time)
@@ -478,9 +475,8 @@ def phase_in(case: Case, inflow: Inflow) -> Phase:
         With numbers for duration and segments.
     """
     if case.inflow.steady and not inflow.steady:
-        given = {"duration": None, "segments": None}
-        update = {"inflow": inflow, "phase": case.phase.model_copy(update=given)}
-        case = case.model_copy(update=update)
+        phase = case.phase.model_copy(update={"duration": None, "segments": None})
+        case = case.model_copy(update={"inflow": inflow, "phase": phase})
     return complete(case).phase
 
 

@@ -1,6 +1,5 @@
 """Several formats at once: what is refused, with which words, and that nothing is written then."""
 
-import re
 import shutil
 import sys
 from pathlib import Path
@@ -10,6 +9,7 @@ import pytest
 from hkt_mdo.cli import main
 from hkt_mdo.errors import install
 from tests.conftest import edit_summary
+from tests.exports.made import made
 
 RESULT = Path(__file__).parents[1] / "data" / "openfast" / "paper"
 
@@ -115,10 +115,7 @@ def test_an_unfinished_result_is_reported(hkt, tmp_path):
 
 
 def test_one_format_that_cannot_express_the_result_stops_all(hkt, tmp_path):
-    result = changed(tmp_path / "open", gain=None, gain_units=[])
-    case = result / "case.yaml"
-    law = "control: {law: open_loop}\n"
-    case.write_text(re.sub(r"(?ms)^control:.*?(?=^limits:)", law, case.read_text()))
+    result = made(tmp_path / "open", "inflow: sine\ncontrol: open_loop\n").folder
     for name in ("controller", "rosco"):
         code, told = hkt("export", result, "--to", f"sections,{name}", "--out", tmp_path / "out")
         assert code == 2

@@ -202,6 +202,8 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
     np.testing.assert_allclose([flow(*row) for row in rows], wanted, rtol=1e-12)
     steady = plant.torque(np.array([7.5]), np.array([1.5]))
     assert flow(7.5, float(steady[0]) - 20.0, 0.0) == pytest.approx(1.5, rel=1e-6)
+    told = "friction, not part of the law: 20 N m and 0 N m s/rad on the shaft"
+    assert told in (tmp_path / "controller.py").read_text()
 
 
 def test_a_law_of_an_extension_is_refused_with_the_reason(tmp_path):

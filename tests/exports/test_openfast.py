@@ -9,13 +9,12 @@ same angle both programs have the same loads to the last digits: `SAME`.
 import shutil
 import subprocess
 from functools import cache
-from typing import NamedTuple
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from openfast_io.FAST_reader import InputReader_OpenFAST
 
-from hkt_mdo import Solution
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.exports.openfast import reynolds_numbers
@@ -55,29 +54,17 @@ def exported(tmp_path_factory):
     return of
 
 
-class Point(NamedTuple):
-    """One operating point in both programs: stations[n], loads[2, n] normal and tangential."""
-
-    ratio: float
-    angle: np.ndarray
-    """Inflow angle of AeroDyn, rad."""
-    loads: np.ndarray
-    """Loads of AeroDyn over 0.5 rho V², m."""
-    own_angle: np.ndarray
-    own_loads: np.ndarray
-    at_angle: np.ndarray
-    """This program's loads at AeroDyn's inflow angle."""
-    apart: np.ndarray
-    """How far AeroDyn's angle is from the root of this program's residual there, rad."""
-    limited: np.ndarray
-    """Whether AeroDyn limits the tangential induction of a station, and so its loads."""
-
-
 def points(name, kept):
-    """Yield the operating points of a kept output of AeroDyn."""
+    """Yield the operating points of a kept output of AeroDyn in both programs.
+
+    angle (rad) and loads over 0.5 rho V² (m, normal and tangential, at the stations) are AeroDyn's,
+    own_angle and own_loads this program's, and at_angle its loads at AeroDyn's angle. apart (rad)
+    is how far that angle is from the root of this program's residual there; where limited, AeroDyn
+    limits the tangential induction, and so the loads.
+    """
     design = design_of(name)
     blade, rotor = design.blade, rotor_of(design)
-    flow = float(np.mean(_cases(DATA / name / "aerodyn" / "aerodyn_driver.dvr")[:, 0]))
+    flow = FLOWS[name]
     pressure = 0.5 * design.physics.density * flow**2
     for ratio in np.unique(np.round(kept["tip_speed_ratio"], 9)):
         rows = kept[np.isclose(kept["tip_speed_ratio"], ratio)][1:-1]  # without hub and tip
@@ -94,18 +81,16 @@ def points(name, kept):
             # by the relative speed that AeroDyn has there
             speed = rows["relative_speed_m_s"][j] / flow
             at.append(np.array([normal, tangential]) * blade.chord[j] * speed**2)
-        own_loads = np.array([own.normal_load[0], own.tangential_load[0]])
-        at, apart = np.array(at).T, np.array(apart)
-        limited = own.tangential_induction[0] > MOST_SWIRL
-        yield Point(ratio, angle, loads, own.inflow_angle[0], own_loads, at, apart, limited)
-
-
-def _cases(path):
-    """Return the rows of the cases of AeroDyn's driver."""
-    lines = path.read_text().splitlines()
-    begin = next(i for i, line in enumerate(lines) if line.startswith("HWndSpeed")) + 2
-    end = next(i for i, line in enumerate(lines) if i > begin and line.startswith("-----"))
-    return np.array([line.split() for line in lines[begin:end]], dtype=float)
+        yield SimpleNamespace(
+            ratio=ratio,
+            angle=angle,
+            loads=loads,
+            own_angle=own.inflow_angle[0],
+            own_loads=np.array([own.normal_load[0], own.tangential_load[0]]),
+            at_angle=np.array(at).T,
+            apart=np.array(apart),
+            limited=own.tangential_induction[0] > MOST_SWIRL,
+        )
 
 
 def check(name, kept, rotor):
@@ -259,12 +244,9 @@ def test_the_reynolds_number_is_that_of_the_only_polar_that_says_one(tmp_path):
 
 
 def test_more_blades_than_elastodyn_takes_are_refused(tmp_path):
-    folder = tmp_path / "result"
-    shutil.copytree(DATA / "paper", folder)
-    case = folder / "case.yaml"
-    case.write_text(case.read_text().replace("blade_count: null", "blade_count: 4"))
+    text = "inflow: sine\ncontrol: quadratic\nrotor: {blade_count: 4}\n"
     with pytest.raises(InputError, match="takes 3 blades, and the rotor has 4"):
-        export(Solution.load(folder), ["openfast"], tmp_path / "out")
+        export(made(tmp_path / "result", text, [11.0]), ["openfast"], tmp_path / "out")
 
 
 @pytest.mark.slow

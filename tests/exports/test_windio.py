@@ -32,7 +32,7 @@ STEEL = "{polar: naca63815, reynolds: local, material: steel_s355, wall: 0.03}"
 LOSSY = "{rated_torque: 700, copper_loss: 300}"
 
 CASES = {
-    "one section": ("", [11.0]),
+    "one section": ("limits: {cavitation: {depth: 4}}", [11.0]),
     "resized": ("rotor: {blade: rm1, radius: 2.0, cone: -4, station_count: 6}", [40.0]),
     "several sections": (f"{SEVERAL}  blade: rm1\n  radius: 1.4\n", [40.0]),
     "designed thickness": (f"{SEVERAL}design: {THICKNESS}\n", [11.0]),
@@ -103,6 +103,8 @@ def test_it_says_what_the_schema_has_no_key_for(turbine):
     fluid = solution.case.fluid
     assert f"density {fluid.density!r} kg/m^3" in data["comments"]
     assert f"viscosity {fluid.kinematic_viscosity!r} m^2/s" in data["comments"]
+    depth = "4.0 m" if solution.case.limits.given else "not given"
+    assert f"depth of the hub {depth}." in data["comments"]
     assert ("TURNED DOWNSTREAM by cone_angle" in data["comments"]) == (design.blade.cone < 0.0)
     placeholder = "COORDINATES ARE A PLACEHOLDER: rotor.outline is not given"
     given = solution.case.rotor.polar is None or solution.case.rotor.outline is not None
@@ -166,10 +168,6 @@ class Airfoil:
 
     def evaluate(self, alpha, *_):
         return tuple(float(curve(alpha)) for curve in self.curves)
-
-    def derivatives(self, alpha, *_):
-        lift, drag = (float(curve(alpha, 1)) for curve in self.curves)
-        return lift, 0.0, drag, 0.0
 
 
 def read_by_wisdem(path, folder, n_span, n_aoa):

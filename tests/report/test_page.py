@@ -22,6 +22,7 @@ from hkt_mdo.results.charts import Labelled
 from hkt_mdo.results.solution import Solution
 from tests.conftest import edit_summary, make_result
 from tests.exports.made import made
+from tests.exports.test_solids import ROTORS, make_design, volume_of
 
 TWO = """
 name: two
@@ -170,6 +171,13 @@ def test_solid_is_the_rotor(folders):
     assert sectors.tolist() == [sectors[2], 0, sectors[2], 0, sectors[2]]
     first, second = (np.mean(each.reshape(-1, 3), axis=0) for each in blade._beside(found))
     assert second[0] - first[0] > 2.0 * 1.4  # one beside the other
+
+
+def test_the_blade_at_the_start_has_its_own_designed_thickness(tmp_path):
+    design = make_design(tmp_path, ROTORS["designed thickness"])
+    start = blade._start(design)
+    assert outline_volume(start) == pytest.approx(volume_of(start), rel=1e-3)
+    assert outline_volume(start) > 1.01 * outline_volume(design)
 
 
 def test_envelope_covers_every_scenario(tmp_path):

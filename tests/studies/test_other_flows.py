@@ -102,19 +102,17 @@ def test_a_torque_that_drives_the_rotor_is_reported(open_loop):
     for bound in (700.0, None):
         heavy = replace(open_loop, plant=replace(open_loop.plant, inertia=1e6))
         heavy = limited(heavy, TorqueLimit(bound=bound))
-        heavy.__dict__["controller"] = _Driving()
+        heavy.__dict__["controller"] = _driving
         told = Run(heavy, SineInflow()).told["control_torque"]
         assert (told.value, told.limit, told.kept) == (-5.0, 0.0, False)
 
 
-class _Driving:
-    """A torque of -5 N m."""
+def _driving(_time, speed, *_):
+    """Return a torque of -5 N m."""
+    return -5.0 + 0.0 * speed
 
-    def __call__(self, time, speed, *_):
-        return -5.0 + 0.0 * speed
 
-    def rate(self, time, *_):
-        return 0.0 * time
+_driving.rate = lambda time, *_: 0.0 * time
 
 
 def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):

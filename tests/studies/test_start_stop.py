@@ -69,11 +69,8 @@ def test_a_rotor_that_does_not_start_is_reported(quadratic, changed):
     ("stop", "limit", "words"),
     [(60.0, 700.0, "--shut-down = 60"), (5.0, None, "no limit of the torque")],
 )
-def test_an_impossible_stop_is_refused(quadratic, stop, limit, words):
+def test_an_impossible_start_or_stop_is_refused(quadratic, open_loop, stop, limit, words):
     with pytest.raises(InputError, match=words):
         start_and_stop(limited(quadratic, limit), quadratic.physics.inflow, stop)
-
-
-def test_open_loop_has_no_start(open_loop):
     with pytest.raises(InputError, match="open loop cannot start up"):
-        start_and_stop(open_loop, open_loop.physics.inflow)
+        start_and_stop(open_loop, quadratic.physics.inflow)
