@@ -499,7 +499,7 @@ class Summary(Achieved, Mapping[str, Any]):
     notes: list[str] | None = None
     """What was converted, repaired or left out of the case's files."""
     doubts: list[str] | None = None
-    """What is probably a mistake in the case, as `hkt check` warns."""
+    """Probable mistakes in the case, and polars that do not reach, as `hkt check` warns."""
 
     package: str | None = None
     optimizer: str | None = None
@@ -593,7 +593,7 @@ class Summary(Achieved, Mapping[str, Any]):
         """Return what may be wrong beside the checks.
 
         A blade that would break, an unstable loop, large unlimited loads, a torque that is always
-        at its limit, a better branch without a verified result, mistakes in the case.
+        at its limit, a better branch without a verified result, and `doubts`.
         """
         loads = dict(self.loads or {})
         loads.pop("stress", None)  # is told by what breaks the blade

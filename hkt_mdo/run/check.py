@@ -41,7 +41,6 @@ from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
-LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
 REACHED = 0.05  # share of a limit by which a value below it counts as held by it
@@ -191,8 +190,8 @@ def _turbine(found: Findings) -> Rows:
 def _stations(found: Findings) -> Rows:
     """Yield angles and Reynolds numbers of the stations; warn, or note, beyond the tables."""
     turbine = found.physics.turbine
-    for share, message in found.stations.messages("starting blade"):
-        yield _warning("rotor.polar", message, "warning" if share > LIGHT else "note")
+    for severity, message in found.stations.messages("starting blade"):
+        yield _warning("rotor.polar", message, severity)
     numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
     known = powers(list(numbers)) if numbers else "a Reynolds number that the file does not contain"
     if len(numbers) > 1 and turbine.reynolds_number and found.case.rotor.reynolds == "invariant":

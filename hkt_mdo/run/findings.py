@@ -24,6 +24,7 @@ from hkt_mdo.start.find import find_start
 # range over the best tip speed ratio in which a rotor may operate during the design
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
+LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
 
 
 class Stations:
@@ -41,8 +42,8 @@ class Stations:
         Lowest and highest angle of attack in operation, and of the polars' tables, rad.
     unsolved : ndarray, shape (n_stations,)
         Where BEM has no solution.
-    share : ndarray, shape (n_stations,)
-        Largest share of the torque, without signs.
+    share : ndarray, shape (n, n_stations)
+        Of the torque at each tip speed ratio, without signs.
     """
 
     def __init__(self, blade: Blade, polar, working: tuple[float, float]):
@@ -56,17 +57,17 @@ class Stations:
         self.met = np.stack((angles.min(axis=0), angles.max(axis=0)))
         self.table = np.array((lowest, highest))
         self.unsolved = np.any(found.branch < 0, axis=0)
-        self.share = np.max(torque / torque.sum(axis=1, keepdims=True), axis=0)
+        self.share = torque / torque.sum(axis=1, keepdims=True)
 
     def places(self, chosen=slice(None)) -> str:
         """Return in words where some stations lie."""
         return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
 
-    def messages(self, of: str) -> Iterator[tuple[float, str]]:
-        """Yield messages on stations of a blade, `of`, beyond their tables."""
+    def messages(self, of: str) -> Iterator[tuple[str, str]]:
+        """Yield severity and text of messages on stations of a blade, `of`, beyond their tables."""
         if np.any(self.unsolved):
             yield (
-                1.0,
+                "warning",
                 "blade element momentum theory has no solution at "
                 f"{self.places(self.unsolved)} of the {of}: no load counts there",
             )
@@ -74,11 +75,11 @@ class Stations:
         over = np.maximum(above, below)
         outside = over > 1e-9
         if np.any(outside):
-            worst, share = int(np.argmax(over)), float(self.share[outside].sum())
+            worst, share = int(np.argmax(over)), float(self.share[:, outside].sum(axis=1).max())
             angle = np.rad2deg(self.met[int(above[worst] >= below[worst]), worst])
             table = measured(np.rad2deg(self.table[:, worst]), "deg", 4)
             yield (
-                share,
+                "warning" if share > LIGHT else "note",
                 f"{outside.sum()} of the stations of the {of}, at {self.places(outside)}, with "
                 f"{number(100.0 * share, 2)} % of the torque, are outside the polar's table, "
                 f"{table}, in Viterna's extension, with "

@@ -108,7 +108,11 @@ def summarize(
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
-        "doubts": [*finished.physics.warnings, *finished.physics.law.held(gains)],
+        "doubts": [
+            *finished.physics.warnings,
+            *finished.physics.law.held(gains),
+            *_beyond_polars(finished, "warning"),
+        ],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
@@ -341,20 +345,26 @@ def _unstable(verifications):
 
 def _notes(finished):
     """Return the notes about the case's files, the blade and the operation."""
-    physics, blade = finished.physics, finished.result.point.blade
-    ratios = _nodes(finished.verifications, "tip_speed_ratio")
-    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    met = Stations(blade, physics.rotor.as_built(blade).polar, working).messages("found blade")
+    physics = finished.physics
     start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
     return [
         *physics.messages,
         *finished.start.messages,
-        *(text for _, text in met),
+        *_beyond_polars(finished, "note"),
         *_unresolved(physics, finished.verifications),
         *_unstable(finished.verifications),
         *([start] if start else []),
         *(PULSES,) * physics.may_pulse,
     ]
+
+
+def _beyond_polars(finished, severity):
+    """Return the messages of a severity on stations that the polars' tables do not cover."""
+    blade = finished.result.point.blade
+    ratios = _nodes(finished.verifications, "tip_speed_ratio")
+    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
+    stations = Stations(blade, finished.physics.rotor.as_built(blade).polar, working)
+    return [text for found, text in stations.messages("found blade") if found == severity]
 
 
 def _unresolved(physics, verifications):

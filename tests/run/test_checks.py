@@ -20,6 +20,7 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.checked import checked, none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
+from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
@@ -422,6 +423,15 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
     assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
     assert told(1.1 * steepest, 0.5) == ""  # the start does
+
+
+def test_stations_beyond_their_polars_are_a_warning_or_a_note(feedback, monkeypatch):
+    """As in `hkt check`, by their share of the torque."""
+    told = ("warning", "heavy"), ("note", "light")
+    monkeypatch.setattr(Stations, "messages", lambda *_: told)
+    summary = summarize(feedback)
+    assert summary.doubts[-1] == "heavy"
+    assert ("light" in summary.notes, "heavy" in summary.notes) == (True, False)
 
 
 def test_a_thickness_that_is_not_designed_is_that_of_the_sections(feedback):
