@@ -143,7 +143,8 @@ def _headline(solution: Solution) -> dict[str, str]:
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
     rows = {"verdict": summary.verdict(solution.case)}
     for row in summary.year.rows() if summary.year else ():
-        rows[row.label] = measured(row.value, row.unit, row.digits)
+        if row.value is not None:
+            rows[row.label] = measured(row.value, row.unit, row.digits)
     for name, energy in (
         ("captured", summary.simulated_energy_J or summary.energy_J),
         ("electrical", summary.electrical_energy_J),

@@ -340,15 +340,16 @@ class YearEntry(_Entry):
 
     def rows(self) -> Iterator[Row]:
         """Yield the entry as rows."""
-        both = f" ± {100.0 * self.uncertainty:.2g} %" if self.uncertainty else ""
         words = {"speed": "by the flow's speed", "record": "by the length of the record"}
         parts = self.uncertainty_by.items()
         by = (words[k] + (": not known" if x is None else f" {100.0 * x:.2g} %") for k, x in parts)
-        known = f"standard uncertainty: {joined(*by)}" if parts else "uncertainty not known"
-        gross, net = (measured(x, "kWh", 6) + both for x in (self.energy_kWh, self.net_energy_kWh))
-        yield Row("annual energy", gross, note=f"electrical, of 8766 h; {known}")
+        yield Row("annual energy", self.energy_kWh, "kWh", "electrical, of 8766 h", 6)
         if self.kept not in (None, 1.0):
-            yield Row("annual energy, net", net, note=f"times {self.kept:.4g} for what is lost")
+            lost = f"times {self.kept:.4g} for what is lost"
+            yield Row("annual energy, net", self.net_energy_kWh, "kWh", lost, 6)
+        share = None if self.uncertainty is None else 100.0 * self.uncertainty
+        note = joined(*by) or "not known"
+        yield Row("standard uncertainty of annual energy", share, "%", note, 2)
         most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
         edge = "at an end of the flow's range, which has no hours" if self.rated_h == 0.0 else ""
         yield Row("capacity factor", self.capacity_factor, note=joined(most, edge), digits=4)
@@ -681,9 +682,9 @@ class Summary(Achieved, Mapping[str, Any]):
     def _design(self, case: Case) -> Iterator[Row]:
         """Yield the rows of controller and blade."""
         if case.control.law != "open_loop":
-            gains = self.gain if isinstance(self.gain, list) else [self.gain]
-            known = None if self.gain is None else amounts(gains, self.gain_units or ())
-            yield Row(f"gain, {case.control.law} feedback", known)
+            gain, units = self.gain, self.gain_units or [None]
+            label, several = f"gain, {case.control.law} feedback", isinstance(gain, list)
+            yield Row(label, amounts(gain, units)) if several else Row(label, gain, units[0] or "")
         ratio, torque = self.tip_speed_ratio or Span(), self.control_torque_max_Nm
         yield Row("tip speed ratio", ratio.ends, "", f"mean {measured(ratio.mean, digits=4)}", 4)
         peak = measured(self.tip_speed_ratio_at_power_coefficient_max, digits=4)
@@ -715,7 +716,7 @@ class Summary(Achieved, Mapping[str, Any]):
         yield Row("torque curve, relative error", self.surrogate_error, digits=2)
         yield Row("rotor speed, relative error", self.max_speed_error, digits=2)
         if self.bins_error is not None:
-            yield Row("energy by bins of the flow, relative error", f"{self.bins_error:+.2g}")
+            yield Row("energy by bins of the flow, relative error", self.bins_error, digits=2)
         seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
         iterations = f"{measured(self.iterations)} iterations"
         work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")
