@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.case import Case
+from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import DesignBounds, Limit
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
 from hkt_mdo.problem.build import make_driver
@@ -392,6 +393,7 @@ def _start(found: Findings) -> Rows:
             branch = f"branch {found.start.branch}{over}"
         yield Row("tip speed ratio under the control law", found.working, "", branch, 3)
         yield Row("energy if the rotor followed the flow at once", energy, "J", share, 4)
+        yield from _beyond_table(found)
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
@@ -402,6 +404,21 @@ def _start(found: Findings) -> Rows:
         how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
         yield Row("time constant", found.time_constant, "s", f"{how}, {at}", 3)
+
+
+def _beyond_table(found: Findings) -> Rows:
+    """Warn of a generator's table that does not cover the operation of the starting blade."""
+    names, generator = ("control_torque", "rotor_speed"), found.case.generator
+    torque, speed = (np.concatenate([x[name] for x in found.at_start.values()]) for name in names)
+    off = generator.beyond_table(torque, np.minimum(speed, generator.fastest))  # a limit above it
+    if off > BEYOND:
+        yield _warning(
+            "generator.table",
+            f"the starting blade has {measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)},"
+            f" and leaves the table by {100.0 * off:.3g} % of its range: with more than "
+            f"{100.0 * BEYOND:g} % a result is not verified; check the units, or give a larger "
+            "table, or a lower control.torque_limit",
+        )
 
 
 def _not_turning(found: Findings) -> Row:

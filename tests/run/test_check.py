@@ -163,6 +163,16 @@ def test_warnings(overrides: list[str], told: str) -> None:
     assert any(told in line for line in warnings(report)), warnings(report)
 
 
+@pytest.mark.parametrize(
+    ("first", "last", "covers"), [(0, 1000, True), (0, 900, False), (1e5, 1e6, False)]
+)
+def test_a_table_that_leaves_out_the_torque_is_a_warning(first, last, covers) -> None:
+    lines = [f"{torque},{speed},0.9" for torque in (first, last) for speed in (0, 200)]
+    Path("t.csv").write_text("\n".join(["torque_Nm,speed_rpm,efficiency", *lines]))
+    told = warnings(check_case(read_case(BASE, ["generator.table=t.csv"])))
+    assert any("0.5902 to 1.009 kN m" in each for each in told) != covers
+
+
 @pytest.mark.parametrize(("override", "told"), table("implausible"))
 def test_implausible_values_are_told(override: str, told: str) -> None:
     base = "{control: {law: quadratic}}" if "resource" in override else BASE
