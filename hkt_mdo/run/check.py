@@ -44,6 +44,7 @@ from hkt_mdo.start.result import design_of_result
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
+TURNED = 1.1  # factor by which another sign of the twist makes a blade better if its own is wrong
 REACHED = 0.05  # share of a limit by which a value below it counts as held by it
 # radius of the outer stations over that of the last one, and the factor by which their Reynolds
 # number may differ from that of the polars
@@ -372,6 +373,12 @@ def _start(found: Findings) -> Rows:
     best, mean = found.best, found.mean
     for text in implausible({"largest power coefficient": best.power_coefficient}):
         yield _warning("rotor.blade", text)
+    rotor, blade = found.physics.rotor, found.physics.blade
+    turned = rotor.best_operation(blade.with_shape(blade.chord, -blade.twist)).power_coefficient
+    if turned > TURNED * best.power_coefficient:
+        text = f"with the other sign of its twist, {number(turned)} in place of "
+        text += f"{number(best.power_coefficient)}: check the sign of twist and rotor.set_angle"
+        yield _warning("rotor.blade", f"the starting blade has a larger power coefficient {text}")
     speed, torque = found.at_best(mean)
     ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"
     yield Row("largest power coefficient", best.power_coefficient, "", ratio, 4)
