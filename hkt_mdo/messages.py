@@ -206,7 +206,8 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
             key = dotted(part for part in (key, context.get("key")) if part)
-            found["value"] = context.get("value", given)
+            own = given.get(context.get("key"), given) if isinstance(given, dict) else given
+            found["value"] = context.get("value", own)
             if "quantity" in context and what:
                 remedy = f"give the {inside} as {context['quantity']}"
         case "extra_forbidden":

@@ -189,6 +189,10 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
     for one, other in zip(found.polar, given.polar, strict=True):
         assert one.evaluate(0.05) == other.evaluate(0.05)
     assert found.polar[0].evaluate(0.0)[1] > 0.011  # between both tables of the thick section
+    assert "chooses no polar" not in str(given.messages)
+    (tmp_path / "t.yaml").write_text(low, encoding="utf-8")
+    single = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
+    assert "rotor.reynolds_number = 3e+06 chooses no polar" in str(single.messages)
 
 
 @pytest.mark.parametrize(
