@@ -348,8 +348,7 @@ class YearEntry(_Entry):
             lost = f"times {self.kept:.4g} for what is lost"
             yield Row("annual energy, net", self.net_energy_kWh, "kWh", lost, 6)
         share = None if self.uncertainty is None else 100.0 * self.uncertainty
-        note = joined(*by) or "not known"
-        yield Row("standard uncertainty of annual energy", share, "%", note, 2)
+        yield Row("standard uncertainty of annual energy", share, "%", joined(*by), 2)
         most = f"of the largest electrical power, {measured(self.rated_power_W, 'W')}"
         edge = "at an end of the flow's range, which has no hours" if self.rated_h == 0.0 else ""
         yield Row("capacity factor", self.capacity_factor, note=joined(most, edge), digits=4)

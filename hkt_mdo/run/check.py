@@ -44,7 +44,6 @@ from hkt_mdo.start.result import design_of_result
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
-TURNED = 1.1  # factor by which another sign of the twist makes a blade better if its own is wrong
 REACHED = 0.05  # share of a limit by which a value below it counts as held by it
 # radius of the outer stations over that of the last one, and the factor by which their Reynolds
 # number may differ from that of the polars
@@ -371,14 +370,11 @@ def _within_bounds(found: Findings) -> str:
 def _start(found: Findings) -> Rows:
     """Yield the operation of the starting blade; warn if it captures little or does not turn."""
     best, mean = found.best, found.mean
-    for text in implausible({"largest power coefficient": best.power_coefficient}):
-        yield _warning("rotor.blade", text)
-    rotor, blade = found.physics.rotor, found.physics.blade
+    rotor, blade, most = found.physics.rotor, found.physics.blade, best.power_coefficient
     turned = rotor.best_operation(blade.with_shape(blade.chord, -blade.twist)).power_coefficient
-    if turned > TURNED * best.power_coefficient:
-        text = f"with the other sign of its twist, {number(turned)} in place of "
-        text += f"{number(best.power_coefficient)}: check the sign of twist and rotor.set_angle"
-        yield _warning("rotor.blade", f"the starting blade has a larger power coefficient {text}")
+    signs = {"power coefficient of the twist with the other sign": turned / max(most, 1e-9)}
+    for text in implausible({"largest power coefficient": most} | signs):
+        yield _warning("rotor.blade", text)
     speed, torque = found.at_best(mean)
     ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"
     yield Row("largest power coefficient", best.power_coefficient, "", ratio, 4)
@@ -419,13 +415,9 @@ def _beyond_table(found: Findings) -> Rows:
     torque, speed = (np.concatenate([x[name] for x in found.at_start.values()]) for name in names)
     off = generator.beyond_table(torque, np.minimum(speed, generator.fastest))  # a limit above it
     if off > BEYOND:
-        yield _warning(
-            "generator.table",
-            f"the starting blade has {measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)},"
-            f" and leaves the table by {100.0 * off:.3g} % of its range: with more than "
-            f"{100.0 * BEYOND:g} % a result is not verified; check the units, or give a larger "
-            "table, or a lower control.torque_limit",
-        )
+        told = f"{measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)}"
+        text = f"the starting blade has {told}, {100.0 * off:.3g} % of the table's range beyond it"
+        yield _warning("generator.table", f"{text}: check its units, or give a larger one")
 
 
 def _not_turning(found: Findings) -> Row:

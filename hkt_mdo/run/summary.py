@@ -80,7 +80,7 @@ def summarize(
     shadow_prices
         Those of `hkt_mdo.run.shadow_prices`.
     """
-    outcome, gains = finished.result.outcome, finished.start.gains
+    physics, outcome, gains = finished.physics, finished.result.outcome, finished.start.gains
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     if len(scenarios) > 1 and finished.physics.objective.is_rate:
         _decide(finished.physics, scenarios)
@@ -108,11 +108,7 @@ def summarize(
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
         "notes": _notes(finished),
-        "doubts": [
-            *finished.physics.warnings,
-            *finished.physics.law.held(gains),
-            *_beyond_polars(finished, "warning"),
-        ],
+        "doubts": [*physics.warnings, *physics.law.held(gains), *_off_polars(finished, "warning")],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
@@ -350,7 +346,7 @@ def _notes(finished):
     return [
         *physics.messages,
         *finished.start.messages,
-        *_beyond_polars(finished, "note"),
+        *_off_polars(finished, "note"),
         *_unresolved(physics, finished.verifications),
         *_unstable(finished.verifications),
         *([start] if start else []),
@@ -358,7 +354,7 @@ def _notes(finished):
     ]
 
 
-def _beyond_polars(finished, severity):
+def _off_polars(finished, severity):
     """Return the messages of a severity on stations that the polars' tables do not cover."""
     blade = finished.result.point.blade
     ratios = _nodes(finished.verifications, "tip_speed_ratio")
