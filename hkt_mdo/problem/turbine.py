@@ -387,7 +387,7 @@ def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
         problem = f"is beyond the polars, {numbers[0]:.3g} to {numbers[-1]:.3g}"
         raise InputError(problem, "give polars there", key="rotor.reynolds_number", value=given)
     if given and all(len(each.polars.polars) == 1 for each in named.values()):
-        return rotor, (f"rotor.reynolds_number = {given:g} chooses no polar: sections have one each",)
+        return rotor, (f"rotor.reynolds_number = {given:g} chooses no polar: each section has one",)
     own = not rotor.sections and rotor.polar is None
     if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
         return rotor, ()
