@@ -3,7 +3,7 @@
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
+from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, PPoly
 from scipy.optimize.elementwise import find_root
 
 
@@ -100,9 +100,8 @@ class HermiteSpline(TorqueSpline):
     def slopes(self, values):
         """Return slopes at the nodes by which no value of a table leaves that of its neighbours.
 
-        They are those of the natural spline, limited to three times the smaller one of the two
-        differences beside a node, and none at an extremum (J. M. Hyman, Accurate monotonicity
-        preserving cubic interpolation, SIAM J. Sci. Stat. Comput. 4, 1983).
+        They are those of PCHIP: harmonic means of the two differences beside a node, and none at an
+        extremum (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984).
 
         Parameters
         ----------
@@ -114,12 +113,7 @@ class HermiteSpline(TorqueSpline):
         ndarray of shape (n_nodes, n_tables)
             The slopes.
         """
-        smooth = CubicSpline(self.nodes, values, bc_type="natural")(self.nodes, 1)
-        between = np.diff(values, axis=0) / np.diff(self.nodes)[:, None]
-        before, after = np.vstack((between[:1], between)), np.vstack((between, between[-1:]))
-        most = 3.0 * np.minimum(np.maximum(before, 0.0), np.maximum(after, 0.0))
-        least = 3.0 * np.maximum(np.minimum(before, 0.0), np.minimum(after, 0.0))
-        return np.clip(smooth, least, most)
+        return PchipInterpolator(self.nodes, values)(self.nodes, 1)
 
 
 def last_fall(function, grid, above, *args):
