@@ -231,7 +231,8 @@ def refine(this: Pass) -> Task | None:
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
     error = float(np.max(curve_errors(this.result)[1], initial=0.0))  # 0 without a curve
-    if error > most:
+    if error > most and (finest := _finer_curve(this.result, error)) is not None:
+        nodes = finest
         reasons.append(f"error of the torque curve {error:.2g}, allowed {most:.2g}")
     # an open loop whose wake has memory would pulse faster on a finer mesh
     divides = not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer)
@@ -249,9 +250,20 @@ def refine(this: Pass) -> Task | None:
     if not reasons:
         return None
     start = point_of(finer or physics, this.result.problem)
-    if error > most:
-        nodes = curve_nodes(finer or physics, start, finer=True)
     return this.next("; ".join(reasons), physics=finer, start=start, nodes=nodes, shares=shares)
+
+
+def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
+    """Return the nodes of a finer torque curve of an optimum; None where they would not help.
+
+    That is where the error of the same blade falls by less than a tenth: where its torque jumps, as
+    none of a spline does.
+    """
+    physics, point = result.physics, result.point
+    nodes = curve_nodes(physics, point, finer=True)
+    curve = physics.rotor.as_built(point.blade).coefficients(point.blade, nodes).torque
+    finer = replace(result, setup=replace(result.setup, nodes=nodes), curve=curve)
+    return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 
 
 def other_branch(this: Pass) -> Task | None:
