@@ -138,11 +138,10 @@ def _add_rotors(group, physics, setup, band):
             group.add_subsystem(f"weight{variant}", weight, **about)
 
 
-def make_driver(physics: Physics, progress=None, most=None, near=True, refined=False) -> om.Driver:
+def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om.Driver:
     """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
 
-    `near` tells that the start is near the optimum, so that an optimizer had better stay there;
-    `refined` that it is the optimum on a coarser mesh.
+    `refined` tells that the start is the optimum on a coarser mesh.
     """
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
@@ -153,7 +152,7 @@ def make_driver(physics: Physics, progress=None, most=None, near=True, refined=F
         settings.optimizer,
         settings.tolerance,
         min(settings.max_iterations, most or settings.max_iterations),
-        barrier=barrier / segments if near or refined else None,
+        barrier=barrier / segments,
         # under a law the equation of motion hinders every long step (turbine 12 of `make verify
         # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
         cautious=physics.rotor.several_sections and not law.is_feedback,

@@ -169,6 +169,7 @@ class MemoryEntry(_Entry):
     (docs/dynamic_inflow.md): `growth` (1/s) is the largest real part at any of them,
     `frozen_growth` that in an unchanged wake. `tau1_s` is the wake's time constant where the growth
     is largest.
+    `share_of_instants` is the share of the time; in steady flows that for which each lasts.
     Time (null in steady flows) and flow are those of the first instant that is unstable, or of the
     least stable one.
     `least_inertia_kg_m2` is the inertia of the shaft from which the loop is stable at all of them;
@@ -203,7 +204,7 @@ class MemoryEntry(_Entry):
         if self.stiffness is not None:
             held = f"{measured(self.stiffness, 'N*m*s/rad', 3)} times the difference of speed"
             heavy += f", or with a controller that adds more than {held}"
-        share = f"{round(100.0 * (self.share_of_instants or 0.0))} % of the instants"
+        share = f"{round(100.0 * (self.share_of_instants or 0.0))} % of the time"
         when = "" if self.time_s is None else f"from t = {self.time_s:.2f} s "
         return (
             f"UNSTABLE {when}at v = {self.inflow_speed or 0.0:.3g} m/s, at {share}: the rotor may "
@@ -592,8 +593,8 @@ class Summary(Achieved, Mapping[str, Any]):
     def warnings(self, case: Case) -> list[str]:
         """Return what may be wrong beside the checks.
 
-        A blade that would break, an unstable loop, large unlimited loads, a torque that is always
-        at its limit, a better branch without a verified result, and `doubts`.
+        A blade that would break or bends too far, an unstable loop, large unlimited loads, a torque
+        that is always at its limit, a better branch without a verified result, and `doubts`.
         """
         loads = dict(self.loads or {})
         loads.pop("stress", None)  # is told by what breaks the blade
@@ -607,7 +608,8 @@ class Summary(Achieved, Mapping[str, Any]):
             for name, entry in (self.limits or {}).items()
             if name in CAPS and self.gain is not None and (entry.share_of_time or 0.0) > ALWAYS
         ]
-        return [*self.breaks(case), *loop, *large, *full, *self._better(), *(self.doubts or ())]
+        breaks = self.breaks(case).values()
+        return [*breaks, *loop, *large, *full, *self._better(), *(self.doubts or ())]
 
     def _better(self) -> Iterator[str]:
         """Yield that a branch which was not taken is better without time."""
@@ -618,21 +620,24 @@ class Summary(Achieved, Mapping[str, Any]):
                 text = f"without time, branch {each.name} is better by {per_cent(best - own, own)}"
                 yield f"{text}, but the run found no verified result there"
 
-    def breaks(self, case: Case) -> list[str]:
-        """Return what would break the blade: its stress, and a deflection out of a beam's range."""
+    def breaks(self, case: Case) -> dict[str, str]:
+        """Return that the stress would break the blade, or its loads do not hold, and why."""
         most, stress = case.rotor.blade_material.allowable_stress, self.largest.get("stress")
-        found = []
+        found = {}
         if most and stress and (stress.value or 0.0) > (1.0 + BETWEEN) * most:
             told, limit = measured(stress.value, "Pa", 4), measured(most, "Pa", 4)
-            found.append(f"the largest stress in a blade, {told}, is above its material's, {limit}")
-        return [*found, *bends_far(self.tip_deflection_m, self.tip_radius_m)]
+            why = f"the largest stress in a blade, {told}, is above its material's, {limit}"
+            found["the blade would break"] = why
+        for why in bends_far(self.tip_deflection_m, self.tip_radius_m):
+            found["the blade bends too far for its loads to hold"] = why
+        return found
 
     def verdict(self, case: Case) -> str:
         """Return whether the result is verified and its blade holds, and how many warnings."""
         count = len(self.warnings(case))
         word = "verified" if self.success else "not verified"
-        if self.breaks(case):
-            word += f", {'but' if self.success else 'and'} the blade would break"
+        if wrong := [*self.breaks(case)]:
+            word += f", {'but' if self.success else 'and'} {wrong[0]}"
         return joined(word, f"{count} warning{'s' * (count != 1)}" if count else "")
 
     def _outcome(self, case: Case) -> Iterator[Row]:

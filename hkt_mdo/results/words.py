@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
-BENT = 0.1  # deflection of a tip over the radius above which a blade counts as broken
+BENT = 0.1  # deflection of a tip over the radius above which its loads do not hold
 PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
 _SMALL = "m", "s"

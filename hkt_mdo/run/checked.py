@@ -21,13 +21,13 @@ from hkt_mdo.start.find import bounding_optimum
 
 NOT_RUNNING = (
     "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
-    "from {starts}: the problem may have no solution (try a larger control.torque_limit, another "
-    "control.law, or wider design bounds)"
+    "from {starts}: the problem may have no solution (try a larger control.torque_limit, or "
+    "another control.law{wider})"
 )
 NONE_FOUND = (
     "no design that keeps the limits was found from {starts}: the smallest violation was "
     "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
-    "{key}, or wider design bounds)"
+    "{key}{wider})"
 )
 
 
@@ -149,11 +149,13 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     them. `physics` is on the mesh of the start; `checks` are those of the end.
     """
     tried = max(len(start.starts), 1)
-    starts = f"{tried} start{'s' * (tried != 1)}"
+    starts, shape, design = f"{tried} start{'s' * (tried != 1)}", physics.shape, physics.case.design
+    bounded = shape.bounds or shape.radius_bounds or physics.designs_hub or design.gain_bounds
+    wider = ", or wider design bounds" if bounded else ""
     if not start.operation.running:
-        bounds = physics.case.design.gain_bounds
+        bounds = design.gain_bounds
         within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-        return NOT_RUNNING.format(within=within, starts=starts)
+        return NOT_RUNNING.format(within=within, starts=starts, wider=wider)
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
     found = excesses(physics, start)
     over = {name: share for name, (share, _) in found.items()}
@@ -171,8 +173,8 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     at_start = f"by the best of them, in {in_flow}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = next(limit.key for limit in physics.all_limits if limit.name == name)
-    law = "control.law: curve, which can keep more limits, " * (len(physics.law.gain_units) == 1)
-    about = {"share": 100.0 * share, "key": key, "where": where, "law": law}
+    law = "control.law: curve, which can keep more limits, or " * (len(physics.law.gain_units) == 1)
+    about = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
     return NONE_FOUND.format(starts=starts, **about)
 
 

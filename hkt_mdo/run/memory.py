@@ -15,7 +15,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.results.summary import MemoryEntry
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.run.verification import HeldSpeeds, Optimized, SimulatedDesign, controller_of, plant_of
+from hkt_mdo.run.verification import HeldSpeeds, Optimized, Verification, controller_of, plant_of
 
 HOPELESS = 0.5
 """Share of the least stable inertia below which a case with memory is not optimized."""
@@ -31,7 +31,7 @@ LEAST_RATIO = 2.0
 """Tip speed ratio below which the filters do not hold (docs/dynamic_inflow.md)."""
 
 
-def stability(verifications: Sequence[SimulatedDesign]) -> MemoryEntry | None:
+def stability(verifications: Sequence[Verification]) -> MemoryEntry | None:
     """Return how stable the loops of some integrations are with Oye's filters of the wake.
 
     Parameters
@@ -46,12 +46,12 @@ def stability(verifications: Sequence[SimulatedDesign]) -> MemoryEntry | None:
         Of the instant at which the loop is least stable; None where the rotor does not turn.
     """
     along = []
-    for verification in verifications:
-        run = verification.simulation
-        if isinstance(verification.controller, HeldSpeeds):  # of an open loop in steady flows
+    for each in verifications:
+        run = each.simulation
+        if isinstance(each.controller, HeldSpeeds):  # of an open loop in steady flows
             continue
         series = run.time, run.rotor_speed, run.inflow_speed, *run.states
-        along.append((verification.plant.with_memory(), verification.controller, series))
+        along.append((each.scenario, each.plant.with_memory(), each.controller, series))
     return _verdict(verifications[0].physics, along)
 
 
@@ -124,13 +124,13 @@ def first_hub(physics: Physics, start: StartingPoint) -> float:
 
 
 def _along(physics, point, trajectories):
-    """Return plant, controller and series of a point in each scenario; an open loop needs time."""
+    """Return each scenario with a point's plant, controller and series; an open loop needs time."""
     names, along = ("time", "rotor_speed", "inflow_speed", *physics.law.states), []
     for scenario, known in zip(physics.scenarios, trajectories, strict=True):
         if physics.law.is_feedback or not scenario.steady:
             plant = plant_of(physics, scenario, point.blade)
             controller = controller_of(physics, scenario, plant, point.gains, known)
-            along.append((plant, controller, [known[name] for name in names]))
+            along.append((scenario, plant, controller, [known[name] for name in names]))
     return along
 
 
@@ -139,8 +139,7 @@ def _followed(physics, start, along) -> StartingPoint:
     if any(scenario.steady for scenario in physics.scenarios):
         return start
     runs = []
-    for scenario, loop in zip(physics.scenarios, along, strict=True):
-        plant, controller, (time, speed, _, *states) = loop
+    for scenario, plant, controller, (time, speed, _, *states) in along:
         begin = Start(speed[0], [each[0] for each in states], time[0])
         about = scenario.duration, scenario.samples, float(np.max(np.diff(scenario.edges)))
         try:
@@ -157,25 +156,30 @@ def _followed(physics, start, along) -> StartingPoint:
 
 
 def _verdict(physics, along):
-    """Return the verdict along some series of time, rotor speed, flow and the law's states."""
-    parts, share = [], max(INSTANTS // max(len(along), 1), 5)
-    for plant, controller, (time, speed, flow, *states) in along:
+    """Return the verdict along some series of time, rotor speed, flow and the law's states.
+
+    An instant of a steady scenario counts by the time for which its flow lasts.
+    """
+    parts, count = [], max(INSTANTS // max(len(along), 1), 5)
+    for scenario, plant, controller, (time, speed, flow, *states) in along:
         turning = np.flatnonzero(speed * plant.blade.rotor_radius >= LEAST_RATIO * flow)
         if turning.size:
-            at = np.linspace(0, turning.size - 1, share).round().astype(int)
+            at = np.linspace(0, turning.size - 1, count).round().astype(int)
             ends = np.argmax(flow[turning]), np.argmin(flow[turning])
             at = turning[np.unique([*at, *ends])]
             known = (each[at] for each in (speed, flow, *states))
-            parts.append((Loop.of(plant, controller, *known), time[at], flow[at]))
+            lasts = scenario.node_weights[at] if scenario.steady else np.full(at.size, 1.0)
+            share = lasts / np.sum(lasts)
+            parts.append((Loop.of(plant, controller, *known), time[at], flow[at], share))
     if not parts:
         return None
     growth, frozen, least, slow, answer = (
-        np.concatenate([getattr(loop, name).reshape(at.size, -1)[:, 0] for loop, at, _ in parts])
+        np.concatenate([getattr(loop, name).reshape(at.size, -1)[:, 0] for loop, at, *_ in parts])
         for name in ("growth", "frozen_growth", "least_inertia", "slow", "frozen")
     )
-    time, flow = (np.concatenate([each[place] for each in parts]) for place in (1, 2))
+    time, flow, share = map(np.concatenate, list(zip(*parts, strict=True))[1:])
     unstable, inertia = growth >= 0.0, float(np.max(least))
-    replayed = isinstance(along[0][1], RecordedTorque)
+    replayed = isinstance(along[0][2], RecordedTorque)
     first = int(np.argmax(unstable if np.any(unstable) else growth))
     return MemoryEntry(
         stable=not np.any(unstable),
@@ -185,7 +189,7 @@ def _verdict(physics, along):
         tau1_s=float(slow[np.argmax(growth)]),
         time_s=None if all(x.steady for x in physics.scenarios) else float(time[first]),
         inflow_speed=float(flow[first]),
-        share_of_instants=float(np.mean(unstable)),
+        share_of_instants=float(np.average(unstable, weights=share)),
         inertia_kg_m2=parts[0][0].inertia,
         least_inertia_kg_m2=inertia if np.isfinite(inertia) else None,
     )

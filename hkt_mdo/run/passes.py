@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import MANY_SEGMENTS, make_driver, point_of
-from hkt_mdo.problem.evaluation import broken_limits, on_start
+from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -32,9 +32,6 @@ MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 FIRST_ITERATIONS = 300
 """Iterations after which an optimization begins again from its last iterate."""
-FAR = 0.05
-"""Relative excess of a limit from which a start is far from any optimum: kept near it, turbines 6
-and 11 of `make verify PART=turbines` end 1 and 4 % lower with `rated`."""
 TIE = 2e-4
 """Share of the objective by which another branch has to be better without time to be tried."""
 SETTLED = 0.05
@@ -231,7 +228,8 @@ def refine(this: Pass) -> Task | None:
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
     error = float(np.max(curve_errors(this.result)[1], initial=0.0))  # 0 without a curve
-    if error > most:
+    if error > most and (finest := _finer_curve(this.result, error)) is not None:
+        nodes = finest
         reasons.append(f"error of the torque curve {error:.2g}, allowed {most:.2g}")
     # an open loop whose wake has memory would pulse faster on a finer mesh
     divides = not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer)
@@ -249,9 +247,20 @@ def refine(this: Pass) -> Task | None:
     if not reasons:
         return None
     start = point_of(finer or physics, this.result.problem)
-    if error > most:
-        nodes = curve_nodes(finer or physics, start, finer=True)
     return this.next("; ".join(reasons), physics=finer, start=start, nodes=nodes, shares=shares)
+
+
+def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
+    """Return the nodes of a finer torque curve of an optimum; None where they would not help.
+
+    That is where the error of the same blade falls by less than a tenth: where its torque jumps, as
+    none of a spline does.
+    """
+    physics, point = result.physics, result.point
+    nodes = curve_nodes(physics, point, finer=True)
+    curve = physics.rotor.as_built(point.blade).coefficients(point.blade, nodes).torque
+    finer = replace(result, setup=replace(result.setup, nodes=nodes), curve=curve)
+    return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 
 
 def other_branch(this: Pass) -> Task | None:
@@ -311,13 +320,11 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
     task: Task | None = Task.first(state.first, start)
     ends = []
     while task is not None:
-        if task.passes == 0:
-            near = not broken_limits(state.first, task.start, FAR)
         if task.passes == 0 or task.physics is not state.physics:
             state.go_on_from(task.physics, task.setup.start, task.start)
         began = time.perf_counter()
         most = None if task.name == "begin again" else FIRST_ITERATIONS
-        driver = make_driver(task.physics, state, most, near, refined=task.name == "refine")
+        driver = make_driver(task.physics, state, most, refined=task.name == "refine")
         this = Pass(state, task, solve(state, task.physics, task.setup, driver))
         following = next_task(this)
         if following is None and this.approximate:

@@ -158,14 +158,14 @@ def _energies(finished):
 def _controller(finished):
     """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
     blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
-    peak = finished.physics.rotor.best_operation(blade)
+    peak, known = finished.physics.rotor.best_operation(blade), finished.verifications
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(finished.physics.law.gain_units),
-        "tip_speed_ratio": _ratios(finished.verifications),
+        "tip_speed_ratio": _ratios(known),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
-        "control_torque_max_Nm": np.max(_nodes(finished.verifications, "control_torque")),
+        "control_torque_max_Nm": max(np.max(x.simulated["control_torque"]) for x in known),
     }
 
 

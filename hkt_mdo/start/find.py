@@ -305,6 +305,7 @@ class Search:
                 if operation.running and problem.recovers(scaled_gains, operation):
                     break
             point = replace(point, gains=scaled_gains, operation=operation)
+            point = self._on_its_side(point, self.physics) if operation.running else point
         return self._noted(self.physics.law.law, self._evaluated(point))
 
     def _evaluated(self, point: StartingPoint) -> StartingPoint:
@@ -345,12 +346,16 @@ class Search:
             known = [each for each in self.tried if each.law == law]
             rivals = [each.objective for each in known if each.excess <= KEPT_EXCESS]
         end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
-        if point.branch:  # an optimization may leave that on which it began
-            flow, _ = sampled_flow(steady)
-            fastest, radius = int(np.argmax(flow)), end.blade.rotor_radius
-            ratio = end.operation.rotor_speed[fastest] * radius / flow[fastest]
-            end = replace(end, branch=self._schedules.side(end.blade, ratio))
-        return self._noted(law, end)
+        return self._noted(law, self._on_its_side(end, steady))
+
+    def _on_its_side(self, point: StartingPoint, physics: Physics) -> StartingPoint:
+        """Return a point with the branch on which it is: it may have left that of its schedule."""
+        if not point.branch:
+            return point
+        flow, _ = sampled_flow(physics)
+        fastest, radius = int(np.argmax(flow)), point.blade.rotor_radius
+        ratio = point.operation.rotor_speed[fastest] * radius / flow[fastest]
+        return replace(point, branch=self._schedules.side(point.blade, ratio))
 
     def _begin(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return where the optimization from a candidate begins."""

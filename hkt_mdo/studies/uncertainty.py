@@ -17,6 +17,7 @@ from scipy import signal
 
 from hkt_mdo.case import Case, Phase
 from hkt_mdo.compiled import compiled
+from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
@@ -218,7 +219,10 @@ class Design:
         return FeedbackTorque(self.law, self.gains, estimate)
 
     def initial_speed(self, inflow, time=0.0):
-        """Return the rotor speed of the design's first tip speed ratio in another flow.
+        """Return the rotor speed at which the design begins in another flow.
+
+        It is that of the design's first tip speed ratio; of a design of steady flow under feedback,
+        that of the law's equilibrium, if there is one.
 
         Parameters
         ----------
@@ -232,8 +236,12 @@ class Design:
         float or array
             Rotor speeds, rad/s, of the shape of the times.
         """
-        ratio = float(self.solution.trajectory["tip_speed_ratio"][0])
-        return ratio * inflow.speed_at(time) / self.plant.blade.rotor_radius
+        ratio, flow = self.solution.trajectory["tip_speed_ratio"][0], inflow.speed_at(time)
+        speed = ratio * flow / self.plant.blade.rotor_radius
+        if self.solution.steady and self.law.is_feedback:
+            balanced, running = equilibria(self.plant, self.controller, np.atleast_1d(flow))
+            speed = np.where(running, balanced, speed).reshape(np.shape(flow))[()]
+        return speed
 
     def refuse_standstill(self, inflow: Inflow) -> None:
         """Refuse a flow in which the machine does not operate throughout.
@@ -280,7 +288,7 @@ class Design:
         inflow : Inflow
             The flow.
         initial_speed : float or None
-            Rotor speed at t = 0, rad/s; None: at the design's first tip speed ratio.
+            Rotor speed at t = 0, rad/s; None: `initial_speed`.
         tolerance : float
             As of `simulate`.
         refined : int

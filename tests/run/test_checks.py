@@ -21,6 +21,7 @@ from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.checked import checked, none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.findings import Stations
+from hkt_mdo.run.passes import _finer_curve
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
@@ -305,6 +306,12 @@ def test_a_standstill_is_told_before_the_optimizers_failure(feedback):
     assert "too coarse" not in said
 
 
+def test_a_finer_torque_curve_is_tried_only_where_it_helps(feedback):
+    result = feedback.result
+    assert _finer_curve(result, 1e-3).size > result.setup.nodes.size
+    assert _finer_curve(result, 1e-15) is None
+
+
 def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.by_name, *open_loop.by_name}
 
@@ -423,6 +430,10 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     assert "10 % of limits.torque_rate, at the end of the opt" in told(0.8 * steepest, 0.1)
     assert told(0.8 * steepest, 0.0) == ""  # the end keeps it
     assert told(1.1 * steepest, 0.5) == ""  # the start does
+    fixed = replace(world.shape, bounds={})
+    for shape, wider in ((world.shape, True), (fixed, False)):
+        world = replace(world, shape=shape)
+        assert ("wider design bounds" in told(0.8 * steepest, 0.5)) == wider
 
 
 def test_stations_beyond_their_polars_are_a_warning_or_a_note(feedback, monkeypatch):

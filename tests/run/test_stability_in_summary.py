@@ -9,6 +9,7 @@ from hkt_mdo import build_problem, load_case, run_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.checks import _of_tables
+from hkt_mdo.run.memory import Loop, _verdict
 from tests.conftest import NINE
 
 CASE = {"inflow": "sine", "control": "quadratic"}
@@ -34,6 +35,18 @@ def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refuse
     slow = checks(rising, wake_ratio=np.array([3.4, 7.5]), tip_speed_ratio=np.array([3.4, 7.5]))
     assert slow["wake_in_tables"] == pytest.approx(0.1)
     assert checks(0.3 - rising)["wake_induction_turns"] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(("steady", "share"), [(True, 0.25), (False, 2.0 / 3.0)])
+def test_the_share_of_an_instability_is_one_of_the_time(monkeypatch, steady, share):
+    values = dict.fromkeys(("frozen_growth", "least_inertia", "slow", "frozen"), np.ones(3))
+    loop = SimpleNamespace(growth=np.array([-1.0, 1.0, 1.0]), inertia=1.0, **values)
+    monkeypatch.setattr(Loop, "of", lambda *_: loop)
+    scenario = SimpleNamespace(steady=steady, node_weights=np.array([3.0, 1.0, 0.0]))
+    plant = SimpleNamespace(blade=SimpleNamespace(rotor_radius=1.0))
+    along = [(scenario, plant, None, (np.arange(3), np.full(3, 9.0), np.arange(1.0, 4.0)))]
+    found = _verdict(SimpleNamespace(scenarios=[scenario]), along)
+    assert found.share_of_instants == pytest.approx(share)
 
 
 @pytest.mark.slow

@@ -111,10 +111,23 @@ def test_a_years_design_is_simulated_in_a_record_as_long_as_that_is(year, tmp_pa
     assert simulated.time[-1] == 24.0
     last = simulated.hydrodynamic_torque[-1] * simulated.rotor_speed[-1]
     assert last == pytest.approx(power, rel=1e-6)
+    # and begins in the equilibrium of the law, which in slower flow has another tip speed ratio
+    assert np.allclose(simulated.rotor_speed, simulated.rotor_speed[-1], rtol=1e-6)
     # through gusts above the cut-out of mean speeds too, which is told
     stopped = replace(year, case=year.case.with_overrides(f"control.cut_out={0.9 * flow}"))
     (found,) = runs_of(stopped, {"profile": "record", "file": str(path)})
     assert "for 100 % of the time" in found.told["flow above the cut-out"].remark
+
+
+@pytest.mark.slow
+def test_jumps_of_the_torque_between_the_flows_of_a_year_do_not_matter(tmp_path):
+    flow = {"speeds": [0.9, 1.3, 1.7, 2.1], "hours": [3000, 3000, 2000, 766], "cut_in": 0.7}
+    about = {"rotor": {"blade": "river"}, "limits": {"power": "1.5 kW"}}
+    about |= {"control": {"law": "tracking", "knots": 4}, "design": {"blade": "fixed"}}
+    found = run(tmp_path, resource={"profile": "histogram", **flow}, **about)
+    assert found.success, found.message
+    assert found.summary.branches[0].name == "underspeed"
+    assert len(found.summary.passes) == 1
 
 
 def test_the_uncertainty_of_the_speed_is_that_of_a_faster_and_a_slower_year(year):
