@@ -307,8 +307,8 @@ def _operation(design: Design, steady: dict[str, np.ndarray]) -> Table:
     columns = _quantities(steady) | _columns("operation", (rpm, power, np.zeros(flow.size)))
     known = steady | scalars(world, world.rotor, design.blade)
     for limit in world.all_limits:
-        if limit.caps_series and limit.upper > 0.0 and known.keys() >= set(limit.inputs):
-            name, share = f"{limit.name}_over_limit", limit.told(known) / limit.upper
+        if limit.place == "time" and np.isfinite(limit.end) and known.keys() >= set(limit.inputs):
+            name, share = f"{limit.name}_over_limit", limit.share(known)
             if name in columns:  # of another scenario: the stricter one counts
                 share = np.maximum(share, columns[name].values)
             columns[name] = Column(share, None, f"{limit.name} over its limit: 1 is the limit")

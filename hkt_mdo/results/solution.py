@@ -297,7 +297,7 @@ class Solution:
         material = self.case.rotor.blade_material  # which may have the allowable stress
         over_time = (each for each in self.case.limits.given if each.place == "time")
         given = (torque, *(each.on(None, material) for each in over_time))
-        return tuple(each for each in given if each.caps_series)
+        return tuple(each for each in given if np.isfinite(each.end))
 
     @property
     def _scalars(self) -> dict[str, float]:
@@ -307,7 +307,7 @@ class Solution:
         return {"density": density} | {k: x for k, x in known.items() if x is not None}
 
     def limit_shares(self) -> dict[str, np.ndarray]:
-        """Return each limit's value over its bound, (n_times,), by its name: 1 is the limit.
+        """Return how much of each limit is used, (n_times,), by its name: 1 is the limit.
 
         Of `simulation`, else of `trajectory`. A limit is left out if the table lacks its
         quantities, as in older results.
@@ -317,9 +317,9 @@ class Solution:
         known = {name: columns[header] for name, header in headers.items() if header in columns}
         known |= self._scalars
         return {
-            each.name: each.told(known) / each.upper
+            each.name: each.share(known)
             for each in self.limits
-            if each.upper > 0.0 and known.keys() >= set(each.inputs)
+            if each.end != 0.0 and known.keys() >= set(each.inputs)
         }
 
     def limit_levels(self, quantity: str) -> dict[str, float]:
@@ -332,7 +332,7 @@ class Solution:
             if quantity in each.inputs and {quantity, *known} >= set(each.inputs):
                 one, two = (each.value_of(known | {quantity: x}) for x in (1.0, 2.0))
                 if one > 0.0 and two == 2.0 * one:
-                    levels[each.name] = float(each.upper / one)
+                    levels[each.name] = float(each.end / one)
         return levels
 
     @property

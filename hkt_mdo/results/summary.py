@@ -126,13 +126,14 @@ class LoadEntry(_Entry):
 
 
 class LimitEntry(LoadEntry):
-    """A limit: the largest value that occurs, the limit, and whether it is reached.
+    """A limit: the value closest to it, the limit, and whether it is reached.
 
-    Of a limit over time: when the value is largest, in which share of the time the limit binds, and
+    That is the largest value, or the smallest of a `lower` limit. Of a limit over time: when, in which share of the time the limit binds, and
     its worth, by how much the objective (J) would grow with a limit one per cent larger.
     """
 
     limit: _Number = None
+    lower: bool = False
     binding: bool | None = None
     share_of_time: _Number = None
     worth: _Number = None
@@ -142,7 +143,7 @@ class LimitEntry(LoadEntry):
         """Distance from the limit, in per cent, and what the limit costs; empty if not known."""
         if self.value is None or not self.limit:
             return ""
-        left = 100.0 * (self.limit - self.value) / abs(self.limit)
+        left = 100.0 * (self.limit - self.value) / abs(self.limit) * (-1.0 if self.lower else 1.0)
         kept = left > -100.0 * BETWEEN
         word = f"margin {max(left, 0.0):.2f} %" if kept else f"exceeded by {-left:.2f} %"
         if not self.binding:
@@ -157,9 +158,10 @@ class LimitEntry(LoadEntry):
 
     def row(self, name: str, load: LoadEntry | None = None) -> Row:
         """Return the entry as a row; the load of that name, if there is one, knows the place."""
-        limit = f"limit {measured(self.limit, self.unit)}"
+        limit = f"{'at least' if self.lower else 'limit'} {measured(self.limit, self.unit)}"
         place = (load or self).place
-        return Row(_largest(name), self.value, self.unit, joined(limit, self.margin, place))
+        label = f"smallest {limit_words(name)}" if self.lower else _largest(name)
+        return Row(label, self.value, self.unit, joined(limit, self.margin, place))
 
 
 class MemoryEntry(_Entry):

@@ -217,8 +217,8 @@ def _extremes(finished, scenarios, shadow_prices):
                 found[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
     whole = design_and_result(finished.verifications)
     for limit in physics.design_limits:
-        if not isinstance(limit, DesignBounds) and np.isfinite(limit.upper):
-            limits[limit.name] = _entry(limit, float(np.max(limit.told(whole))))
+        if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
+            limits[limit.name] = _entry(limit, limit.told(whole))
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
     limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
@@ -387,38 +387,44 @@ def _over_time(finished, verifications, several=False):
     pairs = {}
     for verification in verifications:
         for limit in finished.physics.limits_in(verification.scenario):
-            if limit.caps_series:
+            if np.isfinite(limit.end):
                 pairs.setdefault(limit.name, []).append((limit, verification))
     return {name: _limit(each, several) for name, each in pairs.items()}
 
 
-def _entry(limit, value):
-    """Return the value of a limit, its bound, and whether it binds."""
-    bound = float(limit.upper)
-    unit, binding = limit.unit or "", value >= _least(limit)
-    return {"value": value, "limit": bound, "unit": unit, "binding": binding}
+def _entry(limit, *several):
+    """Return the value of a limit that is closest to its bound, the bound, and whether it binds.
+
+    `several` has quantities, of which the worst counts.
+    """
+    values, shares = (
+        np.concatenate([np.ravel(of(known)) for known in several])
+        for of in (limit.told, limit.share)
+    )
+    worst, about = np.argmax(shares), {"lower": True} if limit.floors else {}
+    about |= {"limit": float(limit.end), "unit": limit.unit or ""}
+    return {"value": float(values[worst]), "binding": shares[worst] >= _least(limit)} | about
 
 
 def _least(limit):
-    """Return the value from which a limit counts as binding."""
-    return limit.upper - (ENVELOPE if limit.name in LOADS else BINDING) * abs(limit.upper)
+    """Return the share of a limit from which it counts as binding."""
+    return 1.0 - (ENVELOPE if limit.name in LOADS else BINDING)
 
 
 def _limit(pairs, several):
-    """Return the largest value of a limit over time, at the nodes and in the integration.
+    """Return the worst value of a limit over time, at the nodes and in the integration.
 
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
-    found, binding = [], []
+    found, binding = {}, []
     for limit, verification in pairs:
-        known, simulated = verification.simulated, limit.told(verification.simulated)
-        value = float(max(np.max(simulated), np.max(limit.told(verification.at_nodes))))
-        found.append(_entry(limit, value) | loads.place(known, np.argmax(simulated)))
-        found[-1] |= {"scenario": verification.scenario.group} if several else {}
-        binding.append(np.where(simulated >= _least(limit), 1.0, 0.0))
-    worst = max(found, key=lambda each: (each["value"] - each["limit"]) / abs(each["limit"]))
+        known, shares = verification.simulated, limit.share(verification.simulated)
+        entry = _entry(limit, known, verification.at_nodes) | loads.place(known, np.argmax(shares))
+        entry |= {"scenario": verification.scenario.group} if several else {}
+        found.setdefault(np.max(shares), entry)
+        binding.append(np.where(shares >= _least(limit), 1.0, 0.0))
     share = _mean([verification for _, verification in pairs], binding)
-    return worst | {"share_of_time": round(share, 9)}
+    return found[max(found)] | {"share_of_time": round(share, 9)}
 
 
 def _loads(verifications):
