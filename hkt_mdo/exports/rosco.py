@@ -152,10 +152,11 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     scenarios = design.physics.scenarios
     speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
-    speeds, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flows)
     if law.states:
+        speeds = law.speed_at_rest(flows, design.gains)  # its schedule
         torques = design.plant.generator_torque(speeds, flows)
         return flows, speeds, np.clip(torques, 0.0, law.torque_limit)
+    speeds, running, _ = equilibria(design.plant, FeedbackTorque(law, design.gains), flows)
     flows, speeds = flows[running], speeds[running]
     if flows.size < 2:
         problem = "needs flows in which the rotor turns steadily under its law, but there are none"

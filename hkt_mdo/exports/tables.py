@@ -285,7 +285,7 @@ def steady_operation(
         high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
         flow_range = round(low, 3), round(high, 3)
     flow = np.linspace(*flow_range, FLOWS)
-    speed, running = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
+    speed, running, _ = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
     running &= design.plant.generator_torque(speed, flow) <= (law.torque_limit or np.inf)
     flow, speed = flow[running], speed[running]
     if not flow.size:

@@ -278,19 +278,18 @@ class SteadyVerification(Verification):
 def _balanced(plant: Plant, scenario, law, gains, nodes):
     """Return the equilibria in a steady scenario by direct BEM, and the controller."""
     flow, time = scenario.speeds, scenario.node_times
+    none = np.empty((flow.size, 0))
     if law.is_feedback:
         controller = FeedbackTorque(law, gains)
-        speed, running = equilibria(plant, controller, flow)
+        speed, running, rest = equilibria(plant, controller, flow)
     else:
-        speed, running = nodes["rotor_speed"], np.ones(flow.size, dtype=bool)
+        speed, running, rest = nodes["rotor_speed"], np.ones(flow.size, bool), none.T
         controller = HeldSpeeds(2.0 * max(float(np.max(plant.torque_slope(speed, flow))), 0.0))
     driving, held = plant.torque(speed, flow), plant.generator_torque(speed, flow)
-    rest = np.array(law.at_rest(held, flow)).reshape(len(law.states), flow.size)
     control = law.torque(speed, gains, *rest) if law.is_feedback else held
     powers = plant.powers(speed, driving, control)
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
-    none = np.empty((flow.size, 0))
     found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
     return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
 

@@ -119,6 +119,10 @@ class QuasiSteady:
         energy = float(self.weights @ (torque * speed))
         return Operation(energy, speed, torque, bool(np.all(torque > 0.0)))
 
+    def generator_torque(self, speed) -> np.ndarray:
+        """Return the generator's torque, N m, that holds the rotor at speeds, rad/s, (n_times,)."""
+        return self.held(speed).hydrodynamic_torque - self.shaft.friction(speed)
+
     def torque_slope(self, speed) -> np.ndarray:
         """Return the slope of the flow's torque by the rotor's speed, N m s/rad, (n_times,)."""
         unit = self.rotor_radius / self.inflow_speed

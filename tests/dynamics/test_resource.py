@@ -116,7 +116,7 @@ def test_the_ends_of_the_flow_are_speeds_without_energy(resource, cut_out, ends)
 def test_equilibria_are_those_of_brentq(plant):
     """The fastest root of Q = u, from direct BEM, each by itself."""
     law, flow = LinearFeedback(torque_limit=700.0), np.array([1.0, 1.5, 2.5])
-    speed, running = equilibria(plant, FeedbackTorque(law, np.array([70.0])), flow)
+    speed, running, _ = equilibria(plant, FeedbackTorque(law, np.array([70.0])), flow)
     assert np.all(running)
     for v, found in zip(flow, speed, strict=True):
 
@@ -127,5 +127,5 @@ def test_equilibria_are_those_of_brentq(plant):
         assert found == pytest.approx(brentq(net, found - 0.2, found + 0.2, xtol=1e-14), rel=1e-10)
         beyond = np.linspace(1.001, 3.0, 30) * found
         assert max(map(net, beyond)) < 0.0
-    _, none = equilibria(plant, FeedbackTorque(LinearFeedback(), np.array([7e4])), flow)
+    _, none, _ = equilibria(plant, FeedbackTorque(LinearFeedback(), np.array([7e4])), flow)
     assert not np.any(none)

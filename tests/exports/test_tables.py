@@ -169,7 +169,10 @@ def test_steady_operation_of_a_law_with_states_is_its_schedule(tracking):
     operation, design = values(by_name(tracking)["operation"]), tracking.design()
     flow, speed = operation["inflow_speed_m_s"], operation["rotor_speed_rad_s"]
     torque = operation["control_torque_Nm"]
-    np.testing.assert_array_equal(speed, design.law.speed_at_rest(flow, design.gains))
+    below = torque < 0.9 * design.law.torque_limit  # above, the rotor turns faster
+    schedule = design.law.speed_at_rest(flow, design.gains)
+    np.testing.assert_allclose(speed[below], schedule[below], rtol=1e-3)
+    assert np.all(speed[torque > 595.0] > 1.01 * schedule[torque > 595.0])
     np.testing.assert_allclose(design.plant.generator_torque(speed, flow), torque, rtol=1e-12)
     assert flow.size > 10
     assert np.max(torque) < 600.0

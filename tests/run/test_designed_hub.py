@@ -51,7 +51,7 @@ def test_the_hub_ends_at_the_bound_that_theory_gives_for_its_price(tmp_path):
     world = physics(load_case(RISING | {"design": HELD}))
     plant, time = plant_of(world, world.scenarios[0], world.blade), np.linspace(0.0, 6.0, 601)
     flow = world.inflow.speed_at(time)
-    speed, _ = equilibria(plant, FeedbackTorque(world.law, np.array([GAIN])), flow)
+    speed, *_ = equilibria(plant, FeedbackTorque(world.law, np.array([GAIN])), flow)
     torque, slope = plant.torque(speed, flow), plant.torque_slope(speed, flow)
     delay = np.gradient(speed, time) / (2.0 * GAIN * speed - slope)
     worth = -np.trapezoid((slope * speed + torque) * delay, time)

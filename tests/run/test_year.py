@@ -290,7 +290,7 @@ def test_a_limit_holds_at_the_ends_of_the_flow_and_the_error_of_its_bins_is_told
     assert most.kept
     assert most.value == pytest.approx(6800.0, rel=2e-3)
     flow = sine.speed_at(60.0 * (np.arange(2000) + 0.5) / 2000)
-    speed, _ = equilibria(design.plant, design.controller, np.sort(flow))
+    speed, *_ = equilibria(design.plant, design.controller, np.sort(flow))
     power = speed * design.plant.torque(speed, np.sort(flow))
     table = found.simulation
     weights = physics(found.case).scenarios[0].node_weights
