@@ -55,7 +55,7 @@ class Described:
         str
             Name and unit, such as ``rotor_speed_rad_s``.
         """
-        return self.name + _SUFFIXES.get(self.unit, f"_{self.unit}")
+        return self.name + _SUFFIXES.get(self.unit, f"_{self.unit}".replace("*", "_"))
 
     @property
     def meta(self) -> dict[str, str | None]:

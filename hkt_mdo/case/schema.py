@@ -273,6 +273,9 @@ class Case(_WithFlow):
             ("rotor.hub_inertia", rotor.hub_inertia or None, "hub_inertia_bounds"),
         ]
         if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
+            if len(gains) != len(control.gain_units):
+                problem = f"begins with {len(gains)} gains and has {len(control.gain_units)}"
+                raise refusal(problem, "write starting_gains so", key="control", value=control.law)
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):

@@ -6,12 +6,10 @@ It shares only the physics with the optimization, neither the torque curve nor t
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Plant
-from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import last_fall
@@ -20,8 +18,7 @@ GRID = 241  # range of the tip speed ratio that is searched for equilibria
 HIGHEST = 12.0, 96.0  # of them, at first and at last
 STEPS, BALANCED = 40, 1e-9  # of Newton's method at most; what is left over the size of its terms
 FARTHEST, REACH = 0.2, 10.0  # of the speed in a step, and of all values, over the largest
-OFF = 0.01  # of a torque or rate at rest as a law has it, over the size of its terms
-MOVE = 1e-5  # relative change of the speed for differences
+MOVE = 1e-5  # share of the speed for differences
 
 
 def equilibria(
@@ -53,8 +50,7 @@ def equilibria(
     """
     law, gains, unit = controller.law, controller.gains, flow / plant.blade.rotor_radius
     if law.states:
-        held = partial(plant.generator_torque, inflow_speed=flow)
-        values, running = at_rest(law, gains, flow, held)
+        values, running = at_rest(law, gains, flow, lambda w: plant.generator_torque(w, flow))
         return values[0], running, values[1:]
 
     def net(ratio, flow):
@@ -99,51 +95,21 @@ def at_rest(law, gains, flow: np.ndarray, held: Callable) -> tuple[np.ndarray, n
         Whether there is an equilibrium in which the flow drives the rotor, (n,).
     """
     speed = np.asarray(law.speed_at_rest(flow, gains), dtype=float)
-    values = own = np.array([speed, *law.at_rest(held(speed), flow)])
+    values = first = np.array([speed, *law.at_rest(held(speed), flow)])
     for _ in range(STEPS):
-        slopes, off, terms = _balance(law, gains, flow, held, values)
-        found = np.all(np.abs(off) <= BALANCED * terms, axis=0) & (held(values[0]) > 0.0)
+        speed, *states = values
+        slopes, torque = law.slopes(speed, flow, gains, *states), law.torque(speed, gains, *states)
+        change = held((1.0 + MOVE) * speed) - held((1.0 - MOVE) * speed)
+        slopes[0, 0] -= change / (2.0 * MOVE * speed)
+        off = np.array([torque - held(speed), *law.rates(speed, flow, gains, *states)])
+        terms = np.einsum("ijn,jn->in", np.abs(slopes), np.abs(values))
+        found = np.all(np.abs(off) <= BALANCED * terms, axis=0)
         if np.all(found):
             break
         moves = -np.einsum("nij,jn->in", np.linalg.pinv(np.moveaxis(slopes, -1, 0)), off)
-        far = np.abs(moves[0]) / (FARTHEST * values[0]), np.abs(moves) / (REACH * np.max(values))
+        far = np.abs(moves[0]) / (FARTHEST * speed), np.abs(moves) / (REACH * np.max(values))
         values = values + moves / np.maximum(1.0, np.max(np.vstack(far), axis=0))
-    return np.where(found, values, own), found
-
-
-def _balance(law, gains, flow, held, values):
-    """Return slopes and values of the excess torque and of the rates, and the size of their terms.
-
-    By the speed and the states, and at these, (1 + n_states, n).
-    """
-    speed, *states = values
-    slopes = law.slopes(speed, flow, gains, *states)
-    slopes[0, 0] -= (held((1.0 + MOVE) * speed) - held((1.0 - MOVE) * speed)) / (2.0 * MOVE * speed)
-    torque = law.torque(speed, gains, *states) - held(speed)
-    off = np.array([torque, *law.rates(speed, flow, gains, *states)])
-    return slopes, off, np.einsum("ijn,jn->in", np.abs(slopes), np.abs(values))
-
-
-def refuse_other_rest(law, gains, flow, held) -> None:
-    """Refuse a law whose `at_rest` is not where its states are at rest, without a torque limit.
-
-    The arguments are those of `at_rest`.
-    """
-    law = law.with_torque_limit(None)
-    values, found = at_rest(law, gains, flow, held)
-    own = np.array([values[0], *law.at_rest(held(values[0]), flow)])
-    _, off, terms = _balance(law, gains, flow, held, own)
-    about = {"key": "control.law", "value": law.law}
-    for state in np.flatnonzero(np.all(terms[1:] == 0.0, axis=1)):
-        problem = f"has a rate of {list(law.states)[state]} that does not depend on speed or states"
-        raise InputError(problem, "correct rates, or leave that state out", **about)
-    if np.any(wrong := found & np.any(np.abs(off) > OFF * terms, axis=0)):
-        at = np.argmax(wrong)
-        had, has = (", ".join(f"{x:.4g}" for x in each[1:, at]) for each in (own, values))
-        place = f"{held(values[0])[at]:.4g} N m in a flow of {flow[at]:.4g} m/s"
-        problem = f"returns {had} from at_rest for {place}, where its states are at rest at {has}"
-        remedy = "correct it: there rates are zero, and demand is that torque"
-        raise InputError(problem, remedy, **about)
+    return np.where(found, values, first), found & (held(values[0]) > 0.0)
 
 
 def _driving(plant, flow, ratios):

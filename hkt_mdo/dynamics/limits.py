@@ -98,14 +98,9 @@ class Limit(Formula):
         return not self.bounded
 
     @property
-    def floors(self) -> bool:
-        """Whether it has a lower bound alone, and not zero: as of a torque, which never drives."""
-        return bool(self.lower != 0.0 and np.isfinite(self.lower) and not np.isfinite(self.upper))
-
-    @property
     def end(self) -> Any:
-        """The bound that reports compare values with: the upper one where there is one."""
-        return self.lower if self.floors else self.upper
+        """The bound in reports: the upper one, or a lower one alone, but zero, as of a torque."""
+        return self.lower if self.upper == np.inf and self.lower != 0.0 else self.upper
 
     def told(self, quantities: Any) -> np.ndarray:
         """Return the value for a report: its magnitude if the limit applies to both signs."""
@@ -114,8 +109,8 @@ class Limit(Formula):
 
     def share(self, quantities: Any) -> np.ndarray:
         """Return how much of it is used, relatively: 1 at the bound that reports give."""
-        beyond = self.told(quantities) / abs(self.end) - np.sign(self.end)
-        return 1.0 - beyond if self.floors else 1.0 + beyond
+        over = (self.told(quantities) - self.end) / (abs(self.end) or 1.0)
+        return 1.0 - over if self.end == self.lower else 1.0 + over
 
     def excess(self, quantities: Any) -> np.ndarray:
         """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""

@@ -286,7 +286,6 @@ def steady_operation(
         flow_range = round(low, 3), round(high, 3)
     flow = np.linspace(*flow_range, FLOWS)
     speed, running, _ = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
-    running &= design.plant.generator_torque(speed, flow) <= (law.torque_limit or np.inf)
     flow, speed = flow[running], speed[running]
     if not flow.size:
         remedy = "give flow_range: flow speeds in which the rotor turns"

@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.components import area_component
 from hkt_mdo.problem.constraints import held_limits
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
@@ -28,6 +29,7 @@ from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
+AT_REST = 0.4  # of a rate at rest over the size of its terms; a law may be near its torque limit
 WAKE_SHARE = 0.3  # typical axial induction
 _POINTS = "control points of its spline"
 DESIGNED = {
@@ -197,6 +199,14 @@ def _state_scales(physics, start):
     sizes[sizes == 0.0] = 1.0  # SI unit; a state that is zero in equilibrium has no size there
     slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
     rates = np.max(np.abs(slopes), axis=2) @ sizes
+    off = np.max(np.abs(physics.law.rates(speed, flow, start.gains, *states)), axis=1)
+    for name, rate, size in zip(physics.law.states, off, rates, strict=True):
+        if rate >= AT_REST * size:
+            problem = f"has a rate of {name} of {rate:.4g} at its at_rest, and terms of {size:.4g}"
+            remedy = (
+                "correct rates or at_rest: a rate depends on speed or states, and is zero there"
+            )
+            raise InputError(problem, remedy, key="control.law", value=physics.law.law)
     return dict(zip(physics.law.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 

@@ -182,8 +182,8 @@ def _allows_blade(result, other) -> bool:
 
 def _keeps_limits(result, other) -> bool:
     """Tell whether the other's integration keeps every limit of the result's case."""
-    given = [each for each in result.case.limits.given if each.place == "time"]
-    if len(given) < len(result.case.limits.given) or other.summary.loads is None:
+    given = result.case.limits.given
+    if other.summary.loads is None:
         return False
     theirs = {each.name: each for each in other.case.limits.given}
     # the suction in the tables depends on depth and margin

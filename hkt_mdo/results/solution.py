@@ -314,12 +314,9 @@ class Solution:
         """
         columns: dict[str, Any] = self.simulation or self.trajectory
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
-        known = {name: columns[header] for name, header in headers.items() if header in columns}
-        known |= self._scalars
+        known = self._scalars | {k: columns[x] for k, x in headers.items() if x in columns}
         return {
-            each.name: each.share(known)
-            for each in self.limits
-            if each.end != 0.0 and known.keys() >= set(each.inputs)
+            each.name: each.share(known) for each in self.limits if known.keys() >= set(each.inputs)
         }
 
     def limit_levels(self, quantity: str) -> dict[str, float]:

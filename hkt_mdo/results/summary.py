@@ -128,8 +128,9 @@ class LoadEntry(_Entry):
 class LimitEntry(LoadEntry):
     """A limit: the value closest to it, the limit, and whether it is reached.
 
-    That is the largest value, or the smallest of a `lower` limit. Of a limit over time: when, in which share of the time the limit binds, and
-    its worth, by how much the objective (J) would grow with a limit one per cent larger.
+    That is the largest value, or the smallest of a `lower` limit. Of a limit over time: when, in
+    which share of the time the limit binds, and its worth, by how much the objective (J) would grow
+    with a limit one per cent larger.
     """
 
     limit: _Number = None
@@ -160,8 +161,9 @@ class LimitEntry(LoadEntry):
         """Return the entry as a row; the load of that name, if there is one, knows the place."""
         limit = f"{'at least' if self.lower else 'limit'} {measured(self.limit, self.unit)}"
         place = (load or self).place
-        label = f"smallest {limit_words(name)}" if self.lower else _largest(name)
-        return Row(label, self.value, self.unit, joined(limit, self.margin, place))
+        return Row(
+            _largest(name, self.lower), self.value, self.unit, joined(limit, self.margin, place)
+        )
 
 
 class MemoryEntry(_Entry):
@@ -745,9 +747,9 @@ class Summary(Achieved, Mapping[str, Any]):
             yield weight_moment(self.weight_moment_Nm)
 
 
-def _largest(name: str) -> str:
-    """Return the label of the largest value of a limit or a load."""
-    return f"largest {limit_words(name)}"
+def _largest(name: str, lower: bool = False) -> str:
+    """Return the label of the largest value of a limit or a load, the smallest of a lower limit."""
+    return f"{'smallest' if lower else 'largest'} {limit_words(name)}"
 
 
 def _in_operation(

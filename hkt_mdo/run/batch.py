@@ -24,6 +24,8 @@ def run_batch(
 ) -> dict[Path, Solution | None]:
     """Run every case into its folder and return the solutions, None where a case could not be run.
 
+    A script calls it below ``if __name__ == "__main__":``, since its processes import the script.
+
     A folder that holds the finished result of an equal case, of the same files and source code, is
     reused; any other result is replaced. `jobs` is the number of processes, None: one per core;
     done(folder, word) is called whenever a case ends, with "reused", "ok", "failed" or the error;

@@ -171,7 +171,8 @@ def _client(jobs: int, scheduler: str | None) -> Iterator[Any]:
     problem = "no scheduler answers"
     remedy = "start it (dask scheduler), or correct the address; tls:// needs certificates"
     if scheduler is None:
-        where, problem, remedy = {"key": "workers"}, "cannot start", "give the same command again"
+        where, problem = {"key": "workers"}, "cannot start"
+        remedy = 'in a script, call under if __name__ == "__main__":; else give the command again'
         options = {
             "n_workers": jobs,
             "threads_per_worker": 1,

@@ -17,7 +17,7 @@ from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.point import KEPT_EXCESS
-from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES
+from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, Described
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
 from hkt_mdo.results.summary import VERSION, Summary
@@ -235,10 +235,8 @@ def _extremes(finished, scenarios, shadow_prices):
 
 def _memory(finished):
     """Return the stability of the loop if the wake has memory, where the rotor turns."""
-    if finished.physics.remembers:
-        found = stability_of(finished.result)
-    else:
-        found = stability(finished.verifications)
+    remembers = finished.physics.remembers
+    found = stability_of(finished.result) if remembers else stability(finished.verifications)
     return {} if found is None else {"memory": found.model_dump()}
 
 
@@ -392,18 +390,12 @@ def _over_time(finished, verifications, several=False):
     return {name: _limit(each, several) for name, each in pairs.items()}
 
 
-def _entry(limit, *several):
-    """Return the value of a limit that is closest to its bound, the bound, and whether it binds.
-
-    `several` has quantities, of which the worst counts.
-    """
-    values, shares = (
-        np.concatenate([np.ravel(of(known)) for known in several])
-        for of in (limit.told, limit.share)
-    )
-    worst, about = np.argmax(shares), {"lower": True} if limit.floors else {}
-    about |= {"limit": float(limit.end), "unit": limit.unit or ""}
-    return {"value": float(values[worst]), "binding": shares[worst] >= _least(limit)} | about
+def _entry(limit, known):
+    """Return the value of a limit that is closest to its bound, the bound, and whether it binds."""
+    values, shares = np.ravel(limit.told(known)), limit.share(known)
+    about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
+    binding = np.max(shares) >= _least(limit)
+    return {"value": float(values[np.argmax(shares)]), "binding": binding} | about
 
 
 def _least(limit):
@@ -419,9 +411,10 @@ def _limit(pairs, several):
     found, binding = {}, []
     for limit, verification in pairs:
         known, shares = verification.simulated, limit.share(verification.simulated)
-        entry = _entry(limit, known, verification.at_nodes) | loads.place(known, np.argmax(shares))
-        entry |= {"scenario": verification.scenario.group} if several else {}
-        found.setdefault(np.max(shares), entry)
+        about = loads.place(known, np.argmax(shares))
+        about |= {"scenario": verification.scenario.group} if several else {}
+        for each in (known, verification.at_nodes):
+            found.setdefault(np.max(limit.share(each)), _entry(limit, each) | about)
         binding.append(np.where(shares >= _least(limit), 1.0, 0.0))
     share = _mean([verification for _, verification in pairs], binding)
     return found[max(found)] | {"share_of_time": round(share, 9)}
@@ -460,14 +453,16 @@ def write_tables(out: Path, finished: Checked) -> None:
         The end of the run. Of several scenarios, each has tables with its name.
     """
     physics, blade = finished.physics, finished.result.point.blade
+    headers, states = {x: QUANTITIES[x].column for x in OVER_TIME}, physics.law.states.items()
+    headers |= {x: Described(x, *about, "time", "trajectory").column for x, about in states}
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
         simulated = [verification.simulated for verification in verifications]
         nodes = [verification.at_nodes for verification in verifications]
         for name, values in (("trajectory", nodes), ("simulation", simulated)):
             table = {
-                QUANTITIES[quantity].column: np.concatenate([each[quantity] for each in values])
-                for quantity in OVER_TIME
+                column: np.concatenate([each[quantity] for each in values])
+                for quantity, column in headers.items()
                 if quantity in values[0]
             }
             rows = np.column_stack([*table.values()])

@@ -118,6 +118,7 @@ class SimulatedDesign:
         names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
         simulated = (getattr(self.simulation, name) for name in names)
         known = trajectory_of(*simulated, self.scalars["rotor_radius"], self.plant.generator)
+        known |= zip(self.physics.law.states, self.simulation.states, strict=True)
         return known if self.sections is None else known | {"sections": self.sections}
 
 

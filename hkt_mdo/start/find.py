@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from hkt_mdo.dynamics.equilibrium import at_rest, refuse_other_rest
+from hkt_mdo.dynamics.equilibrium import at_rest
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import excesses, objective_at, split
@@ -420,9 +420,7 @@ class Search:
         gains = np.clip(gains, *gain_bounds(self.physics))
         if not law.states:
             return replace(point, gains=gains)
-        about = law, gains, flow, problem.generator_torque
-        refuse_other_rest(*about)
-        (speed, *_), _ = at_rest(*about)
+        (speed, *_), _ = at_rest(law, gains, flow, problem.generator_torque)
         return replace(point, gains=gains, operation=problem.held(speed))
 
     def _over_time(self, point: StartingPoint) -> StartingPoint:

@@ -260,9 +260,8 @@ class Design:
         """
         if inflow.steady:
             problem = "is a resource, which has no flow over time in which to simulate"
-            raise InputError(
-                problem, "give another flow, such as --flow '{profile: sine}'", key="inflow"
-            )
+            remedy = "give another flow, such as --flow '{profile: sine}'"
+            raise InputError(problem, remedy, key="inflow")
         case = self.physics.case
         if case.inflow.steady and not self.law.is_feedback:
             problem = "has a torque for each speed of a year's flow, and none over time"
