@@ -10,7 +10,7 @@ import pytest
 import yaml
 from openmdao.utils import cs_safe
 
-from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, load_case
+from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, build_problem, load_case
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import SineInflow
@@ -258,5 +258,64 @@ def test_a_law_with_states_returns_a_row_for_each():
     law = load_case({"inflow": "sine", "control": "two"}, extensions=[TwoStates]).control
     speed, flow, gains = np.linspace(6.0, 8.0, 7), np.linspace(1.3, 1.7, 7), np.array([100.0])
     np.testing.assert_allclose(law.rates(speed, flow, gains, speed, flow), np.zeros((2, 7)))
-    with pytest.raises(InputError, match=r"speed_at_rest: returns -6\.5 rad/s"):
+    with pytest.raises(InputError, match=r"speed_at_rest: returns -6\.5, and must"):
         law.speed_at_rest(-flow, gains)
+
+
+class Lagging(FeedbackLaw):
+    law: Literal["lagging"] = "lagging"
+    gain: float | None = None
+    lag: float = 0.1
+    share: float = 1.0
+    gain_units: ClassVar[tuple[str, ...]] = ("N*m*s**2/rad**2",)
+    states: ClassVar[dict] = {"z": ("N*m", "torque behind a lag")}
+
+    def demand(self, speed, gains, z):
+        return z + 0.0 * speed
+
+    def rates(self, speed, inflow_speed, gains, z):
+        return (self.share * (gains[0] * speed**2 - z) / self.lag,)
+
+    def at_rest(self, torque, inflow_speed):
+        return (torque,)
+
+    def follow(self, inflow_speed, speed, torque, slope):
+        return np.array([np.median(torque / speed**2)])
+
+    def speed_at_rest(self, inflow_speed, gains):
+        return 5.0 * inflow_speed
+
+
+class Unsettled(Lagging):
+    law: Literal["unsettled"] = "unsettled"
+
+    def at_rest(self, torque, inflow_speed):
+        return (0.0 * torque,)
+
+
+@pytest.mark.parametrize("control", ["unsettled", {"law": "lagging", "share": 0.0}])
+def test_a_rest_that_is_none_is_refused(control):
+    case = {"inflow": "sine", "control": control, "start": {"method": "blade"}}
+    case |= {"phase": {"duration": 5, "segments": 5}, "design": {"blade": "fixed"}}
+    with pytest.raises(InputError, match=r"has a rate of z of .* at its at_rest"):
+        build_problem(load_case(case, extensions=[Lagging, Unsettled]))
+
+
+def test_numbers_and_sizes_of_gains_are_checked():
+    class Two(FeedbackLaw):
+        law: Literal["two_gains"] = "two_gains"
+        gain: float | None = None
+        gain_units: ClassVar[tuple[str, ...]] = ("N*m*s/rad", "N*m")
+
+        def demand(self, speed, gains):
+            return gains[0] * speed + gains[1]
+
+        def sizes(self, gains):
+            return 0.0 * gains
+
+    case = {"inflow": "sine", "control": {"law": "two_gains"}}
+    with pytest.raises(InputError, match="sizes: returns 0, and must"):
+        load_case(case, extensions=[Two]).control.sizes(np.ones(2))
+    case["control"]["gain"] = 1.0
+    with pytest.raises(InputError, match="begins with 1 gains of 2 to design"):
+        load_case(case, extensions=[Two])

@@ -113,8 +113,8 @@ def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
         problem, remedy, shape = "", CORRECT, _shape(self, name, args, quantities)
         if shape is not None and not (result is None and name in MAY_BE_NONE):
             problem, result = _checked(result, shape, given, name in MAY_BE_INFINITE)
-        if not problem and name == "speed_at_rest" and np.max(result) <= 0.0:
-            problem = f"returns {np.max(result):.4g} rad/s, and the rotor must turn forwards"
+        if not problem and name in ("speed_at_rest", "sizes") and np.max(result) <= 0.0:
+            problem = f"returns {np.max(result):.4g}, and must return something above zero"
         if not problem and left and name in SLOPES and not any(map(np.iscomplexobj, given)):
             left.pop()
             problem, remedy = _wrong_slope(method, name, self, args, quantities)
@@ -191,7 +191,7 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
         return ()
     if name in ("features", "lower", "upper"):
         return (..., 3) if name == "features" else (...,)
-    if isinstance(kind, FeedbackLaw) and name in ("fit", "follow"):
+    if isinstance(kind, FeedbackLaw) and name in ("fit", "follow", "sizes", "scaled_gains"):
         return (len(kind.gain_units),)
     if isinstance(kind, Aggregate):
         count = ... if kind.n_unknowns is None else kind.n_unknowns

@@ -274,8 +274,8 @@ class Case(_WithFlow):
         ]
         if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
             if len(gains) != len(control.gain_units):
-                problem = f"begins with {len(gains)} gains and has {len(control.gain_units)}"
-                raise refusal(problem, "write starting_gains so", key="control", value=control.law)
+                problem = f"begins with {len(gains)} gains of {len(control.gain_units)} to design"
+                raise refusal(problem, "give one for each", key="control.law", value=control.law)
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):

@@ -254,8 +254,8 @@ def steady_operation(
 ) -> dict[str, np.ndarray] | None:
     """Return the steady operation of a feedback law over the speed of the flow, by direct BEM.
 
-    A flow is left out where the rotor has no equilibrium: where no torque of the law balances that
-    of the flow, or where a law with states would need more than its torque limit.
+    A flow is left out where the rotor has no equilibrium: no torque of the law balances that of the
+    flow.
 
     Parameters
     ----------

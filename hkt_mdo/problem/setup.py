@@ -68,7 +68,7 @@ class Setup:
             low, high = physics.case.design.hub_inertia_bounds
             found["hub_inertia"] = max(low, self.least_hub), high
         gains = np.clip(physics.law.moves(start.gains, moves.gain), *gain_bounds(physics))
-        for i, (low, high) in enumerate(gains.T):
+        for i, (low, high) in enumerate(np.sort(gains, axis=0).T):
             if low < high:
                 found[f"gain_{i}"] = low, high
         return found

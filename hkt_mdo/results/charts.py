@@ -178,8 +178,7 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
         for each in LIMITED_BY.get(quantity, (quantity,)):
             levels |= solution.limit_levels(each)
         for limit in (each for each in solution.limits if each.name in levels):
-            bound = measured(float(limit.end), limit.unit or "", 4)
-            words = f"{limit_words(limit.name)} limit {bound}"
+            words = f"{limit_words(limit.name)} limit {measured(limit.end, limit.unit or '', 4)}"
             found.setdefault((words, levels[limit.name]), []).append(label)
     named = {}
     for (words, level), names in found.items():

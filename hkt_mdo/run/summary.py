@@ -218,7 +218,7 @@ def _extremes(finished, scenarios, shadow_prices):
     whole = design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
-            limits[limit.name] = _entry(limit, limit.told(whole))
+            limits[limit.name] = _entry(limit, whole)
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
     limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
@@ -394,7 +394,7 @@ def _entry(limit, known):
     """Return the value of a limit that is closest to its bound, the bound, and whether it binds."""
     values, shares = np.ravel(limit.told(known)), limit.share(known)
     about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
-    binding = np.max(shares) >= _least(limit)
+    binding = bool(np.max(shares) >= _least(limit))
     return {"value": float(values[np.argmax(shares)]), "binding": binding} | about
 
 

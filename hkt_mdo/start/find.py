@@ -294,13 +294,11 @@ class Search:
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return a candidate as it is, in operation over the whole flow."""
-        strategy, blade, gains = candidate
-        point = replace(self._scheduled(blade, branch, self.physics), strategy=strategy)
-        if self.physics.law.is_feedback:
-            point = self._fitted(point, gains, self.physics)
+        point = self._begin(candidate, branch, self.physics)
         if self.physics.law.is_static:
-            problem = self._quasi_steady(blade)
-            for share in SHARES if gains is None else (1.0,):  # near the peak it may stall
+            problem = self._quasi_steady(candidate.blade)
+            # near the peak it may stall
+            for share in SHARES if candidate.gains is None else (1.0,):
                 scaled_gains = self.physics.law.scaled_gains(point.gains, share)
                 operation = problem.operate(scaled_gains)
                 if operation.running and problem.recovers(scaled_gains, operation):
@@ -358,10 +356,10 @@ class Search:
         ratio = point.operation.rotor_speed[fastest] * radius / flow[fastest]
         return replace(point, branch=self._schedules.side(point.blade, ratio))
 
-    def _begin(self, candidate: Candidate, branch: str) -> StartingPoint:
-        """Return where the optimization from a candidate begins."""
-        point = replace(self._scheduled(candidate.blade, branch), strategy=candidate.strategy)
-        return self._fitted(point, candidate.gains) if self.physics.law.is_feedback else point
+    def _begin(self, by: Candidate, branch: str, over: Physics | None = None) -> StartingPoint:
+        """Return where the optimization from a candidate begins, by default without time."""
+        point = replace(self._scheduled(by.blade, branch, over), strategy=by.strategy)
+        return self._fitted(point, by.gains, over) if self.physics.law.is_feedback else point
 
     def _at_constant_torque(self) -> Iterator[StartingPoint]:
         """Yield a solid, slow rotor under the largest torque of a law, if it turns in all flows.

@@ -577,9 +577,6 @@ def flow_named(name: str, inflow: Inflow) -> Inflow:
         remedy = "choose design, A, B, C or give an inflow section"
         raise InputError("unknown", remedy, key=f"--flow {name}")
     if PAPER_FLOWS[name] and inflow.profile != "sine":
-        raise InputError(
-            f"changes a sine, but the case's flow is {inflow.profile}",
-            "give an inflow section",
-            key=f"--flow {name}",
-        )
+        problem = f"changes a sine, but the case's flow is {inflow.profile}"
+        raise InputError(problem, "give an inflow section", key=f"--flow {name}")
     return inflow.model_copy(update=PAPER_FLOWS[name])

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 
 from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.equilibrium import equilibria
-from hkt_mdo.dynamics.laws import LinearFeedback
+from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.resource import (
     YEAR,
     DistributionResource,
@@ -18,6 +18,7 @@ from hkt_mdo.dynamics.resource import (
 )
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.problem.physics import physics
+from tests.test_extension_faults import Lagging
 
 CONTROL = {"law": "quadratic"}
 
@@ -111,6 +112,18 @@ def test_the_ends_of_the_flow_are_speeds_without_energy(resource, cut_out, ends)
         shares = scenario.node_weights / np.sum(scenario.node_weights)
         assert np.max(shares[[0, -1]]) < 1e-13
         assert np.min(shares[1:-1]) > 1e-12
+
+
+def test_a_law_with_states_is_at_rest_where_the_same_law_without_them_is(plant):
+    """Its speed_at_rest is a guess, and its torque limit counts."""
+    flow, gains = np.array([1.0, 1.5, 1.7]), np.array([8.0])
+    controllers = (
+        FeedbackTorque(kind(torque_limit=700.0), gains) for kind in (Lagging, QuadraticFeedback)
+    )
+    (speed, running, (z,)), (own, *_) = (equilibria(plant, each, flow) for each in controllers)
+    assert np.all(running)
+    np.testing.assert_allclose(speed, own, rtol=1e-8)
+    np.testing.assert_allclose(z, gains * own**2, rtol=1e-8)
 
 
 def test_equilibria_are_those_of_brentq(plant):

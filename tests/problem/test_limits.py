@@ -1,11 +1,12 @@
 """The package's limits: what a case may say, closed forms, partials, and short optimizations."""
 
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from hkt_mdo import InputError, load_case, run_case
+from hkt_mdo import InputError, Limit, load_case, run_case
 from hkt_mdo.dynamics.limits import (
     PowerLimit,
     RotorSpeedLimit,
@@ -15,7 +16,9 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import complete, physics
+from hkt_mdo.results.summary import LimitEntry
 from hkt_mdo.results.words import texts
+from hkt_mdo.run.summary import _entry
 from tests.conftest import NINE, checked
 
 CASE = {"inflow": "sine", "control": "open_loop"}
@@ -134,6 +137,20 @@ def test_limits_of_no_effect_are_reported(limits, generator, free):
     world = physics(load_case(CASE | given))
     told = [text for text in world.messages if "has no effect" in text]
     assert [text.partition(" = ")[0] for text in told] == [f"limits.{name}" for name in free]
+
+
+def test_a_limit_with_a_lower_bound_alone_is_reported():
+    class Least(Limit):
+        name: ClassVar[str] = "least_ratio"
+        inputs: ClassVar[tuple[str, ...]] = ("tip_speed_ratio",)
+        upper: ClassVar[float] = np.inf
+        lower: ClassVar[float] = 5.0
+
+    ratios = {"tip_speed_ratio": np.array([10.0, 7.5, 5.0])}
+    np.testing.assert_allclose(Least().share(ratios), [0.0, 0.5, 1.0])
+    entry = LimitEntry.model_validate(_entry(Least(), ratios))
+    assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding"
+    assert entry.row("least_ratio").label == "smallest least ratio"
 
 
 # Short optimizations ------------------------------------------------------------------------------
