@@ -146,7 +146,7 @@ class LimitEntry(LoadEntry):
             return ""
         left = 100.0 * (self.limit - self.value) / abs(self.limit) * (-1.0 if self.lower else 1.0)
         kept = left > -100.0 * BETWEEN
-        word = f"margin {max(left, 0.0):.2f} %" if kept else f"exceeded by {-left:.2f} %"
+        word = f"margin {max(0.0, left):.2f} %" if kept else f"exceeded by {-left:.2f} %"
         if not self.binding:
             return word
         share, worth = self.share_of_time, self.worth
