@@ -53,12 +53,9 @@ class LocalReynolds:
         numbers = np.unique(np.concatenate([family.reynolds for family in families]))
         numbers = numbers[np.isfinite(numbers)]
         if numbers.size < 2:
-            raise InputError(
-                "needs polars at two or more Reynolds numbers",
-                "give a CSV file with the column reynolds, or rotor.reynolds: invariant",
-                key="rotor.reynolds",
-                value="local",
-            )
+            problem = "needs polars at two or more Reynolds numbers"
+            remedy = "give a CSV file with the column reynolds, or rotor.reynolds: invariant"
+            raise InputError(problem, remedy, key="rotor.reynolds", value="local")
         tables = {family: tuple(family.at(number) for number in numbers) for family in families}
         polars = tuple(tables[family] for family in families)
         return cls(np.log(numbers), polars, flow_speed, viscosity)

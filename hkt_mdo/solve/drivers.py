@@ -151,11 +151,8 @@ def _carrier(package: str, optimizer: str) -> str:
     candidates = CARRIERS[optimizer] if package == "auto" else (package,)
     for candidate in candidates:
         if candidate not in CARRIERS[optimizer]:
-            raise InputError(
-                f"this package does not have {optimizer}",
-                f"choose from auto, {', '.join(CARRIERS[optimizer])}",
-                value=package,
-            )
+            remedy = f"choose from auto, {', '.join(CARRIERS[optimizer])}"
+            raise InputError(f"this package does not have {optimizer}", remedy, value=package)
         if _is_usable(candidate, optimizer):
             return candidate
     conda = {"pyoptsparse": "conda install -c conda-forge pyoptsparse"}

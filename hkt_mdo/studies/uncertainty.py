@@ -239,7 +239,7 @@ class Design:
         ratio, flow = self.solution.trajectory["tip_speed_ratio"][0], inflow.speed_at(time)
         speed = ratio * flow / self.plant.blade.rotor_radius
         if self.solution.steady and self.law.is_feedback:
-            balanced, running = equilibria(self.plant, self.controller, np.atleast_1d(flow))
+            balanced, running, _ = equilibria(self.plant, self.controller, np.atleast_1d(flow))
             speed = np.where(running, balanced, speed).reshape(np.shape(flow))[()]
         return speed
 
