@@ -139,7 +139,10 @@ def _flaws_of_law(kind: Any) -> Iterator[tuple[str, str]]:
     for method in ("torque_by_speed", "torque_by_gain", "slopes"):
         if getattr(kind, method) is not getattr(FeedbackLaw, method):
             yield f"has its own {method}, which follows from demand", f"leave {method} out"
-    for state, about in kind.states.items() if isinstance(kind.states, dict) else ():
+    states = kind.states if isinstance(kind.states, dict) else {}
+    if isinstance(kind.states, tuple | list) or states.keys() & quantities.QUANTITIES:
+        yield f"has the states {show(kind.states)}", "write a dict, by names that no quantity has"
+    for state, about in states.items():
         if not (np.shape(about) == (2,) and (about[0] is None or is_unit(about[0]))):
             remedy = 'write both, such as ("N*m", "torque behind the lag")'
             yield f"has {show(about)} for unit and description of the state {state}", remedy
