@@ -242,7 +242,7 @@ class TwoStates(FeedbackLaw):
         return gains[0] * (speed - 3.5 * s)
 
     def rates(self, speed, inflow_speed, gains, x, s):
-        return (speed - x, inflow_speed - s)
+        return (speed - 5.0 * s - x, inflow_speed - s)
 
     def at_rest(self, torque, inflow_speed):
         return 0.0 * torque, inflow_speed
@@ -257,7 +257,7 @@ class TwoStates(FeedbackLaw):
 def test_a_law_with_states_returns_a_row_for_each():
     law = load_case({"inflow": "sine", "control": "two"}, extensions=[TwoStates]).control
     speed, flow, gains = np.linspace(6.0, 8.0, 7), np.linspace(1.3, 1.7, 7), np.array([100.0])
-    np.testing.assert_allclose(law.rates(speed, flow, gains, speed, flow), np.zeros((2, 7)))
+    np.testing.assert_allclose(law.rates(speed, flow, gains, speed - 5.0 * flow, flow), np.zeros((2, 7)))
     with pytest.raises(InputError, match=r"speed_at_rest: returns -6\.5, and must"):
         law.speed_at_rest(-flow, gains)
 
