@@ -257,7 +257,9 @@ class TwoStates(FeedbackLaw):
 def test_a_law_with_states_returns_a_row_for_each():
     law = load_case({"inflow": "sine", "control": "two"}, extensions=[TwoStates]).control
     speed, flow, gains = np.linspace(6.0, 8.0, 7), np.linspace(1.3, 1.7, 7), np.array([100.0])
-    np.testing.assert_allclose(law.rates(speed, flow, gains, speed - 5.0 * flow, flow), np.zeros((2, 7)))
+    np.testing.assert_allclose(
+        law.rates(speed, flow, gains, speed - 5.0 * flow, flow), np.zeros((2, 7))
+    )
     with pytest.raises(InputError, match=r"speed_at_rest: returns -6\.5, and must"):
         law.speed_at_rest(-flow, gains)
 
