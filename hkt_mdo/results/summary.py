@@ -160,10 +160,8 @@ class LimitEntry(LoadEntry):
     def row(self, name: str, load: LoadEntry | None = None) -> Row:
         """Return the entry as a row; the load of that name, if there is one, knows the place."""
         limit = f"{'at least' if self.lower else 'limit'} {measured(self.limit, self.unit)}"
-        place = (load or self).place
-        return Row(
-            _largest(name, self.lower), self.value, self.unit, joined(limit, self.margin, place)
-        )
+        note = joined(limit, self.margin, (load or self).place)
+        return Row(_largest(name, self.lower), self.value, self.unit, note)
 
 
 class MemoryEntry(_Entry):

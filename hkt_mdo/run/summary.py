@@ -3,7 +3,7 @@
 import platform
 from collections.abc import Mapping, Sequence
 from importlib import metadata
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -81,6 +81,8 @@ def summarize(
         Those of `hkt_mdo.run.shadow_prices`.
     """
     physics, outcome, gains = finished.physics, finished.result.outcome, finished.start.gains
+    stations = list(_beyond_polars(finished))
+    warned, noted = ([text for x, text in stations if x == kind] for kind in ("warning", "note"))
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     if len(scenarios) > 1 and finished.physics.objective.is_rate:
         _decide(finished.physics, scenarios)
@@ -107,8 +109,8 @@ def summarize(
         "surrogate_nodes": int(finished.result.curve.size),
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
-        "notes": _notes(finished),
-        "doubts": [*physics.warnings, *physics.law.held(gains), *_off_polars(finished, "warning")],
+        "notes": _notes(finished, noted),
+        "doubts": [*physics.warnings, *physics.law.held(gains), *warned],
         "versions": _versions(),
     }
     return Summary.parse(to_json(values))
@@ -337,14 +339,14 @@ def _unstable(verifications):
         )
 
 
-def _notes(finished):
-    """Return the notes about the case's files, the blade and the operation."""
+def _notes(finished, noted):
+    """Return the notes about files, blade and operation, with others that are `noted`."""
     physics = finished.physics
     start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
     return [
         *physics.messages,
         *finished.start.messages,
-        *_off_polars(finished, "note"),
+        *noted,
         *_unresolved(physics, finished.verifications),
         *_unstable(finished.verifications),
         *([start] if start else []),
@@ -352,13 +354,13 @@ def _notes(finished):
     ]
 
 
-def _off_polars(finished, severity):
-    """Return the messages of a severity on stations that the polars' tables do not cover."""
+def _beyond_polars(finished):
+    """Return severity and text of messages on stations that the polars' tables do not cover."""
     blade = finished.result.point.blade
     ratios = _nodes(finished.verifications, "tip_speed_ratio")
     working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
     stations = Stations(blade, finished.physics.rotor.as_built(blade).polar, working)
-    return [text for found, text in stations.messages("found blade") if found == severity]
+    return stations.messages("found blade")
 
 
 def _unresolved(physics, verifications):
@@ -408,16 +410,16 @@ def _limit(pairs, several):
 
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
-    found, binding = {}, []
+    found, binding = [], []
     for limit, verification in pairs:
         known, shares = verification.simulated, limit.share(verification.simulated)
         about = loads.place(known, np.argmax(shares))
         about |= {"scenario": verification.scenario.group} if several else {}
         for each in (known, verification.at_nodes):
-            found.setdefault(np.max(limit.share(each)), _entry(limit, each) | about)
+            found.append((np.max(limit.share(each)), _entry(limit, each) | about))
         binding.append(np.where(shares >= _least(limit), 1.0, 0.0))
     share = _mean([verification for _, verification in pairs], binding)
-    return found[max(found)] | {"share_of_time": round(share, 9)}
+    return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
 
 
 def _loads(verifications):
