@@ -361,18 +361,14 @@ def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickn
     Solid sections have the area of their outline, which is blended between stations; hollow or
     given ones that of the mass, over chord squared, which is linear between stations.
     """
-    material, outlines = rotor.blade_material, [each.outline for each in sections]
-    wall = _together(each.wall for each in sections)
-    about = material.density, material.modulus, wall
-    if thickness is not None:
-        structure = StructureByThickness.of(thickness, outlines, *about)
-    else:
-        structure = Structure.of(outlines if len(outlines) > 1 else outlines[0], *about)
-    moments = sections[0].moments and zip(*(each.moments for each in sections), strict=True)
-    moments = moments and SecondMoments(*map(_together, moments))
-    given = moments or wall is not None or any(each.area is not None for each in rotor.sections)
-    area = _together(each.area for each in sections)
-    return structure.with_section(area, moments) if given and area is not None else structure
+    material, hollow = rotor.blade_material, sections[0].wall is not None
+    walls, given = [each.wall for each in sections] if hollow else None, None
+    if hollow or sections[0].moments or any(each.area is not None for each in rotor.sections):
+        numbers = [(each.area, *(each.moments or ())) for each in sections]
+        given = numbers if sections[0].area is not None else None
+    outlines = [each.outline for each in sections]
+    about = outlines, material.density, material.modulus, walls, given
+    return Structure.of(*about) if thickness is None else StructureByThickness.of(thickness, *about)
 
 
 def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
