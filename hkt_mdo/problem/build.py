@@ -16,14 +16,13 @@ from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.components import area_component
-from hkt_mdo.problem.constraints import held_limits
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
-from hkt_mdo.problem.wake import PULSE, Follower
+from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
@@ -98,7 +97,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     alone : bool
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
-    scales, blade, wake = _scales(physics, setup), setup.start.blade, Follower(physics, setup)
+    blade, band = setup.start.blade, band_of(physics, setup)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
@@ -107,12 +106,11 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
             design.add_output(name, **about)
     for name in kept.keys() - own.keys():
         group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
-    _add_rotors(group, physics, setup, wake.band)
+    _add_rotors(group, physics, setup, band)
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", area_component(blade), promotes=["*"])
-    operation = OperationGroup(physics, setup, scales, wake)
+    operation = OperationGroup(physics, setup, _scales(physics, setup), band)
     group.add_subsystem("operation", operation, promotes=["*"])
-    _declare_constraints(group, physics, setup, scales, wake)
 
 
 def _add_rotors(group, physics, setup, band):
@@ -238,21 +236,6 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
         kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
     return designed, kept
-
-
-def _declare_constraints(model, physics, setup, scales, wake):
-    """Declare the limits as constraints, and closed cycles."""
-    for held in held_limits(physics, setup, scales):
-        model.add_constraint(held.constraint, **held.options)
-    for number, scenario in enumerate(physics.scenarios):
-        if physics.may_pulse and not scenario.steady:
-            lower, upper = wake.bounds(number)
-            about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
-            name = f"{scenario.path}.wake_factor"
-            model.add_constraint(name, lower=lower, upper=upper, **about)
-        if scenario.closed:
-            name = f"{scenario.name}_gain_of_speed.change"
-            model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")
 
 
 def _unknowns(model, physics, setup) -> dict[str, dict]:

@@ -4,7 +4,7 @@ A section has the axes x along its chord, from the leading to the trailing edge,
 towards the upper (suction) side, both from the centroid of its material; see docs/rotor_model.md.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
