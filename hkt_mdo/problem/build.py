@@ -24,7 +24,7 @@ from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
+from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
@@ -118,6 +118,8 @@ def _add_rotors(group, physics, setup, band):
     blade, loads = setup.start.blade, physics.load_names
     tables = [f"{name}_table" for name in ["torque_coefficient"] * physics.has_curve + [*loads]]
     tables = [*band.outputs(loads)] if band else tables
+    weight = physics.asks_for("weight_stress")
+    outputs = ["inertia", *tables, *["weight_stress"] * weight]
     variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}
     for variant, own in ({"": physics.rotor} | variants).items():
         rotor = BladeGroup(
@@ -128,14 +130,11 @@ def _add_rotors(group, physics, setup, band):
             torque=physics.has_curve,
             loads=loads,
             band=band,
+            weight=weight,
         )
-        outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
-        about = {"promotes_inputs": ["*"], "promotes_outputs": outputs if variant else ["*"]}
+        own_names = [(name, named(name, variant)) for name in outputs]
+        about = {"promotes_inputs": ["*"], "promotes_outputs": own_names if variant else ["*"]}
         group.add_subsystem(f"rotor{variant}", rotor, **about)
-        if physics.asks_for("weight_stress"):
-            weight = WeightComp(rotor=own, blade=blade)
-            about["promotes_outputs"] = [("weight_stress", named("weight_stress", variant))]
-            group.add_subsystem(f"weight{variant}", weight, **about)
 
 
 def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om.Driver:
