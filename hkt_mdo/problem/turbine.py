@@ -92,7 +92,8 @@ class _Section(NamedTuple):
     """One section: polars by Reynolds number, thickness, area over chord squared, and outline.
 
     wall is that of a hollow section, None for a solid one. area, moments None: of outline and wall.
-    name is what the polars are called, and shape the outline: empty where another one's is taken.
+    name is what the polars are called, shape the outline: empty where another one's is taken;
+    called is the section's name in tables.
     """
 
     polars: PolarFamily
@@ -103,6 +104,7 @@ class _Section(NamedTuple):
     moments: SecondMoments | None = None
     name: str = ""
     shape: str = ""
+    called: str = ""
 
 
 def build_turbine(
@@ -143,9 +145,9 @@ def build_turbine(
     if station_count is not None:
         rotor = rotor.model_copy(update={"stations": None, "station_count": station_count})
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
-    reach = float(min(stations[-1], table.r[-1])) / (1.0 if table.relative else tip_radius)
+    reach = float(min(stations[-1], table.r[-1])) / tip_radius
     read = () if rotor.blade in shipped_names("blade") else table.messages
-    table = _at_stations(table, stations).scaled(tip_radius)
+    table = _at_stations(table, stations)
     cone = np.deg2rad(rotor.cone) if rotor.cone is not None else table.cone or 0.0
     set_angle = 0.0 if rotor.chord is not None else np.deg2rad(rotor.set_angle or 0.0)
     count = rotor.blade_count or table.blade_count or BLADES
@@ -179,10 +181,7 @@ def build_turbine(
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
-    """Return the blade's rows for the case's tip radius, tip radius and hub radius, m.
-
-    Rows whose lengths are over the tip radius stay so, to be interpolated as they are written.
-    """
+    """Return the blade's rows for the case's tip radius, tip radius and hub radius, m."""
     fraction = rotor.hub_radius_fraction
     if rotor.chord is not None:
         radius = _radius(rotor, None)
@@ -209,7 +208,7 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         known = table.hub_radius is not None and table.tip_radius is not None
         fraction = table.hub_radius / table.tip_radius if known else HUB
     radius = _radius(rotor, None if table.relative else table.tip_radius)
-    return table if table.relative else table.scaled(radius), radius, fraction * radius
+    return table.scaled(radius), radius, fraction * radius
 
 
 def _radius(rotor: Rotor, own: float | None) -> float:
@@ -222,40 +221,39 @@ def _radius(rotor: Rotor, own: float | None) -> float:
 
 
 def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the radii of the stations in the table's unit of length, and messages about them."""
-    tip, hub = (1.0, hub_radius / tip_radius) if table.relative else (tip_radius, hub_radius)
-    low, high = table.r[0] / tip, table.r[-1] / tip
+    """Return the radii of the stations, m, and messages about them."""
+    low, high, hub = np.array([table.r[0], table.r[-1], hub_radius]) / tip_radius
     if rotor.stations is None and rotor.station_count is None:
-        own = table.interior(hub)
+        own = table.interior(hub_radius)
         if own.size < 3:
-            problem = f"has {own.size} rows between hub (r/R = {hub / tip:.4g}) and tip"
+            problem = f"has {own.size} rows between hub (r/R = {hub:.4g}) and tip"
             remedy = "give rotor.station_count, such as 10, or at least 3 rows there"
             raise InputError(problem, remedy, file=rotor.blade)
         text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
         left_out = own.size < table.r.size
         notes = [f"{text} no load; the other rows are the stations"] if left_out else []
-        if low > hub / tip + OUTBOARD:
-            text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub / tip:.4g}: the load falls"
+        if low > hub + OUTBOARD:
+            text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub:.4g}: the load falls"
             text += " to zero between them"
             notes.append(f"{text}; with rotor.station_count the first row is continued to the hub")
         return own, tuple(notes)
     if rotor.stations is None:
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
-        fraction = hub / tip + (1.0 - hub / tip) * 0.5 * (1.0 - np.cos(angle))
+        fraction = hub + (1.0 - hub) * 0.5 * (1.0 - np.cos(angle))
     else:
         fraction = np.array(rotor.stations)
-        if fraction[0] * tip <= hub:
+        if fraction[0] * tip_radius <= hub_radius:
             problem = f"lies on or within the hub, whose radius is {hub_radius:.6g} m"
             remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
             raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
     if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):
-        return fraction * tip, ()
+        return fraction * tip_radius, ()
     if rotor.stations is not None:
         reach = f"but rotor.stations reach {fraction[0]:g} … {fraction[-1]:g}"
         problem = f"blade covers r/R = {low:g} … {high:g} {reach}"
         raise InputError(problem, "change them or extend the file", file=rotor.blade)
     text = f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section continue"
-    return fraction * tip, (f"{text} unchanged to hub and tip",)
+    return fraction * tip_radius, (f"{text} unchanged to hub and tip",)
 
 
 def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
@@ -270,18 +268,13 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
 
 def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tuple]:
     """Return the one section of the blade, or that of every station; messages; and the blends."""
-    called = {
-        entry.name or str(number + 1): entry.name or Path(entry.outline or entry.polar).stem
-        for number, entry in enumerate(rotor.sections)
-    }
     if len(named) == 1:
-        ((name, section),) = named.items()
-        name = called.get(name, name or Path(rotor.polar or POLAR).stem)
+        (section,) = named.values()
         sections, notes = _of_thickness(rotor, table.thickness, section)
-        return sections, notes, ((name, name, 0.0),) * len(sections)
+        return sections, notes, ((section.called, section.called, 0.0),) * len(sections)
     pairs, messages = _pairs(rotor, table, named)
     mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
-    blends = ((called.get(a, a), called.get(b, b), share) for a, b, share in pairs)
+    blends = ((named[a].called, named[b].called, share) for a, b, share in pairs)
     own, told = np.array([each.thickness for each in mixed]), table.thickness
     if table.section and told is not None and np.max(np.abs(own - told)) > OTHER:
         spans = (f"{100.0 * np.min(x):.3g} to {100.0 * np.max(x):.3g} %" for x in (told, own))
@@ -403,21 +396,22 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
         outline = None if entry.outline is None else Outline.from_file(entry.outline)
         shape = entry.outline or rotor.outline or ""
-        parts = from_file(entry.polar), outline, entry.thickness, entry, entry.polar, shape
+        names = entry.polar, shape, entry.name or Path(entry.outline or entry.polar).stem
+        parts = from_file(entry.polar), outline, entry.thickness, entry, *names
         named[entry.name or str(number + 1)] = parts
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = Outline(*each.outline) if each.outline else None
             shape = rotor.outline or (rotor.blade if outline else "")
-            polars = PolarFamily.from_tables(each.polars)
-            named[each.name] = polars, outline, each.thickness, None, each.name, shape
+            parts = PolarFamily.from_tables(each.polars), outline, each.thickness, None
+            named[each.name] = *parts, each.name, shape, each.name
         several = sorted({name for pair in table.section or () for name in pair[:2]})
         if not named and several:
             problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
     polar, shape = rotor.polar or POLAR, rotor.outline or ("" if rotor.polar else OUTLINE)
-    named = named or {"": (from_file(polar), None, None, None, polar, shape)}
+    named = named or {"": (from_file(polar), None, None, None, polar, shape, Path(polar).stem)}
     sections = [_section(rotor, *parts) for parts in named.values()]
     notes = [note for each in sections for note in each.polars.messages]
     other = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
@@ -441,7 +435,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
 
 
-def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Section:
+def _section(rotor, polars, outline, thickness, entry, *names) -> _Section:
     """Return a section with the wall, area and second moments that the case gives, if any.
 
     One without an outline has the rotor's, stretched to its thickness.
@@ -452,7 +446,7 @@ def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Se
         own = own.stretched(thickness / own.thickness)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
     moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
-    return _Section(polars, thickness, area, own, wall or rotor.wall, moments, name, shape)
+    return _Section(polars, thickness, area, own, wall or rotor.wall, moments, *names)
 
 
 def _alike(sections) -> list[_Section]:
