@@ -133,14 +133,16 @@ class FormulaComp(om.ExplicitComponent):
 
     def __init__(self, formula: Formula, size=1, gain_units=()):
         super().__init__()
-        self._formula, self._size, self._gain_units = formula, size, gain_units
+        self._formula, self._size, gains = formula, size, "gains" in formula.inputs
+        self._gains = {f"gain_{i}": units for i, units in enumerate(gain_units) if gains}
+        names = *(name for name in formula.inputs if name != "gains"), *self._gains
+        self._places = dict(zip(names, names, strict=True))
 
     def setup(self):
         formula, size = self._formula, self._size
-        for name in formula.inputs:
-            if name == "gains":
-                for i, units in enumerate(self._gain_units):
-                    self.add_input(f"gain_{i}", units=units, desc="feedback gain")
+        for name in self._places:
+            if name in self._gains:
+                self.add_input(name, units=self._gains[name], desc="feedback gain")
             elif name == "torque_coefficient_table":
                 text = "torque coefficient of the curve"
                 self.add_input(name, shape_by_conn=True, desc=text)
@@ -153,32 +155,25 @@ class FormulaComp(om.ExplicitComponent):
 
     def setup_partials(self):
         rows = np.arange(self._size)
-        for name in self._formula.inputs:
-            if name in self._formula.series:
-                self.declare_partials("value", name, rows=rows, cols=rows)
-            else:
-                self.declare_partials("value", "gain_*" if name == "gains" else name)
+        for name in self._places:
+            diagonal = {"rows": rows, "cols": rows} if name in self._formula.series else {}
+            self.declare_partials("value", name, **diagonal)
 
-    def _quantities(self, inputs):
-        """Return what the formula takes: arrays over time and span, numbers, table and gains."""
-        names, count = self._formula.inputs, len(self._gain_units)
-        found = _known(inputs, {name: name for name in names if name != "gains"})
-        if "gains" in names:
-            found["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-        return found
+    def _value(self, **known):
+        """Return the value of known quantities, of which the formula takes the gains together."""
+        gains = [known.pop(name) for name in self._gains]
+        together = {"gains": np.concatenate(gains)} if gains else {}
+        return self._formula.value(**known, **together)
 
     def compute(self, inputs, outputs):
-        outputs["value"] = self._formula.value(**self._quantities(inputs))
+        outputs["value"] = self._value(**_known(inputs, self._places))
 
     def compute_partials(self, inputs, partials):
-        for name, by in self._formula.partials(**self._quantities(inputs)).items():
-            if name == "gains":
-                for i, column in enumerate(by.T):
-                    partials["value", f"gain_{i}"] = column[:, None]
-            elif name in self._formula.series:
-                partials["value", name] = by
-            else:
-                partials["value", name] = by.reshape(self._size, -1)
+        known = _known(inputs, self._places)
+        for name in known:
+            over_time = name in self._formula.series
+            by = slope(self._value, known, name, diagonal=over_time)
+            partials["value", name] = by if over_time else by.reshape(self._size, -1)
 
 
 class IntegralComp(om.ExplicitComponent):

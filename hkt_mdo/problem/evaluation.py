@@ -8,6 +8,7 @@ rotor in motion.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -40,11 +41,10 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
     that limits and objectives may take. The generator torque is that of a static law, else it
     balances the flow's; states of the control law are in equilibrium.
     """
-    if point not in physics.known:
-        physics.known[point] = _quantities(physics, point)
-    return [dict(each) for each in physics.known[point]]
+    return [dict(each) for each in _quantities(physics, point)]
 
 
+@lru_cache(maxsize=8)  # every limit of a problem asks, and the checks of a run
 def _quantities(physics, point) -> list[dict]:
     """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
