@@ -13,7 +13,7 @@ from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
-_SPEEDS = "rotor_speed", "inflow_speed"
+_SPEEDS, _FIXED = ("rotor_speed", "inflow_speed"), ("rotor_radius", "density")
 _NONE = np.empty(0)
 
 
@@ -31,20 +31,19 @@ class LoadComp(om.ExplicitComponent):
         self._nodes, self._loads, self._model = num_nodes, names, model
 
     def setup(self):
-        n, rows = self._nodes, np.arange(self._nodes)
-        about = {name: QUANTITIES[name].meta for name in (*_SPEEDS, "rotor_radius", "density")}
-        kind, size = "table", self._model.nodes.size
+        n, rows, size = self._nodes, np.arange(self._nodes), self._model.nodes.size
+        self._series, kind = [*_SPEEDS], "table"
         if isinstance(self._model, Band):
-            about["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
-            kind, size = "band", size * FACTORS.size
+            self._series, kind, size = [*_SPEEDS, "wake_ratio"], "band", size * FACTORS.size
+            self.add_input("wake_ratio", shape=(n, 1), desc="tip speed ratio of the wake")
+        for name in (*_SPEEDS, *_FIXED):
+            _add_known(self, name, name, n)
+        self._places = {name: name for name in (*self._series, *_FIXED)}
         self._tables = {name: f"{name}_{kind}" for name in self._loads}
-        self._series = [name for name in about if name not in ("rotor_radius", "density")]
-        for name, meta in about.items():
-            self.add_input(name, shape=(n, 1) if name in self._series else 1, **meta)
         for name, table in self._tables.items():
             self.add_input(table, shape=size, units=QUANTITIES[name].per_pressure)
             self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
-            self.declare_partials(name, ("rotor_radius", "density", table))
+            self.declare_partials(name, (*_FIXED, table))
             self.declare_partials(name, self._series, rows=rows, cols=rows)
 
     @staticmethod
@@ -53,18 +52,13 @@ class LoadComp(om.ExplicitComponent):
         ratio = rotor_speed * rotor_radius / inflow_speed
         return (0.5 * density * inflow_speed**2 * coefficient(ratio, *wake.values()).T).T
 
-    def _quantities(self, inputs):
-        """Return the inputs that are no tables, as `_load` takes them."""
-        names = *self._series, "rotor_radius", "density"
-        return _known(inputs, dict(zip(names, names, strict=True)))
-
     def compute(self, inputs, outputs):
-        known = self._quantities(inputs)
+        known = _known(inputs, self._places)
         for name, table in self._tables.items():
             outputs[name][:, 0] = self._load(self._model.curve(inputs[table]), **known)
 
     def compute_partials(self, inputs, partials):
-        known = self._quantities(inputs)
+        known = _known(inputs, self._places)
         basis = self._load(self._model.basis, **known)
         for name, table in self._tables.items():
             partials[name, table] = basis

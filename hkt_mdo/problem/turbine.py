@@ -155,29 +155,30 @@ def build_turbine(
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
     named, notes = _named_sections(rotor, table)
     rotor, chosen = _with_reynolds(rotor, named)
-    messages = (*messages, *notes, *chosen)
-    about = {"sections": tuple(named.values()), "reynolds_number": rotor.reynolds_number}
-    about |= {"doubts": table.doubts, "reach": reach}
     if design is not None and design.thickness_points:
-        polar, area, structure = _by_thickness(rotor, design, named)
+        sections, blended, blends = list(_in_order(named).values()), (), ()
+        polar, area, structure = _by_thickness(rotor, design, sections)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
         blade = replace(blade, thickness=thickness)
-        about |= _shapes([named[name] for name in _in_order(named)])
-        return Turbine(blade, polar, area, thickness, structure, (*read, *messages), **about)
-    sections, blended, blends = _sections(rotor, table, named)
-    sections = [x._replace(area=x.area or material_section(x.outline, x.wall)[0]) for x in sections]
-    families, thickness, area, *_ = zip(*sections, strict=True)
-    if rotor.reynolds == "local":
-        families = families if len(families) > 1 else families * stations.size
-        polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
     else:
-        one = all(family is families[0] for family in families)
-        polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
-        polar = polar[0] if one else polar
-    area, thickness = map(_together, (area, thickness))
-    structure = _structure(rotor, sections)
-    about |= _shapes(sections) | {"messages": (*read, *messages, *blended), "blends": blends}
-    return Turbine(blade, polar, area, thickness, structure, **about)
+        sections, blended, blends = _sections(rotor, table, named)
+        areas = [x.area or material_section(x.outline, x.wall)[0] for x in sections]
+        sections = [x._replace(area=own) for x, own in zip(sections, areas, strict=True)]
+        area, thickness = _together(areas), _together([each.thickness for each in sections])
+        families = [each.polars for each in sections]
+        if rotor.reynolds == "local":
+            families = families if len(families) > 1 else families * stations.size
+            polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
+        else:
+            one = all(family is families[0] for family in families)
+            polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
+            polar = polar[0] if one else polar
+        structure = _structure(rotor, sections)
+    outlines = tuple(each.outline for each in sections)
+    walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
+    about = polar, area, thickness, structure, (*read, *messages, *notes, *chosen, *blended)
+    known = tuple(named.values()), rotor.reynolds_number, table.doubts, reach
+    return Turbine(blade, *about, outlines, walls, blends, *known)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -302,16 +303,15 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
     return _alike(sections), (note,)
 
 
-def _by_thickness(rotor, design, named):
-    """Return polars, area and structure over the thickness; refuse sections without an order."""
-    if len(named) < 2:
+def _by_thickness(rotor, design, sections):
+    """Return polars, area and structure over the thickness of sections from thin to thick."""
+    if len(sections) < 2:
         problem, remedy = "needs several sections, of different thickness", "give rotor.sections"
         raise InputError(problem, remedy, key="design.thickness_points")
     if rotor.reynolds == "local":
         problem = "is designed, which local Reynolds numbers do not allow"
         remedy = "give rotor.reynolds: invariant, or leave out design.thickness_points"
         raise InputError(problem, remedy, key="design.thickness_points")
-    sections = [named[name] for name in _in_order(named)]
     thickness = np.array([each.thickness for each in sections])
     low, high = float(thickness[0]), float(thickness[-1])
     bounds = design.thickness_bounds or (low, high)
@@ -321,8 +321,8 @@ def _by_thickness(rotor, design, named):
         raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
     bounds = tuple(float(each) for each in np.clip(bounds, low, high))
     polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
-    structure, area = _structure(rotor, sections, thickness), _together(x.area for x in sections)
-    area = structure.area if area is None else over_thickness(thickness, area)
+    structure, area = _structure(rotor, sections, thickness), [each.area for each in sections]
+    area = structure.area if None in area else over_thickness(thickness, area)
     return ByThickness.of(thickness, polars, bounds), area, structure
 
 
@@ -331,21 +331,14 @@ def _starting_thickness(rotor, table, named) -> np.ndarray:
     if table.thickness is not None:
         return table.thickness
     if table.section is None:
-        ends = [named[name].thickness for name in _in_order(named)]
-        return np.full(table.r.size, 0.5 * (ends[0] + ends[-1]))
+        given = [each.thickness for each in named.values()]
+        return np.full(table.r.size, 0.5 * (min(given) + max(given)))
     return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
 
 
 def _together(values):
-    """Return values of sections as one array; of one section its value, None where they are."""
-    first, *others = values
-    return np.array([first, *others]) if others and first is not None else first
-
-
-def _shapes(sections) -> dict[str, tuple]:
-    """Return the outlines and walls of a `Turbine`."""
-    walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
-    return {"outlines": tuple(each.outline for each in sections), "walls": walls}
+    """Return values of sections as an array; of one section its value."""
+    return np.array(values) if len(values) > 1 else values[0]
 
 
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
@@ -504,25 +497,25 @@ def _pairs(rotor, table, named):
         problem = f"has neither thickness nor section of its rows, but there are {len(named)}"
         remedy = "add a column t_over_c or section"
         raise InputError(f"{problem} sections", remedy, file=rotor.blade)
-    by_thickness = _in_order(named)
-    values = np.array([named[name].thickness for name in by_thickness])
+    ordered = _in_order(named)
+    names, values = list(ordered), np.array([each.thickness for each in ordered.values()])
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
     text = f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
     text += f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)
     places = zip(inner, place, strict=True)
-    pairs = [(by_thickness[i], by_thickness[i + 1], float(at - i)) for i, at in places]
+    pairs = [(names[i], names[i + 1], float(at - i)) for i, at in places]
     return pairs, (text,) if np.any(beyond) else ()
 
 
-def _in_order(named) -> list[str]:
-    """Return the names of sections from the thinnest to the thickest."""
-    names = sorted(named, key=lambda name: named[name].thickness)
-    if np.any(np.diff([named[name].thickness for name in names]) <= 0.0):
+def _in_order(named) -> dict[str, _Section]:
+    """Return sections from the thinnest to the thickest; refuse some that have no order."""
+    ordered = dict(sorted(named.items(), key=lambda pair: pair[1].thickness))
+    if len({each.thickness for each in named.values()}) < len(named):
         problem, remedy = "has two sections of one thickness", "keep one of them"
         raise InputError(problem, remedy, key="rotor.sections")
-    return names
+    return ordered
 
 
 def _invariant(family: PolarFamily, number: float | None) -> Polar:
