@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.compiled import compiled
-from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.thickness import over_thickness
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
@@ -395,22 +395,12 @@ def material_section(outline, wall=None):
     points : ndarray of shape (n, 2)
         Those of the outline from the centroid, over the chord.
     """
-    area, centroid, moments = outline.area, np.array(outline.centroid), outline.second_moments
-    hollow = None if wall is None else outline.hollowed(wall)
-    if hollow is not None:
-        apart = np.array(hollow.centroid) - centroid
-        shift = -hollow.area / (area - hollow.area) * apart  # of the centroid
-        whole = _about(area, moments, shift)
-        inner = _about(hollow.area, hollow.second_moments, apart - shift)
-        area, moments = area - hollow.area, SecondMoments(*np.subtract(whole, inner))
-        centroid = centroid + shift
-    return area, moments, np.column_stack((outline.x, outline.y)) - centroid
-
-
-def _about(area, moments, apart):
-    """Return second moments about an axis at a distance (x, y) from the centroid."""
-    x, y = apart
-    return moments.xx + area * y * y, moments.yy + area * x * x, moments.xy + area * x * y
+    material, hollow = outline, None if wall is None else outline.hollowed(wall)
+    if hollow is not None:  # once round the outline, and back round the hollow
+        outer, inner = outline.upper_first, hollow.upper_first[::-1]
+        material = Outline(*np.concatenate((outer, outer[:1], inner, inner[:1])).T)
+    points = np.column_stack((outline.x, outline.y)) - material.centroid
+    return material.area, material.second_moments, points
 
 
 def _governing(shapes, same=False):
