@@ -173,8 +173,7 @@ def physics(case: Case) -> Physics:
     flows = {message: None for each in whole for message in each.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
-    radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
-    most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
+    most = MOST_TORQUE * float(torque_scale(case.fluid.density, shape.radii[1], fastest))
     if limit is not None and limit > most:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
@@ -274,8 +273,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
             raise InputError(problem, remedy, key="limits.cavitation")
         require_suction(polars)
     key = "site.hub_depth" if asked.depth is None else "limits.cavitation.depth"
-    tip = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
-    if depth is not None and depth <= tip:
+    if depth is not None and depth <= (tip := shape.radii[1]):
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)

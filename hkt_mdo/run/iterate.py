@@ -129,9 +129,7 @@ def _design(physics, data):
     )
     if np.any(found[0] <= 0.0) or radius <= 0.0:
         raise ValueError
-    blade = physics.blade
-    if shape.radius_bounds is not None:
-        blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
+    blade = physics.blade.with_rotor_radius(float(np.clip(radius, *shape.radii)))
     gains = _numbers(data["gains"], len(physics.law.gain_units))
     blade = shape.nearest(blade.with_shape(*found))
     if physics.designs_hub:

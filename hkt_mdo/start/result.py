@@ -64,9 +64,7 @@ def _blade(physics: Physics, summary) -> Blade:
     With its radius if the case designs that, otherwise scaled to the case's radius.
     """
     shape, radius = physics.shape, summary.rotor_radius_m
-    blade = physics.blade
-    if shape.radius_bounds is not None:
-        blade = blade.with_rotor_radius(float(np.clip(radius, *shape.radius_bounds)))
+    blade = physics.blade.with_rotor_radius(float(np.clip(radius, *shape.radii)))
     scale = blade.rotor_radius / radius
     places = np.array(summary.r_m) * scale
 
