@@ -30,15 +30,6 @@ from hkt_mdo.solve.totals import Substitution
 
 AT_REST = 0.4  # of a rate at rest over the size of its terms; a law may be near its torque limit
 WAKE_SHARE = 0.3  # typical axial induction
-_POINTS = "control points of its spline"
-DESIGNED = {
-    "rotor_radius": ("m", "radius of the swept disc"),
-    "chord_control": ("m", f"chord at the stations, or {_POINTS}"),
-    "twist_control": ("rad", f"twist at the stations, {_POINTS}, or the set angle"),
-    "thickness_control": (None, f"thickness over chord at the stations, or {_POINTS}"),
-    "hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades"),
-}
-"""Unit and description of the design variables besides the gains."""
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
 # bounds, and most iterations are needed to return. On a finer mesh an open loop has little to gain
@@ -218,14 +209,17 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
         given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
-    gains = {f"gain_{i}": (units, "feedback gain") for i, units in enumerate(law.gain_units)}
-    given += zip(gains, start.gains, law.sizes(start.gains), strict=True)
+    others = {f"gain_{i}": (units, "feedback gain") for i, units in enumerate(law.gain_units)}
+    given += zip(others, start.gains, law.sizes(start.gains), strict=True)
+    others["hub_inertia"] = "kg*m**2", "inertia of all that turns besides the blades"
     for name, value, ref in given:
-        units, text = (DESIGNED | gains)[name]
-        about = {"val": value, "units": units, "desc": text}
+        quantity = QUANTITIES.get(name.removesuffix("_control"))
+        units, text = (quantity.unit, quantity.text) if quantity else others[name]
         if name in bounds:
             low, high = bounds[name]
             model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+        text = f"design variables: {text}" if name.endswith("_control") else text
+        about = {"val": value, "units": units, "desc": text}
         (designed if name in bounds else kept)[name] = about
     for scenario in physics.scenarios:
         name = named("density", physics.variant(scenario))
