@@ -251,8 +251,8 @@ class RememberingComp(_NodeComp):
     def setup(self):
         super().setup()
         self._shift = {}
-        for name, about in self.band.outputs(()).items():
-            self.add_input(name, val=np.ones(about["shape"]), tags=["dymos.static_target"])
+        for name, shape in self.band.outputs(()).items():
+            self.add_input(name, val=np.ones(shape), tags=["dymos.static_target"])
 
     def setup_partials(self):
         super().setup_partials()

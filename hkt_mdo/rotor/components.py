@@ -7,7 +7,6 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.band import TORQUE_TABLE, load_table
 from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -206,21 +205,19 @@ class TablesComp(BladeComp):
         rows = np.arange(self._nodes.size)
         if self._vary:
             self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
-        for name, about in self._described().items():
-            self.add_output(name, **about)
+        names = *["torque_coefficient"] * self._torque, *self._loads
+        shapes = dict.fromkeys([f"{name}_table" for name in names], self._nodes.shape)
+        if self._band is not None:
+            shapes = self._band.outputs(self._loads)
+        shapes |= dict.fromkeys(["weight_stress"] * self._weight, (1,))
+        for name, shape in shapes.items():
+            load = QUANTITIES.get(name.rpartition("_")[0])
+            units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
+            text = f"{name.replace('_', ' ')} of the blade"
+            self.add_output(name, shape=shape, units=units, desc=text)
             self.declare_partials(name, self.inputs_of_blade)
             if self._vary:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
-
-    def _described(self):
-        """Return the metadata of each output."""
-        about = {"weight_stress": QUANTITIES["weight_stress"].meta} if self._weight else {}
-        if self._band is not None:
-            return about | self._band.outputs(self._loads)
-        shape = self._nodes.shape
-        if self._torque:
-            about["torque_coefficient_table"] = {"shape": shape, "desc": TORQUE_TABLE}
-        return about | {f"{name}_table": load_table(name, shape) for name in self._loads}
 
     def _tables(self, inputs):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
