@@ -406,7 +406,7 @@ def _stress(model, blade, flow, ratio):
     weak, strong = _about_chord(flapwise + rate * bend, edgewise, twist)
     wanted = change if flow.derivatives.size else None
     tension = rate * pull / (area * chord**2)
-    bending = structure.bending(weak, strong, chord, wanted)
+    bending = structure.bending(weak, strong, chord, wanted, tension)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
         return Load(r, exact, values)

@@ -26,7 +26,7 @@ class Bending(NamedTuple):
 
     largest is over the outline; smooth, never below it, a norm over it with the derivatives by_weak
     and by_strong by both moments (1/m³), and by_change by the sections where a change of them is
-    given.
+    given. At places with too little stress for the norm along the blade, smooth is the largest.
     """
 
     largest: np.ndarray
@@ -98,7 +98,7 @@ class Structure:
         points = _governing([points for _, _, points in sections])
         return cls(*numbers.T, points, float(density), modulus, n if n > 1 else None)
 
-    def bending(self, weak, strong, chord, change=None):
+    def bending(self, weak, strong, chord, change=None, tension=0.0):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
         weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
@@ -117,6 +117,8 @@ class Structure:
             Chord (m).
         change : Structure, optional
             Rate of the structure by what `by_change` is by.
+        tension : float or ndarray of shape (n_points, n_places)
+            Stress (Pa) that is added at each place.
 
         Returns
         -------
@@ -126,7 +128,8 @@ class Structure:
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
         moved = None if change is None else change.points
-        smooth, largest, by_u, by_v, by_points = _around(u, v, self.points, moved)
+        around = _around(u, v, self.points, moved, np.real(tension))
+        smooth, largest, by_u, by_v, by_points = around
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
         if change is not None:
@@ -323,34 +326,39 @@ def norm(values, exponent=EXPONENT):
     return largest * total ** (1.0 / exponent), share, largest
 
 
-def _around(u, v, points, moved):
+def _around(u, v, points, moved, added):
     """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
 
-    u and v are [n_points, n_places]; points[n or 1, n_outline, 2] and their rates moved, or None,
-    are as in `Structure`. Returned are the `norm`, the largest, and the
+    u, v and added, the stress besides, are [n_points, n_places]; points[n or 1, n_outline, 2] and
+    their rates moved, or None, as in `Structure`. Returned are the `norm`, the largest, and the
     norm's derivatives by u, by v and by what moves the points, each [n_points, n_places].
     """
     shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
-    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v))
+    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v, added))
     outlines = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
     slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), EXPONENT)
     return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
 
 
 @compiled(error_model="numpy")
-def _norms_around(u, v, points, moved, exponent):
+def _norms_around(u, v, added, points, moved, exponent):
     slopes, largest = np.zeros((4, *u.shape), dtype=u.dtype), np.zeros(u.shape)
-    negligible = np.exp(-40.0 / exponent)
+    negligible, most = np.exp(-40.0 / exponent), points.shape[2] ** (1.0 / exponent)
     for i in range(u.shape[0]):
         for j in range(u.shape[1]):
-            k, u_here, v_here = min(j, len(points) - 1), u[i, j], v[i, j]
-            top = largest[i, j] = _largest(u_here, v_here, points[k])
+            k = min(j, len(points) - 1)
+            largest[i, j] = _largest(u[i, j], v[i, j], points[k])
+        needed = negligible * np.max(largest[i] + added[i])
+        for j in range(u.shape[1]):
+            k, top, u_here, v_here = min(j, len(points) - 1), largest[i, j], u[i, j], v[i, j]
             if top == 0.0:
                 continue
+            counts = most * top + added[i, j] > needed  # in the norm along the blade
+            near = top * (negligible if counts else 1.0 - 1e-12)  # else its farthest point alone
             total = by_u = by_v = by_points = 0.0 * u_here
             for at in range(points.shape[2]):
                 value = points[k, 0, at] * u_here + points[k, 1, at] * v_here
-                if abs(value.real) > negligible * top:  # the others are below the last digit
+                if abs(value.real) > near:  # the others are below the last digit
                     ratio = value / (top if value.real > 0.0 else -top)
                     power = ratio ** (exponent - 1)
                     total += power * ratio
@@ -358,6 +366,8 @@ def _norms_around(u, v, points, moved, exponent):
                     by_u += power * points[k, 0, at]
                     by_v += power * points[k, 1, at]
                     by_points += power * (moved[k, 0, at] * u_here + moved[k, 1, at] * v_here)
+                    if not counts:
+                        break
             scale = total ** (1.0 / exponent - 1.0)
             slopes[0, i, j], slopes[1, i, j] = top * total * scale, by_u * scale
             slopes[2, i, j], slopes[3, i, j] = by_v * scale, by_points * scale
