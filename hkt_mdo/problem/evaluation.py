@@ -205,9 +205,6 @@ def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, f
     return found
 
 
-def broken_limits(physics: Physics, point: StartingPoint, most: float = START_EXCESS) -> list[str]:
-    """Return the names of the limits, design bounds aside, that a point exceeds by more than that.
-
-    `most` is relative.
-    """
-    return [name for name, (over, _) in excesses(physics, point).items() if over > most]
+def broken_limits(physics: Physics, point: StartingPoint) -> list[str]:
+    """Return the names of the limits, design bounds aside, that a point does not keep."""
+    return [name for name, (over, _) in excesses(physics, point).items() if over > START_EXCESS]

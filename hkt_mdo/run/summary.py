@@ -16,7 +16,7 @@ from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
 from hkt_mdo.problem.equilibrium import SteadyScenario
-from hkt_mdo.problem.point import KEPT_EXCESS
+from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, Described
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
@@ -120,7 +120,7 @@ def _branches(start):
     """Yield the branches of the search for a result's start, that of the result first."""
     sides = [each for each in start.starts if each.side]
     for each in sorted(sides, key=lambda x: x.side != start.branch):
-        about = {"taken": each.side == start.branch, "kept": each.excess <= KEPT_EXCESS}
+        about = {"taken": each.side == start.branch, "kept": each.excess <= START_EXCESS}
         yield {"name": each.side, "objective_J": each.objective} | about
 
 

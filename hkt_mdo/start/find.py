@@ -23,7 +23,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import excesses, objective_at, split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint, StartRecord, records
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
@@ -171,8 +171,8 @@ def other_branch(start: StartingPoint) -> StartingPoint | None:
     if len(start.branches) < 2:
         return None
     first, other = start.branches
-    kept, objective = other.worth
-    if not kept or objective < (1.0 - FAR_BEHIND) * first.objective:
+    behind = other.objective < (1.0 - FAR_BEHIND) * first.objective
+    if behind or other.excess > START_EXCESS:
         return None
     return replace(other, branches=(other, first), starts=start.starts, messages=start.messages)
 
@@ -254,7 +254,7 @@ class Search:
                     guide = begin
                 if (digits := f"{guide.objective:.6g}") not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
-                    if found[-1].worth[0]:
+                    if found[-1].excess <= START_EXCESS:
                         followed.add(digits)
         rank = MERIT if law.is_feedback else self._less_stall
         found.sort(key=rank, reverse=True)
@@ -312,7 +312,7 @@ class Search:
         own = replace(self.physics, objective=self.physics.start_objective)
         limited = [limit.name for limit in self._schedules.limits]
         over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
-        exceeds = tuple(name for name, x in over.items() if x > KEPT_EXCESS)
+        exceeds = tuple(name for name, x in over.items() if x > START_EXCESS)
         excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
         objective = objective_at(own, point) + own.price_of(point.blade)
         return replace(point, objective=objective, excess=excess, exceeds=exceeds)
@@ -343,7 +343,7 @@ class Search:
         law, rivals = steady.law.law, []
         if point.branch != self.branches[0]:
             known = [each for each in self.tried if each.law == law]
-            rivals = [each.objective for each in known if each.excess <= KEPT_EXCESS]
+            rivals = [each.objective for each in known if each.excess <= START_EXCESS]
         end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
         return self._noted(law, self._on_its_side(end, steady))
 
