@@ -156,6 +156,22 @@ class Design:
         estimate = FlowEstimate(self.known) if law.estimates_flow else None
         return FeedbackTorque(law, self.gains, estimate)
 
+    def steady(self, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the flows in which the rotor turns steadily under its feedback law, and how fast.
+
+        Parameters
+        ----------
+        flow : numpy.ndarray, shape (n_flows,)
+            Speeds of the flow, m/s.
+
+        Returns
+        -------
+        flow, speed : numpy.ndarray, shape (n_running,)
+            Those in which there is a balance of torques, m/s, and the rotor speeds, rad/s.
+        """
+        speed, running, _ = equilibria(self.plant, FeedbackTorque(self.law, self.gains), flow)
+        return flow[running], speed[running]
+
     def initial_speed(self, inflow, time=0.0):
         """Return the rotor speed at which the design begins in another flow.
 
