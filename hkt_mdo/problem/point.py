@@ -27,12 +27,15 @@ class Operation:
         At the samples of the flow, rad/s and N m, shape (n_times,).
     running : bool
         Whether an unstalled equilibrium exists at every instant.
+    states : tuple of np.ndarray
+        Those of the control law, in its units, shape (n_times,) each.
     """
 
     energy: float
     rotor_speed: np.ndarray
     hydrodynamic_torque: np.ndarray
     running: bool = True
+    states: tuple[np.ndarray, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ class Design:
         """Return the rotor speed at which the design begins in another flow.
 
         It is that of the design's first tip speed ratio; of a design of steady flow under feedback,
-        that of the law's equilibrium, if there is one.
+        and under a law with states, that of the equilibrium, if there is one.
 
         Parameters
         ----------
@@ -192,7 +192,7 @@ class Design:
         """
         ratio, flow = self.solution.trajectory["tip_speed_ratio"][0], inflow.speed_at(time)
         speed = ratio * flow / self.plant.blade.rotor_radius
-        if self.solution.steady and self.law.is_feedback:
+        if self.law.states or (self.solution.steady and self.law.is_feedback):
             balanced, running, _ = equilibria(self.plant, self.controller, np.atleast_1d(flow))
             speed = np.where(running, balanced, speed).reshape(np.shape(flow))[()]
         return speed
@@ -262,7 +262,7 @@ class Design:
         return simulate(self.plant, inflow, self.controller, *about)
 
     def start(self, inflow, speed, time=0.0):
-        """Return the start of a simulation, with the law's states in equilibrium.
+        """Return the start of a simulation, with the law's states in the flow's equilibrium.
 
         Parameters
         ----------
@@ -278,10 +278,10 @@ class Design:
         Start
             Speed, states and time; an open loop has no states.
         """
+        if not self.law.states:
+            return Start(speed, [], time)
         flow = inflow.speed_at(np.array([time]))
-        states = self.physics.law.at_rest(
-            self.plant.generator_torque(np.array([speed]), flow), flow
-        )
+        _, _, states = equilibria(self.plant, self.controller, flow)
         return Start(speed, [float(state[0]) for state in states], time)
 
 

@@ -418,8 +418,8 @@ class Search:
         gains = np.clip(gains, *gain_bounds(self.physics))
         if not law.states:
             return replace(point, gains=gains)
-        (speed, *_), _ = at_rest(law, gains, flow, problem.generator_torque)
-        return replace(point, gains=gains, operation=problem.held(speed))
+        (speed, *states), _ = at_rest(law, gains, flow, problem.generator_torque)
+        return replace(point, gains=gains, operation=problem.held(speed, states))
 
     def _over_time(self, point: StartingPoint) -> StartingPoint:
         """Return a point with its operation over the whole flow.
@@ -427,24 +427,27 @@ class Search:
         An open loop follows the schedule of the blade, which keeps limits between the speeds of the
         point as well. A static law operates at its own equilibria, unless those at these speeds are
         others: a law may have several in a flow, and over time it begins at the one chosen. One
-        with states begins at these speeds too, since a saturated torque does not hold its schedule.
+        with states begins with these, and at these speeds.
         """
         physics, law = self.physics, self.physics.law
         if not law.is_feedback:
             whole = self._scheduled(point.blade, point.branch, physics)
             return replace(point, operation=whole.operation)
         problem = self._quasi_steady(point.blade)
-        speeds, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
+        found, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
         designed = split(self.steady, point.operation)
-        for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
+        for (scenario, steady), (speed, _, *states) in zip(pairs, designed, strict=True):
             flow = scenario.inflow.speed_at(scenario.samples)
-            speeds.append(_smooth(flow, steady.speeds, speed / steady.speeds) * flow)
-        speed = np.concatenate(speeds)
+            ratio, *states = (
+                _smooth(flow, steady.speeds, x) for x in (speed / steady.speeds, *states)
+            )
+            found.append((ratio * flow, *states))
+        speed, *states = np.concatenate(found, axis=1)
         if law.is_static:
             own = problem.operate(point.gains)
             if own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE):
                 return replace(point, operation=own)
-        return replace(point, operation=problem.held(speed))
+        return replace(point, operation=problem.held(speed, states))
 
 
 def _smooth(flow: np.ndarray, speeds: np.ndarray, values: np.ndarray) -> np.ndarray:

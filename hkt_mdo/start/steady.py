@@ -151,7 +151,7 @@ def _curve_error(steady: Physics, end: StartingPoint) -> float:
     """Return the largest relative error of the torque at an end, which is that of a curve."""
     worst = 0.0
     operations = split(steady, end.operation) if steady.has_curve else ()
-    for scenario, (speed, torque) in zip(steady.scenarios, operations, strict=False):
+    for scenario, (speed, torque, *_) in zip(steady.scenarios, operations, strict=False):
         exact = torque_of(steady.rotor_in(scenario), end.blade, speed, scenario.speeds)
         worst = max(worst, float(np.max(np.abs(torque - exact)) / np.max(np.abs(exact))))
     return worst
