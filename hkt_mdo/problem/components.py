@@ -1,76 +1,29 @@
 """Loads, limits and objectives as OpenMDAO components; formulas are those of the kinds."""
 
-from functools import partial
-
 import numpy as np
 import openmdao.api as om
 from scipy.sparse import csr_array
 
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.formulas import STEP, Formula, slope
+from hkt_mdo.dynamics.rotor_ode import CurveComp
 from hkt_mdo.quantities import QUANTITIES, is_over_time
-from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 
-_SPEEDS = "rotor_speed", "inflow_speed"
 _NONE = np.empty(0)
 
 
-class LoadComp(om.ExplicitComponent):
-    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `TablesComp`.
+class LoadComp(CurveComp):
+    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `TablesComp`."""
 
-    Where the wake has memory, `model` is a `Band`, whose tables are over the tip speed ratio of the
-    wake, too. Inputs rotor_speed, inflow_speed and, with a band, wake_ratio[num_nodes, 1], density,
-    rotor_radius and, for each of the names, <name>_table[n_nodes] over the spline's nodes, or
-    <name>_band; outputs by the names[num_nodes, 1].
-    """
+    factors = "inflow_speed", "density"
 
-    def __init__(self, num_nodes: int, names: tuple[str, ...], model: TorqueSpline | Band):
-        super().__init__()
-        self._nodes, self._loads, self._model = num_nodes, names, model
+    def formula(self, inflow_speed, density, **given):
+        pressure = 0.5 * density * inflow_speed**2
+        return {name: pressure * each for name, each in super().formula(**given).items()}
 
-    def setup(self):
-        n, rows = self._nodes, np.arange(self._nodes)
-        about = {name: QUANTITIES[name].meta for name in (*_SPEEDS, "rotor_radius", "density")}
-        kind, size = "table", self._model.nodes.size
-        if isinstance(self._model, Band):
-            about["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
-            kind, size = "band", size * FACTORS.size
-        self._tables = {name: f"{name}_{kind}" for name in self._loads}
-        self._series = [name for name in about if name not in ("rotor_radius", "density")]
-        for name, meta in about.items():
-            self.add_input(name, shape=(n, 1) if name in self._series else 1, **meta)
-        for name, table in self._tables.items():
-            self.add_input(table, shape=size, units=QUANTITIES[name].per_pressure)
-            self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
-            self.declare_partials(name, ("rotor_radius", "density", table))
-            self.declare_partials(name, self._series, rows=rows, cols=rows)
-
-    @staticmethod
-    def _load(coefficient, rotor_speed, inflow_speed, rotor_radius, density, **wake):
-        """Return a load by its coefficient, a function of the ratios; its matrix by their basis."""
-        ratio = rotor_speed * rotor_radius / inflow_speed
-        return (0.5 * density * inflow_speed**2 * coefficient(ratio, *wake.values()).T).T
-
-    def _quantities(self, inputs):
-        """Return the inputs that are no tables, as `_load` takes them."""
-        names = *self._series, "rotor_radius", "density"
-        return _known(inputs, dict(zip(names, names, strict=True)))
-
-    def compute(self, inputs, outputs):
-        known = self._quantities(inputs)
-        for name, table in self._tables.items():
-            outputs[name][:, 0] = self._load(self._model.curve(inputs[table]), **known)
-
-    def compute_partials(self, inputs, partials):
-        known = self._quantities(inputs)
-        basis = self._load(self._model.basis, **known)
-        for name, table in self._tables.items():
-            partials[name, table] = basis
-            load = partial(self._load, self._model.curve(inputs[table]))
-            for each in known:
-                partials[name, each] = slope(load, known, each, each in self._series)
+    def basis(self, inflow_speed, density, **given):
+        return 0.5 * density * inflow_speed[:, None] ** 2 * super().basis(**given)
 
 
 class TorqueRateComp(om.ExplicitComponent):

@@ -104,7 +104,7 @@ class OperationGroup(om.Group):
         names = ["density", "inertia", "rotor_radius"]
         remembers = physics.remembers and not scenario.steady
         if remembers:
-            names += self._wake.band.outputs(())
+            names += ["wake_induction_table", "place_induction_table", "torque_coefficient_band"]
             options = {"band": self._wake.band, "tau1": physics.case.inflow_dynamics.tau1}
         elif physics.has_curve:
             names.append("torque_coefficient_table")
@@ -123,15 +123,15 @@ class OperationGroup(om.Group):
         physics, setup = self._physics, self._start
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
-        fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
+        fed = ["density", *(f"{name}_{kind}" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
             model = self._wake.band if physics.remembers else TorqueSpline(nodes)
-            component = LoadComp(num_nodes=n, names=names, model=model)
+            component = LoadComp(n, names, model)
             variant = physics.variant(scenario)
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in ("rotor_speed", "inflow_speed"):
+            for quantity in ("tip_speed_ratio", "inflow_speed"):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
             if physics.remembers:  # a wake in equilibrium is that of the rotor's own ratio
                 quantity = "tip_speed_ratio" if scenario.steady else "wake_ratio"

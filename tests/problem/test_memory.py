@@ -5,7 +5,7 @@ import pytest
 
 from hkt_mdo import build_problem, load_case
 from hkt_mdo.dynamics.formulas import slope
-from hkt_mdo.dynamics.rotor_ode import RememberingComp
+from hkt_mdo.dynamics.rotor_ode import CurveComp, FilterComp, WakeComp
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.problem.components import LoadComp
 from hkt_mdo.rotor.band import FACTORS, Band
@@ -32,7 +32,7 @@ def test_partials_are_exact(tau1, monkeypatch):
     case["inflow_dynamics"] = {"model": "oye", "tau1": tau1}
     problem = build_problem(load_case(case, SHORT), improve=False)
     problem.run_model()
-    kinds, checked = (RememberingComp, TablesComp, LoadComp), set()
+    kinds, checked = (CurveComp, FilterComp, WakeComp, TablesComp, LoadComp), set()
     for part in problem.model.system_iter(recurse=True):
         if not isinstance(part, kinds):
             continue
