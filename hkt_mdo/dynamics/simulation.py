@@ -556,7 +556,7 @@ class _Motion:
         move = 1e-6 * np.maximum(values[..., :1], 1e-3)
         moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
         faster, _ = self._filter_rates(flow, moved)
-        by_speed = np.split((faster - rates[..., n:]) / move, 2, axis=-1)
+        by_speed = ((faster - rates[..., n:]) / move).reshape(*shape, 2, -1)
         # derivative of a station's torque by the velocity induced there, axial and then tangential
         filters = values[..., n:].reshape(speed.size, -1)
         here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
@@ -571,7 +571,10 @@ class _Motion:
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
         slow, fast = self.plant.wake.times(many, at_place)
         fast = np.tile(fast, count // 2 // fast.shape[1]).reshape(*shape, -1)
-        return by_chain, *by_speed, slow.reshape(*shape, 1), fast
+        chain = np.zeros((*shape, 2, *by_speed.shape[2:]))
+        chain[..., 0, 0, :] = -1.0 / slow.reshape(*shape, 1)
+        chain[..., 1, 0, :], chain[..., 1, 1, :] = 1.0 / fast, -1.0 / fast
+        return by_chain, chain, by_speed
 
     def _solve(self, edges, start, energy):
         """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.
