@@ -132,6 +132,23 @@ class Plant:
         mean = isinstance(self.wake, MeanWake)
         return np.sum(torques, axis=1, keepdims=True) if mean else torques
 
+    def torque_by_wake(self, speed, inflow_speed, filters):
+        """Return the derivatives of stations' torques by the velocity induced there, N*s.
+
+        By the axial velocities and then by the tangential ones, (n, n_velocities); the arguments
+        are those of `station_torques`.
+        """
+        step, places = 1e-4 * inflow_speed[:, None], np.arange(filters.shape[1])
+        found = []
+        for some in places[places.size // 2 :].reshape(-1, np.size(self.wake.share)):
+            moved = []
+            for move in (step, -step):
+                state = filters.copy()
+                state[:, some] += move
+                moved.append(self.station_torques(speed, inflow_speed, state))
+            found.append(np.subtract(*moved) / (2.0 * step))
+        return np.concatenate(found, axis=1)
+
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
 
@@ -557,20 +574,13 @@ class _Motion:
         moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
         faster, _ = self._filter_rates(flow, moved)
         by_speed = ((faster - rates[..., n:]) / move).reshape(*shape, 2, -1)
-        # derivative of a station's torque by the velocity induced there, axial and then tangential
         filters = values[..., n:].reshape(speed.size, -1)
-        here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
-        places, count, by_chain = here.shape[1], filters.shape[1], []
-        for first in range(count // 2, count, places):
-            moved = filters.copy()
-            moved[:, first : first + places] += move
-            by_chain.append((self.plant.station_torques(speed, many, moved) - here) / move)
+        by_chain = self.plant.torque_by_wake(speed, many, filters).reshape(*shape, 1, -1)
         step = 1e-6 * np.maximum(np.abs(driving), 1.0)
         by_torque = self._dense_rates(flow, values, driving + step, control) - rates[..., :n]
-        by_chain = np.concatenate(by_chain, axis=1).reshape(*shape, 1, -1)
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
         slow, fast = self.plant.wake.times(many, at_place)
-        fast = np.tile(fast, count // 2 // fast.shape[1]).reshape(*shape, -1)
+        fast = np.tile(fast.reshape(*shape, -1), by_speed.shape[-1] // fast.shape[1])
         chain = np.zeros((*shape, 2, *by_speed.shape[2:]))
         chain[..., 0, 0, :] = -1.0 / slow.reshape(*shape, 1)
         chain[..., 1, 0, :], chain[..., 1, 1, :] = 1.0 / fast, -1.0 / fast
