@@ -70,20 +70,20 @@ class Formula(Section):
         """Return the value from a mapping that holds its inputs, maybe among other quantities."""
         return self.value(**{name: quantities[name] for name in self.inputs})
 
-    def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
-        """Return the value's derivatives by each input, by complex step.
+    def partial(self, name: str, quantities: Mapping[str, Any]) -> np.ndarray:
+        """Return the value's derivative by an input, by complex step.
 
         Parameters
         ----------
-        **quantities
-            The inputs, by name, as `value` takes them.
+        name : str
+            The input.
+        quantities : mapping
+            All inputs, by name, as `value` takes them.
 
         Returns
         -------
-        dict of array
+        array
             By an input over time, where the value at an instant follows from the input then, of
             shape (n_times,); by any other, (size of the value, size of the input).
         """
-        return {
-            name: slope(self.value, quantities, name, name in self.series) for name in self.inputs
-        }
+        return slope(self.value, quantities, name, name in self.series)

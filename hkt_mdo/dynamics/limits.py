@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import PrivateAttr, Strict, model_validator
 
-from hkt_mdo.dynamics.formulas import Formula, slope
+from hkt_mdo.dynamics.formulas import Formula
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
@@ -360,15 +360,11 @@ class DistanceFromStall(Limit):
         recovery = net((1.0 - SLOWED) * rotor_speed) - net(rotor_speed)
         return recovery - LEAST * TYPICAL * unit
 
-    def partials(self, **quantities):
-        arrays = "torque_coefficient_table", "gains"  # inputs by which derivatives are taken
-        names = [name for name in self.inputs if name not in arrays]
-        found = {name: slope(self.value, quantities, name, name in self.series) for name in names}
-        names = "rotor_speed", "inflow_speed", "rotor_radius", "density", "gains", *self.law.states
-        speed, flow, radius, density, gains, *states = (quantities[name] for name in names)
-        slowed = (1.0 - SLOWED) * speed
-        bases = self.spline.basis(slowed * radius / flow) - self.spline.basis(speed * radius / flow)
-        found["torque_coefficient_table"] = torque_scale(density, radius, flow)[:, None] * bases
-        here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
-        found["gains"] = (here - there).T
-        return found
+    def partial(self, name, quantities):
+        if name != "torque_coefficient_table":
+            return super().partial(name, quantities)
+        known = "rotor_speed", "inflow_speed", "rotor_radius", "density"
+        speed, flow, radius, density = (quantities[each] for each in known)
+        ratio = speed * radius / flow
+        bases = self.spline.basis((1.0 - SLOWED) * ratio) - self.spline.basis(ratio)
+        return torque_scale(density, radius, flow)[:, None] * bases

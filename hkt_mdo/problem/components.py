@@ -7,10 +7,11 @@ from scipy.sparse import csr_array
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.formulas import STEP, Formula, slope
 from hkt_mdo.dynamics.rotor_ode import CurveComp
-from hkt_mdo.quantities import QUANTITIES, is_over_time
+from hkt_mdo.quantities import QUANTITIES, is_over_time, names
 from hkt_mdo.rotor.blade import Blade
 
 _NONE = np.empty(0)
+_NUMBERS = {*names(over="design"), *names(over="result")}
 
 
 class LoadComp(CurveComp):
@@ -61,25 +62,21 @@ def area_component(blade: Blade) -> om.ExecComp:
 
 
 def _add_known(component, name, place, n_times):
-    """Add a quantity of the registry as a component's input; along the span it is the source's."""
-    shapes = {"time": {"shape": (n_times, 1)}, "span": {"shape_by_conn": True}}
-    shape = shapes.get(QUANTITIES[name].over, {})
-    component.add_input(place, **shape, **QUANTITIES[name].meta)
+    """Add a quantity as a component's input; along the span, or of a curve, it is the source's."""
+    known = QUANTITIES.get(name)
+    shape = {"shape": n_times} if is_over_time(name) else {"shape_by_conn": name not in _NUMBERS}
+    component.add_input(place, **shape, **(known.meta if known else {}))
 
 
 def _known(inputs, places):
-    """Return inputs, by quantity, as formulas take them: arrays in one row, numbers of a design."""
-    found = {}
-    for name, place in places.items():
-        is_number = name in QUANTITIES and QUANTITIES[name].over in ("design", "result")
-        found[name] = inputs[place][0] if is_number else inputs[place].ravel()
-    return found
+    """Return inputs, by quantity, as formulas take them: arrays, and numbers of a design."""
+    return {x: inputs[place][0] if x in _NUMBERS else inputs[place] for x, place in places.items()}
 
 
 class FormulaComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase, or that of a limit or objective of the design.
 
-    Inputs: what the formula names, its `series`[size, 1], quantities along the span
+    Inputs: what the formula names, its `series`[size], quantities along the span
     [n_stations] and of the design; torque_coefficient_table[n_nodes] and one scalar gain_0,
     gain_1, … where it asks for them. Output value[size] in the formula's unit.
     """
@@ -94,14 +91,11 @@ class FormulaComp(om.ExplicitComponent):
             if name == "gains":
                 for i, units in enumerate(self._gain_units):
                     self.add_input(f"gain_{i}", units=units, desc="feedback gain")
-            elif name == "torque_coefficient_table":
-                text = "torque coefficient of the curve"
-                self.add_input(name, shape_by_conn=True, desc=text)
-            elif name in QUANTITIES:
-                _add_known(self, name, name, size)
-            else:  # a state of the control law
+            elif name in formula.series:  # maybe a state of the control law
                 units, text = formula.series[name]
-                self.add_input(name, shape=(size, 1), units=units, desc=text)
+                self.add_input(name, shape=size, units=units, desc=text)
+            else:
+                _add_known(self, name, name, size)
         self.add_output("value", shape=size, units=formula.unit, desc=type(formula).__doc__)
 
     def setup_partials(self):
@@ -124,14 +118,14 @@ class FormulaComp(om.ExplicitComponent):
         outputs["value"] = self._formula.value(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        for name, by in self._formula.partials(**self._quantities(inputs)).items():
+        formula, known = self._formula, self._quantities(inputs)
+        for name in formula.inputs:
+            by = formula.partial(name, known)
             if name == "gains":
                 for i, column in enumerate(by.T):
                     partials["value", f"gain_{i}"] = column[:, None]
-            elif name in self._formula.series:
-                partials["value", name] = by
             else:
-                partials["value", name] = by.reshape(self._size, -1)
+                partials["value", name] = by
 
 
 class IntegralComp(om.ExplicitComponent):
@@ -141,7 +135,7 @@ class IntegralComp(om.ExplicitComponent):
     collocated state would be the same numbers. The sum needs no unknowns: the optimizer cannot
     trade energy against defects.
 
-    Inputs: `scenario:quantity`[num_nodes, 1] for each quantity over time that an integrand names,
+    Inputs: `scenario:quantity`[num_nodes] for each quantity over time that an integrand names,
     others by their names; outputs: the integral of each integrand, in its unit. `weights` (s) are
     those of the quadrature by scenario, `integrands` an `Objective` by output. With `rows`, by
     scenario, the weights are shares: outputs are mean rates, one for each row.
