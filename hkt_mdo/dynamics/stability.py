@@ -148,10 +148,7 @@ class Loop:
 
     def _controller(self, s):
         """Return the generator torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""
-        law, states = self.law, self.law.shape[1] - 1
-        found = np.broadcast_to(law[:, :1, 0], (law.shape[0], s.size)).astype(complex)
-        if states:
-            system = s[:, None, None] * np.eye(states) - law[:, None, 1:, 1:]
-            answer = np.linalg.solve(system, law[:, None, 1:, :1] + 0j)[..., 0]
-            found = found + np.einsum("ns,nws->nw", law[:, 0, 1:], answer)
-        return found
+        law, states = self.law[:, None], self.law.shape[1] - 1
+        system = s[:, None, None] * np.eye(states) - law[..., 1:, 1:]
+        answer = np.linalg.solve(system, law[..., 1:, :1] + 0j)[..., 0]
+        return law[..., 0, 0] + np.sum(law[..., 0, 1:] * answer, axis=-1)
