@@ -536,21 +536,15 @@ class _Motion:
             rates = np.concatenate((rates, of_filters), axis=-1)
         return rates, (driving, control, at_place)
 
-    def _slope(self, time, flow, values, driving, rates):
+    def _slope(self, time, flow, values, rates):
         """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        size, n = radau.magnitudes(values[..., : self.dense]), self.dense
+        steps, n = 1e-6 * radau.magnitudes(values[..., : self.dense]), self.dense
         found = np.empty((*flow.shape, n, n))
         for i in range(n):
-            step = 1e-6 * size[..., i]
             moved = values.copy()
-            moved[..., i] += step
-            if i:  # a state of the controller: the flow's torque is the same
-                speed, *states = np.moveaxis(moved[..., :n], -1, 0)
-                torques = driving, self.controller(time, speed, *states) * np.ones(speed.shape)
-            else:
-                torques = self.torques(time, flow, moved)
-            change = self._dense_rates(flow, moved, *torques) - rates[..., :n]
-            found[..., i] = change / step[..., None]
+            moved[..., i] += steps[..., i]
+            change = self._dense_rates(flow, moved, *self.torques(time, flow, moved))
+            found[..., i] = (change - rates[..., :n]) / steps[..., i, None]
         return found
 
     def _system(self, step, time, flow, values, rates, known):
@@ -558,7 +552,7 @@ class _Motion:
 
         known is what `_rates` returns besides the rates.
         """
-        dense = self._slope(time, flow, values, known[0], rates)
+        dense = self._slope(time, flow, values, rates)
         if self.plant.wake is None:
             slopes = radau.Slopes.without_chains(dense)
         else:
