@@ -51,6 +51,8 @@ class Formula(Section):
 
     inputs: ClassVar[tuple[str, ...]] = ()
     unit: ClassVar[str | None] = None
+    numbers: ClassVar[dict[str, tuple[str | None, str]]] = {}
+    """Unit and description of its inputs that are numbers, and no quantities of the registry."""
 
     def value(self, **quantities: Any) -> Any:
         """Return the value of the formula, in `unit`; by default the input, or the inputs' sum."""

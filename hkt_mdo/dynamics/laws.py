@@ -66,6 +66,11 @@ class Law(Section):
         """Whether the torque follows from the rotor speed alone."""
         return self.is_feedback and not self.states
 
+    @property
+    def named_gains(self) -> dict[str, tuple[str | None, str]]:
+        """Unit and description of each gain, by its name in the model."""
+        return {f"gain_{i}": (unit, "feedback gain") for i, unit in enumerate(self.gain_units)}
+
     def with_torque_limit(self, limit: float | None) -> Self:
         """Return the same law with another limit of the torque, N*m; None: none."""
         return self.model_copy(update={"torque_limit": limit})

@@ -342,15 +342,21 @@ class DistanceFromStall(Limit):
     def inputs(self):
         """Its inputs, and the states of the law."""
         flow = "rotor_speed", "inflow_speed", "torque_coefficient_table", "density", "rotor_radius"
-        return (*flow, "gains", *self.law.states)
+        return (*flow, *self.law.named_gains, *self.law.states)
+
+    @property
+    def numbers(self):
+        """The gains of the law."""
+        return self.law.named_gains
 
     @property
     def series(self):
         """Also the states of the law."""
         return super().series | self.law.states
 
-    def value(self, rotor_speed, inflow_speed, density, rotor_radius, gains, **others):
+    def value(self, rotor_speed, inflow_speed, density, rotor_radius, **others):
         table, *states = (others[x] for x in ("torque_coefficient_table", *self.law.states))
+        gains = np.hstack([others[x] for x in self.law.named_gains])
         unit = torque_scale(density, rotor_radius, inflow_speed)
 
         def net(speed):

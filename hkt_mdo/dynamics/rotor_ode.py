@@ -72,12 +72,12 @@ class NodeComp(om.ExplicitComponent):
     `needs` names the inputs of each output; those in `fixed` are scalars, the others arrays.
     `tables` names the table, of a `size`, on which an output depends, too; `basis(**inputs)` is its
     derivative by that. `formula(**inputs)` returns the outputs by name and must accept complex
-    numbers: the other derivatives are taken by complex step. `states` has the unit and description
-    of each state whose rate, `<state>_rate`, is an output. What else the formula needs are
-    attributes, given by name.
+    numbers: the other derivatives are taken by complex step. `described` has the unit and
+    description of what is no quantity of the registry; `<name>_rate` is the rate of a state. What
+    else the formula needs are attributes, given by name.
     """
 
-    fixed, tables, states = ("rotor_radius", "density", "inertia"), {}, WAKE_STATES
+    fixed, tables, described = ("rotor_radius", "density", "inertia"), {}, _INNER | WAKE_STATES
 
     def __init__(self, num_nodes, **known):
         super().__init__()
@@ -103,7 +103,7 @@ class NodeComp(om.ExplicitComponent):
             self.add_input(table, shape=self.size, units=units, tags=static)
 
     def _meta(self, name):
-        state, known = name.removesuffix("_rate"), _INNER | self.states
+        state, known = name.removesuffix("_rate"), self.described
         if state not in known:
             return QUANTITIES[name].meta
         unit, text = known[state]
@@ -294,30 +294,20 @@ class FeedbackComp(NodeComp):
     Outputs: the generator torque and, of each state of `law`, its rate, `<state>_rate`.
     """
 
-    states = property(lambda self: self.law.states)
+    fixed = property(lambda self: self.law.named_gains)
+    described = property(lambda self: self.law.named_gains | self.law.states)
 
     @property
     def needs(self):
         """The rotor's speed, the law's states and every gain; of rates, the flow's speed too."""
-        given = *self.states, *self.fixed
-        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in self.states}
+        states, given = self.law.states, [*self.law.states, *self.fixed]
+        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in states}
         return {"control_torque": ("rotor_speed", *given)} | rates
-
-    @property
-    def fixed(self):
-        """Names of the gains."""
-        return [f"gain_{i}" for i in range(len(self.law.gain_units))]
-
-    def _meta(self, name):
-        if name not in self.fixed:
-            return super()._meta(name)
-        units = self.law.gain_units[self.fixed.index(name)]
-        return {"units": units, "desc": "feedback gain"}
 
     def formula(self, rotor_speed, inflow_speed=None, **given):
         law = self.law
         states = [given.pop(name) for name in law.states]
-        gains = np.array([gain[0] for gain in given.values()])
+        gains = np.hstack([*given.values()])
         found = {"control_torque": law.torque(rotor_speed, gains, *states)}
         rates = law.rates(rotor_speed, inflow_speed, gains, *states)
         return found | {f"{name}_rate": x for name, x in zip(law.states, rates, strict=True)}

@@ -76,24 +76,22 @@ def _known(inputs, places):
 class FormulaComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase, or that of a limit or objective of the design.
 
-    Inputs: what the formula names, its `series`[size], quantities along the span
-    [n_stations] and of the design; torque_coefficient_table[n_nodes] and one scalar gain_0,
-    gain_1, … where it asks for them. Output value[size] in the formula's unit.
+    Inputs: what the formula names, its `series`[size], quantities along the span[n_stations],
+    tables[n_nodes], and numbers. Output value[size] in the formula's unit.
     """
 
-    def __init__(self, formula: Formula, size=1, gain_units=()):
+    def __init__(self, formula: Formula, size=1):
         super().__init__()
-        self._formula, self._size, self._gain_units = formula, size, gain_units
+        self._formula, self._size = formula, size
 
     def setup(self):
         formula, size = self._formula, self._size
+        own = formula.series | formula.numbers
         for name in formula.inputs:
-            if name == "gains":
-                for i, units in enumerate(self._gain_units):
-                    self.add_input(f"gain_{i}", units=units, desc="feedback gain")
-            elif name in formula.series:  # maybe a state of the control law
-                units, text = formula.series[name]
-                self.add_input(name, shape=size, units=units, desc=text)
+            if name in own:
+                units, text = own[name]
+                shape = size if name in formula.series else 1
+                self.add_input(name, shape=shape, units=units, desc=text)
             else:
                 _add_known(self, name, name, size)
         self.add_output("value", shape=size, units=formula.unit, desc=type(formula).__doc__)
@@ -101,31 +99,20 @@ class FormulaComp(om.ExplicitComponent):
     def setup_partials(self):
         rows = np.arange(self._size)
         for name in self._formula.inputs:
-            if name in self._formula.series:
-                self.declare_partials("value", name, rows=rows, cols=rows)
-            else:
-                self.declare_partials("value", "gain_*" if name == "gains" else name)
+            at = {"rows": rows, "cols": rows} if name in self._formula.series else {}
+            self.declare_partials("value", name, **at)
 
     def _quantities(self, inputs):
-        """Return what the formula takes: arrays over time and span, numbers, table and gains."""
-        names, count = self._formula.inputs, len(self._gain_units)
-        found = _known(inputs, {name: name for name in names if name != "gains"})
-        if "gains" in names:
-            found["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-        return found
+        """Return what the formula takes: arrays over time and span, numbers, tables."""
+        return _known(inputs, {name: name for name in self._formula.inputs})
 
     def compute(self, inputs, outputs):
         outputs["value"] = self._formula.value(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        formula, known = self._formula, self._quantities(inputs)
-        for name in formula.inputs:
-            by = formula.partial(name, known)
-            if name == "gains":
-                for i, column in enumerate(by.T):
-                    partials["value", f"gain_{i}"] = column[:, None]
-            else:
-                partials["value", name] = by
+        known = self._quantities(inputs)
+        for name in known:
+            partials["value", name] = self._formula.partial(name, known)
 
 
 class IntegralComp(om.ExplicitComponent):

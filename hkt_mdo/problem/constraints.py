@@ -96,7 +96,8 @@ def _near_stall(physics, setup, limit, place, scenario):
     start = setup.start
     table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
     known = on_start(physics, start)[place]
-    known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
+    known |= {"torque_coefficient_table": table.torque}
+    known |= zip(limit.numbers, start.gains, strict=True)
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
     margin, still = (

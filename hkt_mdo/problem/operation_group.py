@@ -115,8 +115,7 @@ class OperationGroup(om.Group):
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        gains = {f"gain_{i}": unit for i, unit in enumerate(physics.law.gain_units)}
-        return options, units | gains
+        return options, units | {name: x for name, (x, _) in physics.law.named_gains.items()}
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
@@ -156,9 +155,9 @@ class OperationGroup(om.Group):
 
     def _add_formula(self, name, formula, size, outputs=(), variant=""):
         """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
-        component = FormulaComp(formula, size, self._physics.law.gain_units)
+        component = FormulaComp(formula, size)
         fixed = (each for each in formula.inputs if each not in formula.series)
-        inputs = ["gain_*" if each == "gains" else (each, named(each, variant)) for each in fixed]
+        inputs = [(each, named(each, variant)) for each in fixed]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):
