@@ -173,18 +173,16 @@ class RecordedTorque:
     def __init__(self, time, torque, limit=None, speed=None, stiffness=0.0):
         repeats = np.flatnonzero(np.diff(time) <= 1e-12 * time[-1])
         count = repeats[0] + 1 if repeats.size else time.size  # of a segment's nodes
-        nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
+        speed = np.zeros(time.size) if speed is None else speed
+        nodes, *values = (np.reshape(each, (-1, count)) for each in (time, torque, speed))
         place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
-        self.unlimited = radau.through(self.ends, place, values)
+        self.unlimited, self._held = (radau.through(self.ends, place, x) for x in values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
-        self.unlimited_rate = self.unlimited.derivative()
+        self.unlimited_rate, self._held_rate = self.unlimited.derivative(), self._held.derivative()
         """Its rate, N*m/s."""
         self.limit = np.inf if limit is None else limit
         self.stiffness = stiffness
-        if stiffness:
-            self._held = radau.through(self.ends, place, np.reshape(speed, nodes.shape))
-            self._held_rate = self._held.derivative()
 
     @classmethod
     def of(cls, plant, nodes, limit=None):
@@ -197,19 +195,15 @@ class RecordedTorque:
         slope = float(np.max(plant.torque_slope(speed, nodes["inflow_speed"])))
         return cls(nodes["time"], nodes["control_torque"], limit, speed, 2.0 * max(slope, 0.0))
 
-    def __call__(self, time, speed=None):
+    def __call__(self, time, speed=0.0):
         """Return the torque, N*m, at times (s) and speeds (rad/s) of one shape."""
         torque = np.clip(self.unlimited(time), 0.0, self.limit)
-        if self.stiffness:
-            torque = torque + self.stiffness * (speed - self._held(time))
-        return torque
+        return torque + self.stiffness * (speed - self._held(time))
 
     def rate(self, time, _speed, acceleration, *_):
         """Return the rate of the torque before it is cut, N*m/s; acceleration in rad/s**2."""
-        rate = self.unlimited_rate(time)
-        if self.stiffness:
-            rate = rate + self.stiffness * (acceleration - self._held_rate(time))
-        return rate
+        held = self.stiffness * (acceleration - self._held_rate(time))
+        return self.unlimited_rate(time) + held
 
 
 @dataclass(frozen=True, eq=False)
