@@ -102,6 +102,12 @@ class Limit(Formula):
         """The bound in reports: the upper one, or a lower one alone, but zero, as of a torque."""
         return self.lower if self.upper == np.inf and self.lower != 0.0 else self.upper
 
+    @property
+    def magnitude(self) -> float:
+        """Magnitude of its bounds, in `unit`; 0 where they are none."""
+        ends = np.abs(np.hstack((self.lower, self.upper)))
+        return float(np.max(ends[np.isfinite(ends)], initial=0.0))
+
     def told(self, quantities: Any) -> np.ndarray:
         """Return the value for a report: its magnitude if the limit applies to both signs."""
         value = np.asarray(self.value_of(quantities))
@@ -115,8 +121,7 @@ class Limit(Formula):
     def excess(self, quantities: Any) -> np.ndarray:
         """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""
         value = np.atleast_1d(self.value_of(quantities))
-        ends = np.abs(np.hstack((self.lower, self.upper)))
-        size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
+        size = self.magnitude or np.max(np.abs(value)) or 1.0
         return np.asarray(np.maximum(self.lower - value, value - self.upper) / size)
 
 
