@@ -207,10 +207,6 @@ class FeedbackLaw(Law):
         """
         raise NotImplementedError
 
-    def torque_by_speed(self, speed, gains, *states):
-        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
-        return np.imag(self.torque(speed + 1j * STEP, gains, *states)) / STEP
-
     def slopes(self, speed, inflow_speed, gains, *states):
         """Return the derivatives of torque and rates by speed and states, ``[of, by, *shape]``.
 
