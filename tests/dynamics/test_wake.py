@@ -216,11 +216,9 @@ def test_eliminated_filters_are_those_of_the_full_system(n):
     dense, by_last = random.normal(size=(steps, 5, n, n)), random.normal(size=(steps, 5, n, m))
     chain, by_first = random.normal(size=(steps, 5, 2, 2, m)), random.normal(size=(steps, 5, 2, m))
     full = np.zeros((steps, 5, n + 2 * m, n + 2 * m))
-    x, z = np.arange(n, n + m), np.arange(n + m, n + 2 * m)
-    full[..., :n, :n], full[..., :n, n + m :] = dense, by_last
-    full[..., n:, 0] = by_first.reshape(steps, 5, -1)
-    for i, to in enumerate((x, z)):
-        full[..., to, x], full[..., to, z] = chain[:, :, i, 0], chain[:, :, i, 1]
+    full[..., :n, :n], full[..., :n, n + m :], place = dense, by_last, np.arange(n, n + 2 * m)
+    full[..., place, 0], place = by_first.reshape(steps, 5, -1), place.reshape(2, m)
+    full[..., place[:, None], place] = chain
     step = random.uniform(0.1, 0.5, (steps, 1))
     whole = StageSystem(step, Slopes.without_chains(full))
     parts = StageSystem(step, Slopes(dense, by_last, chain, by_first))
