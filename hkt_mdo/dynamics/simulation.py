@@ -123,30 +123,28 @@ class Plant:
     def station_torques(self, speed, inflow_speed, filters):
         """Return the torque of all blades at each station, N*m, (n, n_stations).
 
-        filters[n, n_filters] is the state of the wake, which need not be in equilibrium. Of a
-        `MeanWake` it is the torque of all stations, (n, 1).
+        filters[n, n_filters] is the state of the wake, which need not be in equilibrium.
         """
         scale = torque_scale(self.density, self.blade.rotor_radius, inflow_speed)
         load = self.wake.sections(speed, inflow_speed, filters).tangential_load
-        torques = scale[:, None] * bem.torque_weights(self.blade) * load
-        mean = isinstance(self.wake, MeanWake)
-        return np.sum(torques, axis=1, keepdims=True) if mean else torques
+        return scale[:, None] * bem.torque_weights(self.blade) * load
 
     def torque_by_wake(self, speed, inflow_speed, filters):
         """Return the derivatives of stations' torques by the velocity induced there, N*s.
 
-        By the axial velocities and then by the tangential ones, (n, n_velocities); the arguments
-        are those of `station_torques`.
+        By the axial velocities and then by the tangential ones, (n, n_velocities); of a `MeanWake`
+        that of all stations by the mean one. The arguments are those of `station_torques`.
         """
         step, places = 1e-4 * inflow_speed[:, None], np.arange(filters.shape[1])
-        found = []
-        for some in places[places.size // 2 :].reshape(-1, np.size(self.wake.share)):
+        found, count = [], np.size(self.wake.share)
+        for some in places[places.size // 2 :].reshape(-1, count):
             moved = []
             for move in (step, -step):
                 state = filters.copy()
                 state[:, some] += move
                 moved.append(self.station_torques(speed, inflow_speed, state))
-            found.append(np.subtract(*moved) / (2.0 * step))
+            change = np.subtract(*moved).reshape(step.size, count, -1).sum(axis=2)
+            found.append(change / (2.0 * step))
         return np.concatenate(found, axis=1)
 
     def torque_slope(self, speed, inflow_speed):

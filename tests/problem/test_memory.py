@@ -76,10 +76,10 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
     ratio = np.array([1.05, 0.95]) * wake_ratio  # both at nodes of the tables
     speed, behind = ratio * flow / radius, wake_ratio * flow / radius
     rest = mean.wake.at_rest(behind, flow)
-    whole = mean.station_torques(behind, flow, rest)[:, 0]
+    whole = mean.torque(behind, flow, rest)
     np.testing.assert_allclose(whole, plant.torque(behind, flow), rtol=3e-5)
     value = band.curve(tables["torque_coefficient_band"])(ratio, wake_ratio)
-    torque = mean.station_torques(speed, flow, rest)[:, 0]
+    torque = mean.torque(speed, flow, rest)
     expected = torque_scale(1000.0, radius, flow) * value
     np.testing.assert_allclose(torque, expected, rtol=3e-5)
     steady = band.spline.curve(tables["wake_induction_table"])(ratio)
