@@ -56,7 +56,7 @@ def divided(edges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(number[-1] + 1), number, edges)
 
 
-def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:
+def magnitudes(values: np.ndarray, dense: int) -> np.ndarray:
     """Return the magnitudes to which errors of the first value, and of others, are compared.
 
     Others than the first may pass through zero: each is compared to its largest value, those beyond
@@ -64,8 +64,7 @@ def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:
     """
     size = np.maximum(np.abs(values), 1e-3)
     size[..., 1:] = np.max(size[..., 1:], axis=tuple(range(values.ndim - 1)))
-    if dense is not None and dense < values.shape[-1]:
-        size[..., dense:] = np.max(size[..., dense:])
+    size[..., dense:] = np.max(size[..., dense:], initial=0.0)
     return size
 
 
@@ -217,7 +216,7 @@ def solve_stages(
         Values at the stages, the system, and what the last rates follow from; None if the method
         does not converge.
     """
-    change, fastest = np.inf, LOST * np.max(magnitudes(stages)[..., 0])
+    change, fastest = np.inf, LOST * np.max(magnitudes(stages, dense)[..., 0])
     for iteration in range(MOST_ITERATIONS):
         size = magnitudes(stages, dense)
         rates, known = rates_at(stages)

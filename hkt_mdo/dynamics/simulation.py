@@ -530,7 +530,7 @@ class _Motion:
 
     def _slope(self, time, flow, values, rates):
         """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        steps, n = 1e-6 * radau.magnitudes(values[..., : self.dense]), self.dense
+        steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
         found = np.empty((*flow.shape, n, n))
         for i in range(n):
             moved = values.copy()
