@@ -51,7 +51,7 @@ class Formula(Section):
 
     inputs: ClassVar[tuple[str, ...]] = ()
     unit: ClassVar[str | None] = None
-    numbers: ClassVar[dict[str, tuple[str | None, str]]] = {}
+    named_numbers: ClassVar[dict[str, tuple[str | None, str]]] = {}
     """Unit and description of its inputs that are numbers, and no quantities of the registry."""
 
     def value(self, **quantities: Any) -> Any:

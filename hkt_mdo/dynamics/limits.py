@@ -103,7 +103,7 @@ class Limit(Formula):
         return self.lower if self.upper == np.inf and self.lower != 0.0 else self.upper
 
     @property
-    def magnitude(self) -> float:
+    def bounds_size(self) -> float:
         """Magnitude of its bounds, in `unit`; 0 where they are none."""
         ends = np.abs(np.hstack((self.lower, self.upper)))
         return float(np.max(ends[np.isfinite(ends)], initial=0.0))
@@ -121,7 +121,7 @@ class Limit(Formula):
     def excess(self, quantities: Any) -> np.ndarray:
         """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""
         value = np.atleast_1d(self.value_of(quantities))
-        size = self.magnitude or np.max(np.abs(value)) or 1.0
+        size = self.bounds_size or np.max(np.abs(value)) or 1.0
         return np.asarray(np.maximum(self.lower - value, value - self.upper) / size)
 
 
@@ -350,7 +350,7 @@ class DistanceFromStall(Limit):
         return (*flow, *self.law.named_gains, *self.law.states)
 
     @property
-    def numbers(self):
+    def named_numbers(self):
         """The gains of the law."""
         return self.law.named_gains
 

@@ -86,7 +86,7 @@ class FormulaComp(om.ExplicitComponent):
 
     def setup(self):
         formula, size = self._formula, self._size
-        own = formula.series | formula.numbers
+        own = formula.series | formula.named_numbers
         for name in formula.inputs:
             if name in own:
                 units, text = own[name]
