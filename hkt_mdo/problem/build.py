@@ -215,10 +215,9 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
         given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
-    gains = {f"gain_{i}": (units, "feedback gain") for i, units in enumerate(law.gain_units)}
-    given += zip(gains, start.gains, law.sizes(start.gains), strict=True)
+    given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
     for name, value, ref in given:
-        units, text = (DESIGNED | gains)[name]
+        units, text = (DESIGNED | law.named_gains)[name]
         about = {"val": value, "units": units, "desc": text}
         if name in bounds:
             low, high = bounds[name]
@@ -303,7 +302,7 @@ def point_of(physics: Physics, problem) -> StartingPoint:
         np.concatenate([sampled(each, name) for each in physics.scenarios])
         for name in ("rotor_speed", "hydrodynamic_torque", *physics.law.states)
     )
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.law.gain_units))]
+    gains = [problem.get_val(name)[0] for name in physics.law.named_gains]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
     if physics.designs_hub:
         blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))

@@ -64,7 +64,7 @@ def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held
     for limit in physics.design_limits:
         if limit.constrains(physics.law):
             bounds = {"lower": limit.lower, "upper": limit.upper}
-            options = {"ref": size_of(limit), "units": limit.unit} | bounds
+            options = {"ref": limit.bounds_size or 1.0, "units": limit.unit} | bounds
             size = np.size(limit.value_of(known))
             yield Held(limit, constraint_of(physics, limit), size, options)
 
@@ -80,7 +80,7 @@ def _held(physics, setup, limit, number, scales) -> Held:
     if np.isfinite(limit.upper):
         less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
     bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
-    options = {"ref": ref or size_of(limit), "units": limit.unit} | bounds
+    options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit} | bounds
     if is_quantity(limit):
         options |= {"indices": nodes, "flat_indices": True}
     return Held(limit, constraint_of(physics, limit, number), nodes.size, options, scenario, nodes)
@@ -96,7 +96,8 @@ def _near_stall(physics, setup, limit, place, scenario):
     start = setup.start
     table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
     known = on_start(physics, start)[place]
-    known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
+    known |= {"torque_coefficient_table": table.torque}
+    known |= zip(limit.named_numbers, start.gains, strict=True)
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
     margin, still = (
@@ -138,9 +139,3 @@ def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
     rate of the torque alone may differ from one segment to the other.
     """
     return np.arange(scenario.node_times.size) if limit.is_of(RATES) else scenario.distinct_nodes
-
-
-def size_of(limit: Limit) -> float:
-    """Return the magnitude of a limit's bounds; 1 where they are none."""
-    ends = np.abs(np.hstack((limit.lower, limit.upper)))
-    return float(np.max(ends[np.isfinite(ends)], initial=0.0)) or 1.0

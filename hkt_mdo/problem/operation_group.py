@@ -104,7 +104,7 @@ class OperationGroup(om.Group):
         names = ["density", "inertia", "rotor_radius"]
         remembers = physics.remembers and not scenario.steady
         if remembers:
-            names += self._wake.band.outputs(())
+            names += ["wake_induction_table", "place_induction_table", "torque_coefficient_band"]
             options = {"band": self._wake.band, "tau1": physics.case.inflow_dynamics.tau1}
         elif physics.has_curve:
             names.append("torque_coefficient_table")
@@ -115,23 +115,22 @@ class OperationGroup(om.Group):
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        gains = {f"gain_{i}": unit for i, unit in enumerate(physics.law.gain_units)}
-        return options, units | gains
+        return options, units | {name: x for name, (x, _) in physics.law.named_gains.items()}
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
         physics, setup = self._physics, self._start
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
-        fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
+        fed = ["density", *(f"{name}_{kind}" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
             model = self._wake.band if physics.remembers else TorqueSpline(nodes)
-            component = LoadComp(num_nodes=n, names=names, model=model)
+            component = LoadComp(n, names, model)
             variant = physics.variant(scenario)
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in ("rotor_speed", "inflow_speed"):
+            for quantity in ("tip_speed_ratio", "inflow_speed"):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
             if physics.remembers:  # a wake in equilibrium is that of the rotor's own ratio
                 quantity = "tip_speed_ratio" if scenario.steady else "wake_ratio"
@@ -156,9 +155,9 @@ class OperationGroup(om.Group):
 
     def _add_formula(self, name, formula, size, outputs=(), variant=""):
         """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
-        component = FormulaComp(formula, size, self._physics.law.gain_units)
+        component = FormulaComp(formula, size)
         fixed = (each for each in formula.inputs if each not in formula.series)
-        inputs = ["gain_*" if each == "gains" else (each, named(each, variant)) for each in fixed]
+        inputs = [(each, named(each, variant)) for each in fixed]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):
