@@ -80,38 +80,44 @@ def summarize(
     shadow_prices
         Those of `hkt_mdo.run.shadow_prices`.
     """
-    physics, outcome, gains = finished.physics, finished.result.outcome, finished.start.gains
-    stations = list(_beyond_polars(finished))
-    warned, noted = ([text for x, text in stations if x == kind] for kind in ("warning", "note"))
+    physics, result, start = finished.physics, finished.result, finished.start
+    design, blade, outcome = _design(finished), result.point.blade, result.outcome
+    ratios = design["tip_speed_ratio"]
+    working = max(float(ratios["min"]), SLOWEST_RATIO), float(ratios["max"])
+    stations = Stations(blade, physics.rotor.as_built(blade).polar, working)
+    messages = list(stations.messages("found blade"))
+    warned, noted = ([text for x, text in messages if x == kind] for kind in ("warning", "note"))
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
-    if len(scenarios) > 1 and finished.physics.objective.is_rate:
-        _decide(finished.physics, scenarios)
+    if len(scenarios) > 1 and physics.objective.is_rate:
+        _decide(physics, scenarios)
+    packages = {name: [*metadata.distributions(name=name)] for name in PACKAGES}
+    memory = stability_of(result) if physics.remembers else stability(finished.verifications)
     values = {
         "version": VERSION,
-        "case": finished.physics.case.name,
+        "case": physics.case.name,
         "success": finished.passed,
         "message": message or "converged and verified",
         "package": outcome.package,
         "optimizer": outcome.optimizer,
         "iterations": outcome.iterations,
         **_energies(finished),
-        **_controller(finished),
-        **_blade(finished),
+        **design,
         **_extremes(finished, scenarios, shadow_prices or {}),
-        **_memory(finished),
+        "memory": memory and memory.model_dump(),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
-        "branches": [*_branches(finished.start)],
-        "starts": [vars(record) for record in finished.start.starts],
+        "branches": [*_branches(start)],
+        "starts": [vars(record) for record in start.starts],
         "start_breaks": list(start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
-        "surrogate_nodes": int(finished.result.curve.size),
+        "surrogate_nodes": int(result.curve.size),
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
-        "notes": _notes(finished, noted),
-        "doubts": [*physics.warnings, *physics.law.held(gains), *warned],
-        "versions": _versions(),
+        "notes": [*physics.messages, *start.messages, *noted, *_notes(finished)],
+        "doubts": [*physics.warnings, *physics.law.held(start.gains), *warned],
+        "versions": {"python": platform.python_version()}
+        | {name: found[0].version for name, found in packages.items() if found},
     }
     return Summary.parse(to_json(values))
 
@@ -157,27 +163,24 @@ def _energies(finished):
     }
 
 
-def _controller(finished):
-    """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
-    blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
-    peak, known = finished.physics.rotor.best_operation(blade), finished.verifications
+def _design(finished):
+    """Return gains and largest torque, the rotor's best operation, and its blade and the case's."""
+    physics, blade = finished.physics, finished.result.point.blade
+    gains, known = finished.result.point.gains.tolist(), finished.verifications
+    peak, shape = physics.rotor.best_operation(blade), physics.shape
+    set_angle = None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
+    if shape.designs_set_angle:
+        set_angle = np.rad2deg(shape.control(blade)["twist"][0])
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
-        "gain_units": list(finished.physics.law.gain_units),
+        "gain_units": list(physics.law.gain_units),
         "tip_speed_ratio": _ratios(known),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": max(np.max(x.simulated["control_torque"]) for x in known),
-    }
-
-
-def _blade(finished):
-    """Return the blade of a result and that of the case."""
-    physics, blade = finished.physics, finished.result.point.blade
-    return {
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
-        "set_angle_deg": _set_angle(physics, blade),
+        "set_angle_deg": set_angle,
         "inertia_kg_m2": finished.result.inertia,
         "hub_inertia_kg_m2": blade.hub_inertia,
         "water_inertia_kg_m2": [*physics.rotor.water_inertias(blade).values()],
@@ -235,13 +238,6 @@ def _extremes(finished, scenarios, shadow_prices):
     }
 
 
-def _memory(finished):
-    """Return the stability of the loop if the wake has memory, where the rotor turns."""
-    remembers = finished.physics.remembers
-    found = stability_of(finished.result) if remembers else stability(finished.verifications)
-    return {} if found is None else {"memory": found.model_dump()}
-
-
 def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = verifications[0].scenario, finished.physics.start_objective
@@ -252,6 +248,8 @@ def _scenario(finished, verifications):
         power = sum(each.objective(objective) for each in verifications) / duration
     speeds = [each.inflow_speed for each in simulations]
     limits = _over_time(finished, verifications)
+    several = [(each.rotor, each.simulated) for each in verifications]
+    largest = loads.placed(finished.result.point.blade, several)
     year = None
     if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
         year = a_year.entry(verifications, limits).model_dump()
@@ -265,11 +263,11 @@ def _scenario(finished, verifications):
         **sums,
         "mean_power_W": power,
         "ceiling_W": finished.physics.ceilings.get(scenario.group),
-        "inflow_speed": _span(np.concatenate(speeds), _mean(verifications, speeds)),
+        "inflow_speed": _span(speeds, _mean(verifications, speeds)),
         "tip_speed_ratio": _ratios(verifications),
         "operation": _operation(finished, verifications, power),
         "limits": limits,
-        "loads": _loads(verifications),
+        "loads": {name: x.model_dump(exclude_unset=True) for name, x in largest.items()},
         "steady": scenario.steady,
         "year": year,
     }
@@ -289,11 +287,6 @@ def _turning(verifications):
     return all(verification.simulation.stopped_at is None for verification in verifications)
 
 
-def _nodes(verifications, quantity):
-    """Return a quantity at the nodes of all verifications."""
-    return np.concatenate([verification.trajectory[quantity] for verification in verifications])
-
-
 def _mean(verifications, values):
     """Return the mean over time of values along each integration, by the scenarios' weights."""
     sums = np.zeros(2)
@@ -306,11 +299,12 @@ def _mean(verifications, values):
 def _ratios(verifications):
     """Return the range of the tip speed ratio at the nodes, and its mean over time."""
     simulated = [each.simulated["tip_speed_ratio"] for each in verifications]
-    return _span(_nodes(verifications, "tip_speed_ratio"), _mean(verifications, simulated))
+    nodes = [each.trajectory["tip_speed_ratio"] for each in verifications]
+    return _span(nodes, _mean(verifications, simulated))
 
 
-def _span(values, mean):
-    return {"min": np.min(values), "max": np.max(values), "mean": mean}
+def _span(parts, mean):
+    return {"min": min(map(np.min, parts)), "max": max(map(np.max, parts)), "mean": mean}
 
 
 def _operation(finished, verifications, power):
@@ -329,57 +323,34 @@ def _operation(finished, verifications, power):
     }
 
 
-def _unstable(verifications):
-    """Yield a note if an open loop needs a controller of its speed."""
+def _notes(finished):
+    """Yield notes on the stations that loads need, and on the operation."""
+    physics, verifications = finished.physics, finished.verifications
+    if all(each.resolved for each in verifications):
+        changes = {}
+        for name in physics.load_names:
+            most, own = (
+                max(np.max(getattr(each, known)[name]) for each in verifications)
+                for known in ("resolved", "simulated")
+            )
+            changes[name] = most / own - 1.0
+        if max(map(abs, changes.values())) > RESOLVED:
+            text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
+            yield (
+                f"loads are held on {physics.blade.r.size} stations; the same blade with "
+                f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
+            )
     if stiffness := max(getattr(each.controller, "stiffness", 0.0) for each in verifications):
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
             "difference from the speed that was found"
         )
-
-
-def _notes(finished, noted):
-    """Return the notes about files, blade and operation, with others that are `noted`."""
-    physics = finished.physics
-    start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
-    return [
-        *physics.messages,
-        *finished.start.messages,
-        *noted,
-        *_unresolved(physics, finished.verifications),
-        *_unstable(finished.verifications),
-        *([start] if start else []),
-        *(PULSES,) * physics.may_pulse,
-    ]
-
-
-def _beyond_polars(finished):
-    """Return severity and text of messages on stations that the polars' tables do not cover."""
-    blade = finished.result.point.blade
-    ratios = _nodes(finished.verifications, "tip_speed_ratio")
-    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    stations = Stations(blade, finished.physics.rotor.as_built(blade).polar, working)
-    return stations.messages("found blade")
-
-
-def _unresolved(physics, verifications):
-    """Yield a note if the loads are larger on a blade of many stations."""
-    if not all(each.resolved for each in verifications):
-        return
-    changes = {}
-    for name in physics.load_names:
-        most, own = (
-            max(np.max(getattr(each, known)[name]) for each in verifications)
-            for known in ("resolved", "simulated")
-        )
-        changes[name] = most / own - 1.0
-    if max(map(abs, changes.values())) > RESOLVED:
-        text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
-        yield (
-            f"loads are held on {physics.blade.r.size} stations; the same blade with "
-            f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
-        )
+    start, _ = start_against_friction(verifications[0].plant, physics.scenarios)
+    if start:
+        yield start
+    if physics.may_pulse:
+        yield PULSES
 
 
 def _over_time(finished, verifications, several=False):
@@ -422,28 +393,6 @@ def _limit(pairs, several):
     return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
 
 
-def _loads(verifications):
-    """Return the largest loads along some integrations, when and where along the blade."""
-    several = [(each.rotor, each.simulated) for each in verifications]
-    found = loads.placed(verifications[0].plant.blade, several)
-    return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
-
-
-def _set_angle(physics, blade):
-    """Return the set angle, deg: as found or as given; None where a designed twist contains it."""
-    shape = physics.shape
-    if shape.designs_set_angle:
-        return float(np.rad2deg(shape.control(blade)["twist"][0]))
-    return None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
-
-
-def _versions():
-    """Return the versions of Python and of the installed packages."""
-    found = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
-    versions = {name: each.version for name, each in found.items() if each is not None}
-    return {"python": platform.python_version()} | versions
-
-
 def write_tables(out: Path, finished: Checked) -> None:
     """Write the trajectories, the integrations, the loads, the blade and its power curve as CSV.
 
@@ -459,9 +408,8 @@ def write_tables(out: Path, finished: Checked) -> None:
     headers |= {x: Described(x, *about, "time", "trajectory").column for x, about in states}
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
-        simulated = [verification.simulated for verification in verifications]
-        nodes = [verification.at_nodes for verification in verifications]
-        for name, values in (("trajectory", nodes), ("simulation", simulated)):
+        for name, known in (("trajectory", "at_nodes"), ("simulation", "simulated")):
+            values = [getattr(each, known) for each in verifications]
             table = {
                 column: np.concatenate([each[quantity] for each in values])
                 for quantity, column in headers.items()
