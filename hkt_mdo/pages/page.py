@@ -16,7 +16,7 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import CheckEntry, Summary, at_limits, unasked
+from hkt_mdo.results.summary import CheckEntry, LoadEntry, Summary, unasked
 from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable, texts
 from hkt_mdo.sections import Section
 
@@ -67,15 +67,16 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     if found:
         drawn["solid"] = blade.solid(found)
     names = [each.label or "result" for each in results]
+    told = list(map(_told, order, names))
     return rendered(
         "report.html",
         title=_title(order),
         alike=len({each.case.objective.kind for each in order}) == 1,
-        results=[_told(each, name) for each, name in zip(order, names, strict=True)],
+        results=told,
         headline=_aligned(
             [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
         ),
-        merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
+        merits=_aligned([each["merits"] for each in told]),
         checks=_checks(order),
         measured=measured,
         limits=_limits(order),
@@ -107,20 +108,20 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
     if solution.finished:
         good = solution.success and not summary.breaks(solution.case)
         state = "verified" if good else "refused"
-    seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
-    work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
+    merits = texts(summary.rows(solution.case))
     versions = (f"{key} {value}" for key, value in (summary.versions or {}).items())
     origin = {
         "case": solution.name,
         "result folder": solution.folder.resolve().name,
         "control law": solution.case.control.law,
-        "optimizer": joined(summary.optimizer, work) if summary.optimizer else "",
+        "optimizer": merits["optimizer"] if summary.optimizer else "",
         "digest of files and code": summary.digest,
         "versions": joined(*versions),
     }
     return {
         "name": name,
         "solution": solution,
+        "merits": merits,
         "state": state,
         "scenarios": _scenarios(summary),
         "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
@@ -181,19 +182,19 @@ def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry]]]
     return sorted(_aligned(columns), key=lambda row: all(not x or x.passed for x in row[1]))
 
 
-def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[Any, Any, str]]]]:
-    """Return the limits, and below them the loads without a limit; of each result load and limit.
+def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[LoadEntry, str]]]]:
+    """Return the entries of limits, and below them those of loads without a limit, of each result.
 
-    Beside them is a remark on a large load without a limit.
+    Beside each is a remark on a large load without a limit.
     """
     columns = [
         {
-            words: (load, limit, "" if load is None else unasked(name, load, each.case))
-            for words, (name, load, limit) in at_limits(each.summary).items()
+            words: (entry, unasked(name, entry, each.case))
+            for words, (name, entry) in each.summary.at_limits().items()
         }
         for each in solutions
     ]
-    return sorted(_aligned(columns), key=lambda row: not any(x and x[1] for x in row[1]))
+    return sorted(_aligned(columns), key=lambda row: not any(x and x[0].limit for x in row[1]))
 
 
 def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:

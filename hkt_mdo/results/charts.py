@@ -220,7 +220,7 @@ def over_flow(results: Results, quantity: str) -> Panel:
     """Return a quantity over the flow speed: mean, 90 % of the instants, steady operation."""
     column = QUANTITIES[quantity].column
     panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
-    panel.from_zero = panel.across_from_zero = panel.left = True  # curves are low on the left
+    panel.from_zero = panel.across_from_zero = True
     for each in results:
         solution, label, table = each.solution, each.label, each.table
         if column not in table:
@@ -320,7 +320,7 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
     x, column = QUANTITIES[over].column, QUANTITIES[quantity].column
     across = "time (s)" if over == "time" else "inflow speed (m/s)"
     panel, scale = _panel_of(results, quantity, across)
-    panel.left = panel.from_zero = panel.across_from_zero = over != "time"
+    panel.from_zero = panel.across_from_zero = over != "time"
     for each in results:
         tables = [one.table for one in _alone([each], over)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
@@ -376,7 +376,7 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
 
 def over_radius(results: Results, column: str) -> Panel:
     """Return a column of the blade over the radius, with the bounds of the design."""
-    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True, left=True)
+    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True)
     panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
     if panel.curves:
         values = np.concatenate([each.y for each in panel.curves])

@@ -189,12 +189,6 @@ def water_inertia(estimates: tuple[float, float], inertia: float, model: str) ->
     return Row("inertia of water", estimates, "kg*m**2", note, 3)
 
 
-def weight_moment(moment: float) -> Row:
-    """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
-    note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
-    return Row("weight in water", abs(moment), "N*m", note, 3)
-
-
 def bends_far(deflection: float | None, radius: float | None) -> Iterator[str]:
     """Yield that a tip's deflection (m) is out of a beam's range, where it is."""
     if deflection and radius and deflection > BENT * radius:
@@ -202,7 +196,14 @@ def bends_far(deflection: float | None, radius: float | None) -> Iterator[str]:
         yield f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %"
 
 
-def tip_deflection(deflection: float, radius: float | None) -> Row:
-    """Return the row of a tip's deflection (m), a share of the radius (m) where that is known."""
-    share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""
-    return Row("largest tip deflection", deflection, "m", joined(share, "as a linear beam"), 4)
+def bending(deflection: float | None, radius: float | None, weight: float | None) -> Iterator[Row]:
+    """Yield the rows of a tip's deflection and of a blade's weight in water, where they are known.
+
+    Deflection and radius are in m, the moment of the weight at the hub's radius in N*m.
+    """
+    if deflection is not None:
+        share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""
+        yield Row("largest tip deflection", deflection, "m", joined(share, "as a linear beam"), 4)
+    if weight is not None:
+        note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
+        yield Row("weight in water", abs(weight), "N*m", note, 3)

@@ -21,6 +21,7 @@ from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.results.words import (
     Row,
     amounts,
+    bending,
     bends_far,
     duration,
     flow_words,
@@ -29,9 +30,7 @@ from hkt_mdo.results.words import (
     number,
     per_cent,
     powers,
-    tip_deflection,
     water_inertia,
-    weight_moment,
 )
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
@@ -499,13 +498,11 @@ def _limits(found: Findings) -> Rows:
         name = f"{flow.name}: " * (len(found.flows) > 1)
         for row in _of_scenario(found, limits, found.at_start[flow.name]):
             yield replace(row, label=name + row.label)
-    rotor, blade = found.physics.rotor, found.start.blade
+    rotor, blade, bent = found.physics.rotor, found.start.blade, None
     if found.running and not rotor.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
-        yield tip_deflection(bent, blade.tip_radius)
-        yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
-    if rotor.structure:
-        yield weight_moment(rotor.weight_moment(blade))
+    yield from bending(bent, blade.tip_radius, rotor.structure and rotor.weight_moment(blade))
+    yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:
