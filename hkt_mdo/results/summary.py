@@ -18,18 +18,8 @@ from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.problem.point import StartRecord
-from hkt_mdo.results.words import (
-    Row,
-    amounts,
-    bending,
-    bends_far,
-    joined,
-    limit_words,
-    measured,
-    per_cent,
-    printable,
-    water_inertia,
-)
+from hkt_mdo.results.rows import bending, bends_far, water_inertia
+from hkt_mdo.results.words import Row, amounts, joined, limit_words, measured, per_cent, printable
 
 VERSION = 1
 """Version of `summary.json`; a summary without one is older, and is read too."""

@@ -18,20 +18,8 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
-from hkt_mdo.results.words import (
-    Row,
-    amounts,
-    bending,
-    bends_far,
-    duration,
-    flow_words,
-    joined,
-    measured,
-    number,
-    per_cent,
-    powers,
-    water_inertia,
-)
+from hkt_mdo.results.rows import bending, bends_far, duration, flow_words, water_inertia
+from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
