@@ -67,10 +67,10 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     if found:
         drawn["solid"] = blade.solid(found)
     names = [each.label or "result" for each in results]
-    told = list(map(_told, order, names))
+    told, titles = list(map(_told, order, names)), dict.fromkeys(each.name for each in order)
     return rendered(
         "report.html",
-        title=_title(order),
+        title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=told,
         headline=_aligned(
@@ -95,11 +95,6 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         shared=shared,
         plotly=script,
     )
-
-
-def _title(solutions: Sequence[Solution]) -> str:
-    names = list(dict.fromkeys(each.name for each in solutions))
-    return " and ".join(names) if len(names) < 4 else f"{len(solutions)} results"
 
 
 def _told(solution: Solution, name: str) -> dict[str, Any]:

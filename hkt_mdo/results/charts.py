@@ -174,12 +174,10 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
     found: dict[tuple[str, float], list[str]] = {}
     results = _alone(results)
     for solution, label, _ in results:
-        levels: dict[str, float] = {}
-        for each in LIMITED_BY.get(quantity, (quantity,)):
-            levels |= solution.limit_levels(each)
-        for limit in (each for each in solution.limits if each.name in levels):
+        limits = map(solution.limit_levels, LIMITED_BY.get(quantity, (quantity,)))
+        for limit, level in chain.from_iterable(limits):
             words = f"{limit_words(limit.name)} limit {measured(limit.end, limit.unit or '', 4)}"
-            found.setdefault((words, levels[limit.name]), []).append(label)
+            found.setdefault((words, level), []).append(label)
     named = {}
     for (words, level), names in found.items():
         apart = [] if len(names) == len(results) else list(filter(None, dict.fromkeys(names)))

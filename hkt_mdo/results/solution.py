@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import html
 import os.path
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -43,13 +43,8 @@ TABLES: dict[str, dict[str, Sequence[Any]]] = {
 }
 """Unit (None: dimensionless) and description of each column of each table of a result."""
 
-_ASKED = {QUANTITIES[name].column for name in (*LOADS, *RATES)}
-_MAYBE = {
-    "trajectory": _ASKED,
-    "simulation": _ASKED,
-    "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
-    "coefficients": {"thrust_coefficient", "start_thrust_coefficient"},
-}
+_MAYBE = {"flapwise_moment_Nm", "thrust_coefficient", "start_thrust_coefficient"}
+_MAYBE |= {QUANTITIES[name].column for name in (*LOADS, *RATES)}
 """Columns that are there only if they are known of the rotor; older results lack them."""
 
 
@@ -297,18 +292,17 @@ class Solution:
             each.name: each.share(known) for each in self.limits if known.keys() >= set(each.inputs)
         }
 
-    def limit_levels(self, quantity: str) -> dict[str, float]:
-        """Return the values of a quantity or load at which limits of it are met, by their names.
+    def limit_levels(self, quantity: str) -> Iterator[tuple[Limit, float]]:
+        """Yield limits of a quantity or load, and the value of it at which each is met.
 
-        Those of limits that are proportional to it, as the tip speed's is to `rotor_speed`.
+        Those that are proportional to it, as the tip speed is to `rotor_speed`.
         """
-        levels, known = {}, self._scalars
+        known = self._scalars
         for each in self.limits:
             if quantity in each.inputs and {quantity, *known} >= set(each.inputs):
                 one, two = (each.value_of(known | {quantity: x}) for x in (1.0, 2.0))
                 if one > 0.0 and two == 2.0 * one:
-                    levels[each.name] = float(each.end / one)
-        return levels
+                    yield each, float(each.end / one)
 
     @property
     def failed_checks(self) -> tuple[str, ...]:
@@ -444,11 +438,10 @@ def _read_table(folder: Path, name: str, suffix: str = "") -> Table:
 
     `suffix`: what the name of the file has besides that of the table.
     """
-    path, maybe = folder / f"{name}{suffix}.csv", _MAYBE.get(name, set())
+    path, columns = folder / f"{name}{suffix}.csv", tuple(TABLES[name])
     if not path.exists():
         return {}
-    columns = tuple(TABLES[name])
-    required = [column for column in columns if column not in maybe]
+    required = [column for column in columns if column not in _MAYBE]
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
     table = Csv(text, path, ",".join(required), columns)
     table.check(required, "table of a result")
