@@ -17,7 +17,7 @@ from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import CheckEntry, LoadEntry, Summary, unasked
-from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable, texts
+from hkt_mdo.results.words import aligned, limit_words, measured, plain_unit, printable, texts
 from hkt_mdo.sections import Section
 
 LONGEST_CASE = 1024**2
@@ -73,10 +73,10 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
         alike=len({each.case.objective.kind for each in order}) == 1,
         results=told,
-        headline=_aligned(
+        headline=aligned(
             [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
         ),
-        merits=_aligned([each["merits"] for each in told]),
+        merits=aligned([each["merits"] for each in told]),
         checks=_checks(order),
         measured=measured,
         limits=_limits(order),
@@ -111,7 +111,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "control law": solution.case.control.law,
         "optimizer": merits["optimizer"] if summary.optimizer else "",
         "digest of files and code": summary.digest,
-        "versions": joined(*versions),
+        "versions": ", ".join(versions),
     }
     return {
         "name": name,
@@ -122,12 +122,6 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
         "yaml": read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE),
     }
-
-
-def _aligned(columns: Sequence[dict[str, Any]]) -> list[tuple[str, list[Any]]]:
-    """Return cells by their labels as rows, one cell a column; "" where there is none."""
-    names = dict.fromkeys(label for column in columns for label in column)
-    return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
 def _headline(solution: Solution) -> dict[str, str]:
@@ -174,7 +168,7 @@ def _headline(solution: Solution) -> dict[str, str]:
 def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry]]]:
     """Return the checks by name, those that refused a result first, with a check a result."""
     columns = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in solutions]
-    return sorted(_aligned(columns), key=lambda row: all(not x or x.passed for x in row[1]))
+    return sorted(aligned(columns), key=lambda row: all(not x or x.passed for x in row[1]))
 
 
 def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[LoadEntry, str]]]]:
@@ -189,7 +183,7 @@ def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[LoadEnt
         }
         for each in solutions
     ]
-    return sorted(_aligned(columns), key=lambda row: not any(x and x[0].limit for x in row[1]))
+    return sorted(aligned(columns), key=lambda row: not any(x and x[0].limit for x in row[1]))
 
 
 def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
@@ -208,7 +202,7 @@ def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
     """Return the keys in which cases differ, with the value of each case in people's units."""
-    rows = _aligned([_flat(case) for case in cases])
+    rows = aligned([_flat(case) for case in cases])
     different = [row for row in rows if len(set(row[1])) > 1 and row[0] != "name"]
     return [(key, [printable(value or "-") for value in values]) for key, values in different]
 

@@ -1,6 +1,6 @@
 """Rows of a report, and quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, zip_longest
 from operator import itemgetter
@@ -54,6 +54,12 @@ class Row:
 def texts(rows: Iterable[Row]) -> dict[str, str]:
     """Return the texts of rows by their labels."""
     return {row.label: row.text for row in rows}
+
+
+def aligned(columns: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[Any]]]:
+    """Return cells by their labels as rows, one cell a column; "" where there is none."""
+    names = dict.fromkeys(label for column in columns for label in column)
+    return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
 def joined(*texts: str) -> str:
