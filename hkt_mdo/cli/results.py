@@ -73,21 +73,17 @@ def plot(
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
     """
+    from hkt_mdo.results import figures, style
     from hkt_mdo.results.sweep import TABLE, SweepTable
+    from hkt_mdo.results.sweep_plots import sweep_figures
 
-    folder, forms = out or result / "figures", formats or ["png"]
-    if (result / TABLE).is_file():  # a sweep
-        from hkt_mdo.results.sweep_plots import save_figures as save_sweep
-
-        written = save_sweep(SweepTable.load(result), folder, forms)
+    if (result / TABLE).is_file():
+        drawn = sweep_figures(SweepTable.load(result))
     else:
-        solution = read_result(result)
-        from hkt_mdo.results.figures import save_figures
-
-        written = save_figures(solution, folder, forms)
-    if not written:
+        drawn = figures.figures(read_result(result))
+    if not drawn:
         raise InputError("holds no data to draw", "let the run finish", file=result)
-    parts.print_lines(written)
+    parts.print_lines(style.save(drawn, out or result / "figures", formats or ["png"]))
 
 
 def report(
@@ -154,9 +150,9 @@ def compare(
             left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
-        from hkt_mdo.results.figures import save_figures
+        from hkt_mdo.results import figures, style
 
-        parts.print_lines(save_figures(finished, out), err=for_program)
+        parts.print_lines(style.save(figures.figures(finished), out), err=for_program)
 
 
 _WIDEST = 44  # characters of a column; longer texts take more lines

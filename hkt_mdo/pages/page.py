@@ -16,7 +16,7 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import CheckEntry, LoadEntry, Summary, unasked
+from hkt_mdo.results.summary import LoadEntry, Summary, unasked
 from hkt_mdo.results.words import aligned, limit_words, measured, plain_unit, printable, texts
 from hkt_mdo.sections import Section
 
@@ -68,6 +68,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         drawn["solid"] = blade.solid(found)
     names = [each.label or "result" for each in results]
     told, titles = list(map(_told, order, names)), dict.fromkeys(each.name for each in order)
+    checks = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in order]
     return rendered(
         "report.html",
         title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
@@ -77,7 +78,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
             [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
         ),
         merits=aligned([each["merits"] for each in told]),
-        checks=_checks(order),
+        checks=sorted(aligned(checks), key=lambda row: all(not x or x.passed for x in row[1])),
         measured=measured,
         limits=_limits(order),
         differences=_differences([each.case for each in order]),
@@ -163,12 +164,6 @@ def _headline(solution: Solution) -> dict[str, str]:
     if summary.mass_kg is not None:
         rows["mass of the blades"] = measured(summary.mass_kg, "kg", 4)
     return rows
-
-
-def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry]]]:
-    """Return the checks by name, those that refused a result first, with a check a result."""
-    columns = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in solutions]
-    return sorted(aligned(columns), key=lambda row: all(not x or x.passed for x in row[1]))
 
 
 def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[LoadEntry, str]]]]:

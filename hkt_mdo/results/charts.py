@@ -97,32 +97,21 @@ Results = Sequence[Labelled]
 # ---- results and their names
 
 
-def labels(solutions: Sequence[Solution]) -> list[str]:
-    """Return what results are called beside one another; "" for a single one.
-
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        The results.
-
-    Returns
-    -------
-    list of str
-        Names of the cases, of the folders where those are equal, and numbers where these are, too.
-    """
-    if len(solutions) == 1:
-        return [""]
-    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
-        names = [printable(name(each)) for each in solutions]
-        if len(set(names)) == len(names):
-            return names
-    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
-
-
 def labelled(solutions: Solutions) -> list[Labelled]:
-    """Return results with their names."""
+    """Return results with what they are called beside one another.
+
+    That are the names of the cases, those of the folders where these are equal, with numbers where
+    those are, too.
+    """
     several = [solutions] if isinstance(solutions, Solution) else list(solutions)
-    return list(map(Labelled, several, labels(several), range(len(several))))
+    if len(several) == 1:
+        return [Labelled(several[0], "")]
+    names = [printable(each.name) for each in several]
+    if len({*names}) < len(names):
+        names = [printable(each.folder.resolve().name) for each in several]
+    if len({*names}) < len(names):
+        names = [f"{number}: {name}" for number, name in enumerate(names, 1)]
+    return list(map(Labelled, several, names, range(len(several))))
 
 
 def by_scenario(results: Results) -> list[Labelled]:
