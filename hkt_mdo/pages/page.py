@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -197,29 +197,26 @@ def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
     """Return the keys in which cases differ, with the value of each case in people's units."""
-    rows = aligned([_flat(case) for case in cases])
+    rows = aligned([dict(_flat(case)) for case in cases])
     different = [row for row in rows if len(set(row[1])) > 1 and row[0] != "name"]
     return [(key, [printable(value or "-") for value in values]) for key, values in different]
 
 
-def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
-    """Return the values of a section and of the sections in it as texts, by their dotted keys."""
+def _flat(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the dotted keys of a section and of the sections in it, with their values as texts."""
     if isinstance(value, Section):
-        parts = [
-            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), type(value).unit_of(name))
-            for name in type(value).model_fields
-        ]
+        for name in type(value).model_fields:
+            own, dotted = type(value).unit_of(name), f"{key}.{name}".lstrip(".")
+            yield from _flat(getattr(value, name), dotted, own)
     elif isinstance(value, list | tuple) and any(isinstance(each, Section) for each in value):
-        parts = [_flat(each, f"{key}[{number}]") for number, each in enumerate(value)]
-    elif value is None or value == ():
-        parts = []
+        for number, each in enumerate(value):
+            yield from _flat(each, f"{key}[{number}]")
     elif isinstance(value, float) and unit != "rad/s":
-        parts = [{key: measured(value, unit, 10)}]
-    else:
+        yield key, measured(value, unit, 10)
+    elif value is not None and value != ():
         several = value if isinstance(value, list | tuple) else [value]
         words = ", ".join(f"{x:.10g}" if isinstance(x, float) else str(x) for x in several)
-        parts = [{key: f"{words} {plain_unit(unit)}".rstrip()}]
-    return {name: text for part in parts for name, text in part.items()}
+        yield key, f"{words} {plain_unit(unit)}".rstrip()
 
 
 def not_modelled(case: Case) -> list[str]:
