@@ -15,25 +15,17 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import Dumper
-from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.point import KEPT_EXCESS
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, Described
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
 from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.rotor.strength import place_weights
-from hkt_mdo.run import loads
+from hkt_mdo.run import loads, verification
 from hkt_mdo.run import year as a_year
 from hkt_mdo.run.checks import RESOLVED, Checked, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.memory import stability, stability_of
-from hkt_mdo.run.verification import (
-    SteadyVerification,
-    design_and_result,
-    simulated_objective,
-    start_against_friction,
-    total,
-)
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -135,7 +127,7 @@ def _energies(finished):
     physics, verifications = finished.physics, finished.verifications
     taken = "generator_energy", "friction_energy", "kinetic_energy_change"
     names, turning = {*ENERGIES, *taken}, _turning(verifications)
-    sums = {name: total(verifications, attrgetter(f"simulation.{name}")) for name in names}
+    sums = {x: verification.total(verifications, attrgetter(f"simulation.{x}")) for x in names}
     simulated = {key: sums[name] if turning else None for name, key in ENERGIES.items()}
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
@@ -151,7 +143,7 @@ def _energies(finished):
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
-            "simulated": simulated_objective(verifications),
+            "simulated": verification.simulated_objective(verifications),
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
@@ -220,7 +212,7 @@ def _extremes(finished, scenarios, shadow_prices):
         for load, entry in scenario["loads"].items():
             if load not in found or entry["value"] > found[load]["value"]:
                 found[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
-    whole = design_and_result(finished.verifications)
+    whole = verification.design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
             limits[limit.name] = _entry(limit, whole)
@@ -251,7 +243,7 @@ def _scenario(finished, verifications):
     several = [(each.rotor, each.simulated) for each in verifications]
     largest = loads.placed(finished.result.point.blade, several)
     year = None
-    if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
+    if isinstance(getattr(scenario, "resource", None), Resource):
         year = a_year.entry(verifications, limits).model_dump()
     return {
         "share": finished.physics.shares[scenario.group],
@@ -284,7 +276,7 @@ def _decide(physics, scenarios):
 
 
 def _turning(verifications):
-    return all(verification.simulation.stopped_at is None for verification in verifications)
+    return all(each.simulation.stopped_at is None for each in verifications)
 
 
 def _mean(verifications, values):
@@ -309,12 +301,12 @@ def _span(parts, mean):
 
 def _operation(finished, verifications, power):
     """Return the intervals of operation; None where a machine never stands still."""
-    spans = np.array([verification.scenario.edges[[0, -1]] for verification in verifications])
+    spans = np.array([each.scenario.edges[[0, -1]] for each in verifications])
     still = verifications[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
     steady = verifications[0].scenario.steady
     if finished.physics.case.control.cut_out is None or still <= 0.0 or steady:
         return None
-    speeds = np.array([verification.trajectory["rotor_speed"][0] for verification in verifications])
+    speeds = np.array([each.trajectory["rotor_speed"][0] for each in verifications])
     return {
         "intervals_s": spans,
         "standstill_s": still,
@@ -346,7 +338,7 @@ def _notes(finished):
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
             "difference from the speed that was found"
         )
-    start, _ = start_against_friction(verifications[0].plant, physics.scenarios)
+    start, _ = verification.start_against_friction(verifications[0].plant, physics.scenarios)
     if start:
         yield start
     if physics.may_pulse:
@@ -356,11 +348,11 @@ def _notes(finished):
 def _over_time(finished, verifications, several=False):
     """Return the entries of limits over time by their names; of several, with the scenario."""
     pairs = {}
-    for verification in verifications:
-        for limit in finished.physics.limits_in(verification.scenario):
+    for each in verifications:
+        for limit in finished.physics.limits_in(each.scenario):
             if np.isfinite(limit.end):
-                pairs.setdefault(limit.name, []).append((limit, verification))
-    return {name: _limit(each, several) for name, each in pairs.items()}
+                pairs.setdefault(limit.name, []).append((limit, each))
+    return {name: _limit(own, several) for name, own in pairs.items()}
 
 
 def _entry(limit, known):
@@ -382,14 +374,14 @@ def _limit(pairs, several):
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
     found, binding = [], []
-    for limit, verification in pairs:
-        known, shares = verification.simulated, limit.share(verification.simulated)
-        about = loads.place(known, np.argmax(shares))
-        about |= {"scenario": verification.scenario.group} if several else {}
-        for each in (known, verification.at_nodes):
-            found.append((np.max(limit.share(each)), _entry(limit, each) | about))
+    for limit, run in pairs:
+        shares = limit.share(run.simulated)
+        about = loads.place(run.simulated, np.argmax(shares))
+        about |= {"scenario": run.scenario.group} if several else {}
+        for known in (run.simulated, run.at_nodes):
+            found.append((np.max(limit.share(known)), _entry(limit, known) | about))
         binding.append(np.where(shares >= _least(limit), 1.0, 0.0))
-    share = _mean([verification for _, verification in pairs], binding)
+    share = _mean([run for _, run in pairs], binding)
     return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
 
 
@@ -421,7 +413,7 @@ def write_tables(out: Path, finished: Checked) -> None:
             write_csv(out / f"{name}{suffix}.csv", table, rows)
         span = loads.over_span(blade, [(each.rotor, each.simulated) for each in verifications])
         _write_loads(out / f"loads{suffix}.csv", blade, span)
-        if isinstance(verifications[0], SteadyVerification):
+        if verifications[0].scenario.steady:
             bins = a_year.table(verifications)
             write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)
