@@ -295,12 +295,20 @@ class Unsettled(Lagging):
         return (0.0 * torque,)
 
 
-@pytest.mark.parametrize("control", ["unsettled", {"law": "lagging", "share": 0.0}])
-def test_a_rest_that_is_none_is_refused(control):
-    case = {"inflow": "sine", "control": control, "start": {"method": "blade"}}
+def test_the_equilibrium_of_a_law_with_states_is_computed_from_a_guess():
+    case = {"inflow": "sine", "start": {"method": "blade"}}
     case |= {"phase": {"duration": 5, "segments": 5}, "design": {"blade": "fixed"}}
-    with pytest.raises(InputError, match=r"has a rate of z of .* at its at_rest"):
-        build_problem(load_case(case, extensions=[Lagging, Unsettled]))
+
+    def begin(**control):
+        problem = build_problem(
+            load_case(case | {"control": control}, extensions=[Lagging, Unsettled])
+        )
+        problem.run_model()
+        return problem.get_val("traj.phase.timeseries.z").ravel()
+
+    np.testing.assert_allclose(begin(law="unsettled"), begin(law="lagging"), rtol=1e-9)
+    with pytest.raises(InputError, match="has a rate of z that depends neither on the speed nor"):
+        begin(law="lagging", share=0.0)
 
 
 def test_numbers_and_sizes_of_gains_are_checked():

@@ -117,10 +117,6 @@ class Law(Section):
         """Tell whether another law is a special case of this one, with some of its gains."""
         return self == other
 
-    def at_rest(self, torque, inflow_speed):
-        """Return the states of a rotor in equilibrium, its torque in N*m, the flow in m/s."""
-        return ()
-
 
 class OpenLoop(Law):
     """Open-loop optimal control: the torque over time is itself optimized, 0 <= u <= u_max."""
@@ -190,8 +186,12 @@ class FeedbackLaw(Law):
         """
         return ()
 
+    def at_rest(self, torque, inflow_speed):
+        """Return a guess of the states in equilibrium, under a torque, N*m, in a flow, m/s."""
+        raise NotImplementedError
+
     def speed_at_rest(self, inflow_speed, gains):
-        """Return the equilibrium speed, rad/s, in a flow, m/s, under a law with states."""
+        """Return a guess of the equilibrium's speed, rad/s, in a flow, m/s."""
         raise NotImplementedError
 
     def sensed(self, inflow_speed, random):

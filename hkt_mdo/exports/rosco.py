@@ -10,9 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
@@ -156,8 +154,7 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         speeds = law.speed_at_rest(flows, design.gains)  # its schedule
         torques = design.plant.generator_torque(speeds, flows)
         return flows, speeds, np.clip(torques, 0.0, law.torque_limit)
-    speeds, running, _ = equilibria(design.plant, FeedbackTorque(law, design.gains), flows)
-    flows, speeds = flows[running], speeds[running]
+    flows, speeds = design.steady(flows)
     if flows.size < 2:
         problem = "needs flows in which the rotor turns steadily under its law, but there are none"
         raise InputError(problem, "check the gains of the result", key="--to", value="rosco")

@@ -6,9 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, cut_in, provenance
@@ -284,9 +282,7 @@ def steady_operation(
         low = max((1.0 - WIDER) * float(np.min(speed)), cut_in(design))
         high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
         flow_range = round(low, 3), round(high, 3)
-    flow = np.linspace(*flow_range, FLOWS)
-    speed, running, _ = equilibria(design.plant, FeedbackTorque(law, design.gains), flow)
-    flow, speed = flow[running], speed[running]
+    flow, speed = design.steady(np.linspace(*flow_range, FLOWS))
     if not flow.size:
         remedy = "give flow_range: flow speeds in which the rotor turns"
         problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)

@@ -14,6 +14,7 @@ from hkt_mdo.exports.base import TEMPLATES, Format, cut_in, filled
 from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
+from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
@@ -61,10 +62,7 @@ class Windio(Format):
         steady = None if case.generator.lossless else steady_operation(design)
         if steady is not None:
             parts["drivetrain"]["generator"] = {"rpm_efficiency": _efficiency(steady)}
-        dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-        plain = json.loads(to_json(root))
-        text = yaml.dump(plain, Dumper=dumper, sort_keys=False, default_flow_style=None, width=1000)
-        return {"turbine.yaml": text.encode()}
+        return {"turbine.yaml": dump(json.loads(to_json(root)), width=1000).encode()}
 
 
 def _comments(design: Design, poisson: float) -> str:

@@ -122,16 +122,15 @@ class BladeTable:
         Parameters
         ----------
         hub_radius : float
-            Radius of the hub in the table's unit of length.
+            Radius of the hub, m.
 
         Returns
         -------
         numpy.ndarray
-            The radii in that unit.
+            The radii, m.
         """
-        tip = 1.0 if self.relative else self.tip_radius
-        margin = EDGE * tip
-        return self.r[(self.r > hub_radius + margin) & (self.r < tip - margin)]
+        margin = EDGE * self.tip_radius
+        return self.r[(self.r > hub_radius + margin) & (self.r < self.tip_radius - margin)]
 
     def blend(self, r: np.ndarray) -> tuple[tuple[str, str, float], ...]:
         """Return the two sections between which each station lies, of a file that names sections.

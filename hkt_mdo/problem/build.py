@@ -29,7 +29,6 @@ from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
-AT_REST = 0.4  # of a rate at rest over the size of its terms; a law may be near its torque limit
 WAKE_SHARE = 0.3  # typical axial induction
 _POINTS = "control points of its spline"
 DESIGNED = {
@@ -199,14 +198,9 @@ def _state_scales(physics, start):
     sizes[sizes == 0.0] = 1.0  # SI unit; a state that is zero in equilibrium has no size there
     slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
     rates = np.max(np.abs(slopes), axis=2) @ sizes
-    off = np.max(np.abs(physics.law.rates(speed, flow, start.gains, *states)), axis=1)
-    for name, rate, size in zip(physics.law.states, off, rates, strict=True):
-        if rate >= AT_REST * size:
-            problem = f"has a rate of {name} of {rate:.4g} at its at_rest, and terms of {size:.4g}"
-            remedy = (
-                "correct rates or at_rest: a rate depends on speed or states, and is zero there"
-            )
-            raise InputError(problem, remedy, key="control.law", value=physics.law.law)
+    for name in np.array([*physics.law.states])[rates == 0.0]:
+        problem = f"has a rate of {name} that depends neither on the speed nor on a state"
+        raise InputError(problem, "correct rates", key="control.law", value=physics.law.law)
     return dict(zip(physics.law.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 
@@ -305,9 +299,9 @@ def point_of(physics: Physics, problem) -> StartingPoint:
         time, first = np.unique(series(problem, scenario, "time"), return_index=True)
         return CubicSpline(time, values[first])(scenario.samples)
 
-    speed, torque = (
+    speed, torque, *states = (
         np.concatenate([sampled(each, name) for each in physics.scenarios])
-        for name in ("rotor_speed", "hydrodynamic_torque")
+        for name in ("rotor_speed", "hydrodynamic_torque", *physics.law.states)
     )
     gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.law.gain_units))]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
@@ -317,7 +311,7 @@ def point_of(physics: Physics, problem) -> StartingPoint:
     return StartingPoint(
         blade.with_shape(*map(problem.get_val, names)),
         np.array(gains, dtype=float),
-        Operation(float(problem.get_val("energy")[0]), speed, torque),
+        Operation(float(problem.get_val("energy")[0]), speed, torque, states=tuple(states)),
     )
 
 

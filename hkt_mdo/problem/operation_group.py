@@ -73,14 +73,14 @@ class OperationGroup(om.Group):
         bounds = setup.bounds(physics)["rotor_speed"]
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
-        for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
+        for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
             variant = physics.variant(each)
             hydrodynamics, parameters = self._hydrodynamics(each)
             generator = physics.case.generator
             options = {"hydrodynamics": hydrodynamics, "generator": generator}
             torque = torque - generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
-            begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
+            begin |= zip(physics.law.states, states, strict=True)
             about = each, physics.law_in(each), options, self._scales, bounds, begin
             promoted = [(name, named(name, variant)) for name in parameters]
             if each.steady:

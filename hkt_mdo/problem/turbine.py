@@ -143,9 +143,9 @@ def build_turbine(
     if station_count is not None:
         rotor = rotor.model_copy(update={"stations": None, "station_count": station_count})
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
-    reach = float(min(stations[-1], table.r[-1])) / (1.0 if table.relative else tip_radius)
+    reach = float(min(stations[-1], table.r[-1])) / tip_radius
     read = () if rotor.blade in shipped_names("blade") else table.messages
-    table = _at_stations(table, stations).scaled(tip_radius)
+    table = _at_stations(table, stations)
     cone = np.deg2rad(rotor.cone) if rotor.cone is not None else table.cone or 0.0
     set_angle = 0.0 if rotor.chord is not None else np.deg2rad(rotor.set_angle or 0.0)
     count = rotor.blade_count or table.blade_count or BLADES
@@ -179,10 +179,7 @@ def build_turbine(
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
-    """Return the blade's rows for the case's tip radius, tip radius and hub radius, m.
-
-    Rows whose lengths are over the tip radius stay so, to be interpolated as they are written.
-    """
+    """Return the blade's rows for the case's tip radius, tip radius and hub radius, m."""
     fraction = rotor.hub_radius_fraction
     if rotor.chord is not None:
         radius = _radius(rotor, None)
@@ -190,10 +187,9 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         table = BladeTable(*rows, tip_radius=radius)
     else:
         table = read_blade(rotor.blade)
-        own = shipped_rotor(rotor.blade).get("radius")
-        if own is not None and not table.relative:  # a shipped file in metres is of this size
-            table = replace(table, tip_radius=own)
-    if table.hub_radius == 0.0 and not table.relative:  # its span begins at the root
+        own = shipped_rotor(rotor.blade).get("radius", table.tip_radius)
+        table = replace(table, tip_radius=own)
+    if table.hub_radius == 0.0:  # its span begins at the root
         if fraction is None:
             problem = "measures its span from the root and does not contain the hub's radius"
             remedy = "give rotor.hub_radius_fraction"
@@ -208,8 +204,8 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
     if fraction is None:
         known = table.hub_radius is not None and table.tip_radius is not None
         fraction = table.hub_radius / table.tip_radius if known else HUB
-    radius = _radius(rotor, None if table.relative else table.tip_radius)
-    return table if table.relative else table.scaled(radius), radius, fraction * radius
+    radius = _radius(rotor, table.tip_radius)
+    return table.scaled(radius), radius, fraction * radius
 
 
 def _radius(rotor: Rotor, own: float | None) -> float:
@@ -221,9 +217,8 @@ def _radius(rotor: Rotor, own: float | None) -> float:
     return radius
 
 
-def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the radii of the stations in the table's unit of length, and messages about them."""
-    tip, hub = (1.0, hub_radius / tip_radius) if table.relative else (tip_radius, hub_radius)
+def _stations(rotor, table, tip, hub) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the radii of the stations (m), and messages about them."""
     low, high = table.r[0] / tip, table.r[-1] / tip
     if rotor.stations is None and rotor.station_count is None:
         own = table.interior(hub)
@@ -245,7 +240,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
     else:
         fraction = np.array(rotor.stations)
         if fraction[0] * tip <= hub:
-            problem = f"lies on or within the hub, whose radius is {hub_radius:.6g} m"
+            problem = f"lies on or within the hub, whose radius is {hub:.6g} m"
             remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
             raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
     if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):

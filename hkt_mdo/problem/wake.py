@@ -90,7 +90,7 @@ class Follower:
         may be farther from its wake than its quasi-steady start by no more than `PULSE`.
         """
         scenario = self.physics.scenarios[number]
-        speed, _ = split(self.physics, self.setup.start.operation)[number]
+        speed, *_ = split(self.physics, self.setup.start.operation)[number]
         factor = self.along(scenario, speed)["wake_factor"]
         factor = np.interp(scenario.node_times[scenario.distinct_nodes], scenario.samples, factor)
         return factor - PULSE, factor + PULSE

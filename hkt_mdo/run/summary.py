@@ -7,15 +7,14 @@ from operator import attrgetter, itemgetter
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
-from hkt_mdo.files.yaml_text import Dumper
-from hkt_mdo.problem.point import KEPT_EXCESS
+from hkt_mdo.files.yaml_text import dump
+from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, Described
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
@@ -118,7 +117,7 @@ def _branches(start):
     """Yield the branches of the search for a result's start, that of the result first."""
     sides = [each for each in start.starts if each.side]
     for each in sorted(sides, key=lambda x: x.side != start.branch):
-        about = {"taken": each.side == start.branch, "kept": each.excess <= KEPT_EXCESS}
+        about = {"taken": each.side == start.branch, "kept": each.excess <= START_EXCESS}
         yield {"name": each.side, "objective_J": each.objective} | about
 
 
@@ -460,8 +459,7 @@ def _write_blade(path, physics, blade):
     given = physics.case.rotor.model_dump(mode="json")
     for key in ("polar", "outline", "sections", "reynolds_number"):
         rotor |= {key: given[key]} if given[key] else {}
-    style = {"sort_keys": False, "default_flow_style": True, "width": float("inf")}
-    section = yaml.dump(rotor, Dumper=Dumper, **style).strip()
+    section = dump(rotor, width=float("inf"), default_flow_style=True).strip()
     remarks = (
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
         f"to start from it, with the path of this file: rotor: {section}",
