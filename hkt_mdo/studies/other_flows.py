@@ -20,7 +20,7 @@ from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import LimitEntry, unasked
+from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import placed
@@ -35,7 +35,7 @@ STALLED = 0.5  # tip speed ratio over the least of the design, below which a rot
 RUN_AWAY = 1.2  # speed over that without memory, above which the wake lets the rotor run away
 
 
-class Told(LimitEntry):
+class Told(LoadEntry):
     """The largest value of a limit, or of a load without one, in a simulation."""
 
     share: float | None = None
