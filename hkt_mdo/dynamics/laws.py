@@ -189,7 +189,7 @@ class FeedbackLaw(Law):
 
     def at_rest(self, torque, inflow_speed):
         """Return a guess of the states in equilibrium, under a torque, N*m, in a flow, m/s."""
-        raise NotImplementedError
+        return ()
 
     def speed_at_rest(self, inflow_speed, gains):
         """Return a guess of the equilibrium's speed, rad/s, in a flow, m/s."""
