@@ -32,7 +32,7 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
 from hkt_mdo.start.find import steady_optimum
-from hkt_mdo.studies.uncertainty import Design, flow_named, fly_noisy
+from hkt_mdo.studies.uncertainty import flow_named, fly_noisy
 
 
 def reproduce(
@@ -119,7 +119,7 @@ def _ensembles(out, repeats, seed, jobs, report):
 
 def _one_ensemble(source, flow, sensor, repeats, seed):
     """Simulate a design in a flow, without noise where no sensor is given."""
-    design = Design.of(Solution.load(source))
+    design = Solution.load(source).design()
     inflow = flow_named(flow, design.physics.inflow)
     if sensor is None:
         run = design.simulate(inflow)

@@ -27,7 +27,7 @@ from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.engine import in_processes
-from hkt_mdo.studies.uncertainty import Design, Sensor, fly_noisy
+from hkt_mdo.studies.uncertainty import Sensor, fly_noisy
 
 LAWS = {
     "open loop": "law: open_loop",
@@ -176,7 +176,7 @@ def unseen(found, count, jobs):
 
 def simulated(folder, count, estimated=False):
     """Return energies and the limits' excess of one design in flows that it has not seen."""
-    design = Design.of(Solution.load(folder))
+    design = Solution.load(folder).design()
     if estimated:  # the design is the same as with a sensor
         law = design.law.model_copy(update={"flow": "estimated"})
         design = replace(design, physics=replace(design.physics, law=law))

@@ -14,7 +14,6 @@ from study_common import markdown_table
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.uncertainty import Design
 
 LAWS = {"oloc": "open loop", "quadratic": "quadratic", "linear": "linear"}
 CASES = {
@@ -84,7 +83,7 @@ def describe(solution, local=None):
 def in_local_polars(invariant, local):
     """Return the energy (J) of an invariant feedback design in the flow with local polars."""
     world = physics(local.case)
-    design = Design.of(invariant)
+    design = invariant.design()
     inertia = world.mass_and_inertia(design.plant.blade)[1]
     plant = replace(design.plant, polar=world.rotor.polar, inertia=inertia)
     found = replace(design, plant=plant).simulate(world.inflow)

@@ -31,7 +31,6 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import limit_words
 from hkt_mdo.run.run import run_case
 from hkt_mdo.studies.other_flows import Run
-from hkt_mdo.studies.uncertainty import Design
 
 LAWS = "quadratic", "rated"
 # Under Gauss-Lobatto these optimizations need hundreds of iterations once their mesh is refined
@@ -214,7 +213,7 @@ def replace_turbine(solution, state):
     data = STATES[state]
     base = {"inflow": "sine", "control": "quadratic", "condition": data.get("condition", {})}
     case = first.case.of_turbine(data.get("density"), load_case(base).condition)
-    design = Design.of(replace(first, case=case))
+    design = replace(first, case=case).design()
     plant, _ = design.plant.tabulated(RATIOS)
     return replace(design, plant=plant, known=plant)
 

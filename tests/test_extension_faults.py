@@ -221,7 +221,7 @@ def test_a_function_from_elsewhere_is_guarded(static):
     (text,) = law.held(np.array([0.0]))
     assert text.startswith("gain_0 of the law taken begins at 0 and is not designed")
     with pytest.raises(InputError, match=r"IndexError.*; correct the method$"):
-        law.torque_by_speed(np.array([2.0]), np.array([]))
+        law.slopes(np.array([2.0]), 1.5, np.array([]))
 
 
 @pytest.mark.parametrize("frequency", [-1.0, "0.1 Hz"])
@@ -295,12 +295,20 @@ class Unsettled(Lagging):
         return (0.0 * torque,)
 
 
-@pytest.mark.parametrize("control", ["unsettled", {"law": "lagging", "share": 0.0}])
-def test_a_rest_that_is_none_is_refused(control):
-    case = {"inflow": "sine", "control": control, "start": {"method": "blade"}}
+def test_the_equilibrium_of_a_law_with_states_is_computed_from_a_guess():
+    case = {"inflow": "sine", "start": {"method": "blade"}}
     case |= {"phase": {"duration": 5, "segments": 5}, "design": {"blade": "fixed"}}
-    with pytest.raises(InputError, match=r"has a rate of z of .* at its at_rest"):
-        build_problem(load_case(case, extensions=[Lagging, Unsettled]))
+
+    def begin(**control):
+        problem = build_problem(
+            load_case(case | {"control": control}, extensions=[Lagging, Unsettled])
+        )
+        problem.run_model()
+        return problem.get_val("traj.phase.timeseries.z").ravel()
+
+    np.testing.assert_allclose(begin(law="unsettled"), begin(law="lagging"), rtol=1e-9)
+    with pytest.raises(InputError, match="has a rate of z that depends neither on the speed nor"):
+        begin(law="lagging", share=0.0)
 
 
 def test_numbers_and_sizes_of_gains_are_checked():

@@ -5,13 +5,11 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from hkt_mdo.case.kinds import Extension, known_kinds
 from hkt_mdo.case.schema import case_class
 from hkt_mdo.files.shipped import MATERIALS, POLAR_FAMILIES, shipped_names, shipped_rotor
 from hkt_mdo.files.template import templates
-from hkt_mdo.files.yaml_text import Dumper
+from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.sections import BOUNDS, Quantity, parts_of
 
 
@@ -171,8 +169,7 @@ def _yaml(value: object) -> str:
         return f"[{', '.join(map(_yaml, value))}]"
     if isinstance(value, dict):
         value = {key: each for key, each in value.items() if each is not None}
-    text: str = yaml.dump([value], Dumper=Dumper, default_flow_style=True, width=10_000)
-    return text.strip()[1:-1]
+    return dump([value], width=float("inf"), default_flow_style=True).strip()[1:-1]
 
 
 def _code(names: Iterable[str]) -> str:

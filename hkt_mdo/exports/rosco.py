@@ -10,9 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
@@ -91,7 +89,7 @@ def _law_words(design: Design) -> dict[str, Any]:
         "torques": torques,
     }
     if isinstance(law, QuadraticFeedback | RatedFeedback):
-        loop = float(np.max(law.torque_by_speed(speeds, gains))) / design.inertia
+        loop = float(np.max(law.slopes(speeds, flows, gains)[0, 0])) / design.inertia
         return words | {"loop": loop} | _overspeed(law, gains, largest, fastest)
     if isinstance(law, Tracking):
         return words | _by_flow(law, design, flows, speeds)
@@ -156,8 +154,7 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         speeds = law.speed_at_rest(flows, design.gains)  # its schedule
         torques = design.plant.generator_torque(speeds, flows)
         return flows, speeds, np.clip(torques, 0.0, law.torque_limit)
-    speeds, running, _ = equilibria(design.plant, FeedbackTorque(law, design.gains), flows)
-    flows, speeds = flows[running], speeds[running]
+    flows, speeds = design.steady(flows)
     if flows.size < 2:
         problem = "needs flows in which the rotor turns steadily under its law, but there are none"
         raise InputError(problem, "check the gains of the result", key="--to", value="rosco")

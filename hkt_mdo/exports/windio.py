@@ -14,6 +14,7 @@ from hkt_mdo.exports.base import TEMPLATES, Format, cut_in, filled
 from hkt_mdo.exports.openfast import polar_rows, reynolds_numbers
 from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS, section_names, steady_operation
+from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.sections import STACKING, outline_names
@@ -38,7 +39,7 @@ class Windio(Format):
         root |= {"name": design.solution.name, "comments": _comments(design, material["nu"])}
         root["airfoils"], positions = _airfoils(design)
         root["control"] |= _control(design)
-        powers = [own.trajectory["electrical_power_W"] for own in tables]
+        powers = [own["trajectory"]["electrical_power_W"] for own in tables]
         root["assembly"] |= {
             "number_of_blades": int(blade.blade_count),
             "rotor_diameter": 2.0 * blade.rotor_radius,
@@ -61,10 +62,7 @@ class Windio(Format):
         steady = None if case.generator.lossless else steady_operation(design)
         if steady is not None:
             parts["drivetrain"]["generator"] = {"rpm_efficiency": _efficiency(steady)}
-        dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-        plain = json.loads(to_json(root))
-        text = yaml.dump(plain, Dumper=dumper, sort_keys=False, default_flow_style=None, width=1000)
-        return {"turbine.yaml": text.encode()}
+        return {"turbine.yaml": dump(json.loads(to_json(root)), width=1000).encode()}
 
 
 def _comments(design: Design, poisson: float) -> str:
@@ -165,7 +163,7 @@ def _control(design: Design) -> dict[str, Any]:
     law: Any = design.law
     physics, tables = design.physics, design.solution.tables.values()
     limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
-    speeds = [own.trajectory["rotor_speed_rad_s"] for own in tables]
+    speeds = [own["trajectory"]["rotor_speed_rad_s"] for own in tables]
     fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
     known = {
         "max_rotor_speed": fastest * REVOLUTIONS,

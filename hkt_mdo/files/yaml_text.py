@@ -25,22 +25,29 @@ LONGEST_KEY = 60
 LONGEST_INTEGER = 18
 """Most characters of an integer that is read as one: reading thousands of digits is slow."""
 
+_TAG = "tag:yaml.org,2002:"
 _FLOAT = r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
 _WORDS = {
-    "bool": re.compile("true|True|TRUE|false|False|FALSE"),
-    "null": re.compile("~|null|Null|NULL|"),
-    "int": re.compile("[-+]?(0|[1-9][0-9]*)"),
-    "float": re.compile(rf"{_FLOAT}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"),
+    "bool": "true|True|TRUE|false|False|FALSE",
+    "null": "~|null|Null|NULL|",
+    "int": rf"(?!.{{{LONGEST_INTEGER + 1}}})[-+]?(0|[1-9][0-9]*)",
+    "float": rf"{_FLOAT}|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
 }
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):
-    """libyaml, ten times as fast as PyYAML's own parser; `word` decides what a scalar is."""
+    """libyaml, ten times as fast as PyYAML's own parser, with the scalars of YAML 1.2."""
 
     yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
 
 
-class Dumper(yaml.SafeDumper):
+class _CaseLoader(yaml.SafeLoader):
+    """PyYAML's own parser, which locates errors more precisely, with the scalars of YAML 1.2."""
+
+    yaml_implicit_resolvers: ClassVar[dict[str, Any]] = {}
+
+
+class _Dumper(yaml.SafeDumper):
     """Lists of numbers and texts on one line; quotes where YAML 1.1 or 1.2 has another type."""
 
     def ignore_aliases(self, data: Any) -> bool:
@@ -75,10 +82,10 @@ class Dumper(yaml.SafeDumper):
         return self.represent_sequence("tag:yaml.org,2002:seq", data, flow_style=inline)
 
 
-Dumper.add_representer(list, Dumper.represent_flow_list)
+_Dumper.add_representer(list, _Dumper.represent_flow_list)
 for _word, _pattern in _WORDS.items():
-    _whole = re.compile(rf"^(?:{_pattern.pattern})\Z")
-    Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{_word}", _whole, None)
+    for _class in (_Loader, _CaseLoader, _Dumper):
+        _class.add_implicit_resolver(_TAG + _word, re.compile(rf"(?:{_pattern})\Z"), None)
 
 
 def dump(data: Any, width: float = 100, **style: Any) -> str:
@@ -98,7 +105,7 @@ def dump(data: Any, width: float = 100, **style: Any) -> str:
     str
         Keys in their order.
     """
-    style |= {"Dumper": Dumper, "sort_keys": False, "allow_unicode": True}
+    style |= {"Dumper": _Dumper, "sort_keys": False, "allow_unicode": True}
     return str(yaml.dump(data, width=width, **style))
 
 
@@ -193,7 +200,7 @@ class Place:
         for name in path.split("."):
             mapping._expect(yaml.MappingNode, "a mapping")
             node = next((node for key, node in mapping.node.value if key.value == name), None)
-            if node is None or (isinstance(node, yaml.ScalarNode) and word(node) == "null"):
+            if node is None or (isinstance(node, yaml.ScalarNode) and node.tag == f"{_TAG}null"):
                 key = mapping.below(mapping.node, name).shown
                 if remedy:
                     raise InputError("is missing", remedy, file=self.file, key=key)
@@ -376,8 +383,7 @@ def compose(text: str, file: object, key: str = "", *, case: bool = False) -> ya
         If the text is no YAML, or YAML that is refused: tags, merge keys, a key that is given
         twice, a second document, deep nesting. The message says where.
     """
-    # PyYAML's own parser, for cases, locates errors more precisely.
-    loader = yaml.SafeLoader if case else _Loader
+    loader = _CaseLoader if case else _Loader
     try:
         _check_events(yaml.parse(text, Loader=loader), file, case)
         root = yaml.compose(text, Loader=loader)
@@ -438,9 +444,9 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
         names = set()
         for key, value in node.value:
             line = f"line {key.start_mark.line + 1}"
-            if not isinstance(key, yaml.ScalarNode) or (case and word(key) != "str"):
+            if not isinstance(key, yaml.ScalarNode) or (case and key.tag != f"{_TAG}str"):
                 remedy = "write a word"
-                if isinstance(key, yaml.ScalarNode) and word(key) == "int":
+                if key.tag == f"{_TAG}int":
                     remedy += "; a decimal has a point, not a comma, which begins the next key"
                 raise refuse(f"has a key that is not a word ({line})", remedy)
             member = place.below(value, key.value)
@@ -460,23 +466,6 @@ def _check_keys(place: Place, case: bool, seen: set[int]) -> None:
         raise refuse("has an incomplete Unicode character", "write the text without \\u escapes")
 
 
-def word(node: yaml.ScalarNode) -> str:
-    """Return the type of a scalar by the core schema of YAML 1.2.
-
-    Parameters
-    ----------
-    node : yaml.ScalarNode
-        The scalar.
-
-    Returns
-    -------
-    str
-        bool, null, int, float or str.
-    """
-    kinds = (kind for kind, pattern in _WORDS.items() if pattern.fullmatch(node.value))
-    return "str" if node.style else next(kinds, "str")
-
-
 def plain(node: yaml.Node | None) -> Any:
     """Return the value of a node.
 
@@ -490,23 +479,7 @@ def plain(node: yaml.Node | None) -> Any:
     dict, list, str, float, int, bool or None
         The value; None also for no node.
     """
-    if node is None:
-        return None
-    if isinstance(node, yaml.MappingNode):
-        return {key.value: plain(value) for key, value in node.value}
-    if isinstance(node, yaml.SequenceNode):
-        return [plain(item) for item in node.value]
-    text: str = node.value
-    match word(node):
-        case "null":
-            return None
-        case "bool":
-            return text.lower() == "true"
-        case "int":
-            return int(text) if len(text) <= LONGEST_INTEGER else float(text)
-        case "float":
-            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    return text
+    return None if node is None else _Loader("").construct_document(node)
 
 
 def parse(text: str, file: str, key: str = "") -> Any:

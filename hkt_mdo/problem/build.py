@@ -28,7 +28,6 @@ from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
-AT_REST = 0.4  # of a rate at rest over the size of its terms; a law may be near its torque limit
 WAKE_SHARE = 0.3  # typical axial induction
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
@@ -187,14 +186,9 @@ def _state_scales(physics, start):
     sizes[sizes == 0.0] = 1.0  # SI unit; a state that is zero in equilibrium has no size there
     slopes = physics.law.slopes(speed, flow, start.gains, *states)[1:]
     rates = np.max(np.abs(slopes), axis=2) @ sizes
-    off = np.max(np.abs(physics.law.rates(speed, flow, start.gains, *states)), axis=1)
-    for name, rate, size in zip(physics.law.states, off, rates, strict=True):
-        if rate >= AT_REST * size:
-            problem = f"has a rate of {name} of {rate:.4g} at its at_rest, and terms of {size:.4g}"
-            remedy = (
-                "correct rates or at_rest: a rate depends on speed or states, and is zero there"
-            )
-            raise InputError(problem, remedy, key="control.law", value=physics.law.law)
+    for name in np.array([*physics.law.states])[rates == 0.0]:
+        problem = f"has a rate of {name} that depends neither on the speed nor on a state"
+        raise InputError(problem, "correct rates", key="control.law", value=physics.law.law)
     return dict(zip(physics.law.states, zip(sizes[1:], rates, strict=True), strict=True))
 
 
@@ -209,9 +203,9 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
         given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
-    others = {f"gain_{i}": (units, "feedback gain") for i, units in enumerate(law.gain_units)}
-    given += zip(others, start.gains, law.sizes(start.gains), strict=True)
-    others["hub_inertia"] = "kg*m**2", "inertia of all that turns besides the blades"
+    given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
+    others = {"hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades")}
+    others |= law.named_gains
     for name, value, ref in given:
         quantity = QUANTITIES.get(name.removesuffix("_control"))
         units, text = (quantity.unit, quantity.text) if quantity else others[name]
@@ -281,11 +275,11 @@ def point_of(physics: Physics, problem) -> StartingPoint:
         time, first = np.unique(series(problem, scenario, "time"), return_index=True)
         return CubicSpline(time, values[first])(scenario.samples)
 
-    speed, torque = (
+    speed, torque, *states = (
         np.concatenate([sampled(each, name) for each in physics.scenarios])
-        for name in ("rotor_speed", "hydrodynamic_torque")
+        for name in ("rotor_speed", "hydrodynamic_torque", *physics.law.states)
     )
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.law.gain_units))]
+    gains = [problem.get_val(name)[0] for name in physics.law.named_gains]
     blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
     if physics.designs_hub:
         blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))
@@ -293,7 +287,7 @@ def point_of(physics: Physics, problem) -> StartingPoint:
     return StartingPoint(
         blade.with_shape(*map(problem.get_val, names)),
         np.array(gains, dtype=float),
-        Operation(float(problem.get_val("energy")[0]), speed, torque),
+        Operation(float(problem.get_val("energy")[0]), speed, torque, states=tuple(states)),
     )
 
 

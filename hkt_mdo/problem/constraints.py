@@ -28,7 +28,8 @@ def near_stall(physics: Physics, start: StartingPoint, limit: DistanceFromStall,
     scenario = physics.scenarios[number]
     table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
     known = on_start(physics, start)[number]
-    known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
+    known |= {"torque_coefficient_table": table.torque}
+    known |= zip(limit.named_numbers, start.gains, strict=True)
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
     margin, still = (
@@ -70,9 +71,3 @@ def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
     rate of the torque alone may differ from one segment to the other.
     """
     return np.arange(scenario.node_times.size) if limit.is_of(RATES) else scenario.distinct_nodes
-
-
-def size_of(limit: Limit) -> float:
-    """Return the magnitude of a limit's bounds; 1 where they are none."""
-    ends = np.abs(np.hstack((limit.lower, limit.upper)))
-    return float(np.max(ends[np.isfinite(ends)], initial=0.0)) or 1.0

@@ -28,10 +28,10 @@ RATIOS = 1001  # tip speed ratios at which loads are computed at most
 
 
 def split(physics: Physics, operation: Operation) -> list[np.ndarray]:
-    """Return rotor speed and hydrodynamic torque of an operation, (2, n_times) a scenario."""
+    """Return speed, hydrodynamic torque and states of an operation, (n, n_times) a scenario."""
     ends = np.cumsum([each.samples.size for each in physics.scenarios])[:-1]
-    both = np.stack((operation.rotor_speed, operation.hydrodynamic_torque))
-    return np.split(both, ends, axis=1)
+    rows = np.stack((operation.rotor_speed, operation.hydrodynamic_torque, *operation.states))
+    return np.split(rows, ends, axis=1)
 
 
 def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
@@ -39,7 +39,7 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
 
     Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the scalars
     that limits and objectives may take. The generator torque is that of a static law, else it
-    balances the flow's; states of the control law are in equilibrium.
+    balances the flow's.
     """
     return [dict(each) for each in _quantities(physics, point)]
 
@@ -49,7 +49,7 @@ def _quantities(physics, point) -> list[dict]:
     """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
-    for scenario, (speed, torque) in pairs:
+    for scenario, (speed, torque, *states) in pairs:
         rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
         time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
         if rotor is not physics.rotor:  # the operation is that of the case's own turbine
@@ -61,7 +61,7 @@ def _quantities(physics, point) -> list[dict]:
         known |= loads_along(rotor, blade, known, physics.load_names)
         known |= {"torque_rate": scenario.rate_of(held), "steady": scenario.steady}
         known |= scalars(physics, rotor, blade)
-        found.append(known | physics.states_at_rest(held, flow))
+        found.append(known | dict(zip(physics.law.states, states, strict=True)))
     integrals = {
         name: sum(
             scenario.weight * float(scenario.sample_weights @ integrand.rate_of(known))
@@ -205,9 +205,6 @@ def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, f
     return found
 
 
-def broken_limits(physics: Physics, point: StartingPoint, most: float = START_EXCESS) -> list[str]:
-    """Return the names of the limits, design bounds aside, that a point exceeds by more than that.
-
-    `most` is relative.
-    """
-    return [name for name, (over, _) in excesses(physics, point).items() if over > most]
+def broken_limits(physics: Physics, point: StartingPoint) -> list[str]:
+    """Return the names of the limits, design bounds aside, that a point does not keep."""
+    return [name for name, (over, _) in excesses(physics, point).items() if over > START_EXCESS]

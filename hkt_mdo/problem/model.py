@@ -147,10 +147,6 @@ class Physics:
         """Density of the water, kg/m**3."""
         return self.case.fluid.density
 
-    def states_at_rest(self, torque, inflow_speed) -> dict[str, np.ndarray]:
-        """Return the states of the control law in equilibrium, by name; SI units."""
-        return dict(zip(self.law.states, self.law.at_rest(torque, inflow_speed), strict=True))
-
     @property
     def has_curve(self) -> bool:
         """Whether the optimization takes torque from a curve over the tip speed ratio.

@@ -19,7 +19,6 @@ from hkt_mdo.problem.constraints import (
     is_quantity,
     limited_nodes,
     near_stall,
-    size_of,
     source_of,
 )
 from hkt_mdo.problem.equilibrium import equilibrium_group
@@ -90,7 +89,7 @@ class OperationGroup(om.Group):
             if limit.constrains(physics.law):
                 name = constraint_of(physics, limit)
                 bounds = {"lower": limit.lower, "upper": limit.upper}
-                self.add_constraint(name, **bounds, ref=size_of(limit), units=limit.unit)
+                self.add_constraint(name, **bounds, ref=limit.bounds_size or 1.0, units=limit.unit)
                 self._add_formula(name, limit, np.size(limit.value_of(known)))
 
     def _hold(self, limit, number):
@@ -105,7 +104,7 @@ class OperationGroup(om.Group):
         if np.isfinite(limit.upper):
             less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
         bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
-        options = {"ref": ref or size_of(limit), "units": limit.unit} | bounds
+        options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit} | bounds
         name = constraint_of(physics, limit, number)
         if is_quantity(limit):
             self.add_constraint(name, indices=nodes, flat_indices=True, **options)
@@ -123,14 +122,14 @@ class OperationGroup(om.Group):
         bounds = setup.bounds(physics)["rotor_speed"]
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
-        for each, (speed, torque) in zip(physics.scenarios, operation, strict=True):
+        for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
             variant = physics.variant(each)
             hydrodynamics, parameters = self._hydrodynamics(each)
             generator = physics.case.generator
             options = {"hydrodynamics": hydrodynamics, "generator": generator}
             torque = torque - generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
-            begin |= physics.states_at_rest(torque, each.inflow.speed_at(each.samples))
+            begin |= zip(physics.law.states, states, strict=True)
             about = each, physics.law_in(each), options, self._scales, bounds, begin
             promoted = [(name, named(name, variant)) for name in parameters]
             if each.steady:
@@ -156,7 +155,7 @@ class OperationGroup(om.Group):
         names = ["density", "inertia", "rotor_radius"]
         remembers = physics.remembers and not scenario.steady
         if remembers:
-            names += self._band.outputs(())
+            names += ["wake_induction_table", "place_induction_table", "torque_coefficient_band"]
             options = {"band": self._band, "tau1": physics.case.inflow_dynamics.tau1}
         elif physics.has_curve:
             names.append("torque_coefficient_table")
@@ -167,23 +166,22 @@ class OperationGroup(om.Group):
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        gains = {f"gain_{i}": unit for i, unit in enumerate(physics.law.gain_units)}
-        return options, units | gains
+        return options, units | {name: x for name, (x, _) in physics.law.named_gains.items()}
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
         physics, setup = self._physics, self._start
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
-        fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
+        fed = ["density", *(f"{name}_{kind}" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
             model = self._band if physics.remembers else TorqueSpline(nodes)
-            component = LoadComp(num_nodes=n, names=names, model=model)
+            component = LoadComp(n, names, model)
             variant = physics.variant(scenario)
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in ("rotor_speed", "inflow_speed"):
+            for quantity in ("tip_speed_ratio", "inflow_speed"):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
             if physics.remembers:  # a wake in equilibrium is that of the rotor's own ratio
                 quantity = "tip_speed_ratio" if scenario.steady else "wake_ratio"
@@ -226,9 +224,9 @@ class OperationGroup(om.Group):
         `name` may have the ending of its output.
         """
         name = name.removesuffix(".value")
-        component = FormulaComp(formula, size, self._physics.law.gain_units)
+        component = FormulaComp(formula, size)
         fixed = (each for each in formula.inputs if each not in formula.series)
-        inputs = ["gain_*" if each == "gains" else (each, named(each, variant)) for each in fixed]
+        inputs = [(each, named(each, variant)) for each in fixed]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):

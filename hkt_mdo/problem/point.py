@@ -12,7 +12,6 @@ from hkt_mdo.rotor.blade import Blade
 PRICE = 10.0  # share of the objective that an excess of the limits by their own size costs
 NEAR_EXCESS = 0.01  # relative excess of a limit up to which starts rank by objective and price
 START_EXCESS = 1e-3  # relative excess of a limit up to which a start counts as keeping it
-KEPT_EXCESS = 1e-4  # relative excess of a limit that is ignored in the search for a start
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +26,15 @@ class Operation:
         At the samples of the flow, rad/s and N m, shape (n_times,).
     running : bool
         Whether an unstalled equilibrium exists at every instant.
+    states : tuple of np.ndarray
+        Those of the control law, in its units, shape (n_times,) each.
     """
 
     energy: float
     rotor_speed: np.ndarray
     hydrodynamic_torque: np.ndarray
     running: bool = True
+    states: tuple[np.ndarray, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class StartingPoint:
         Largest relative excess of a limit, of the law's balance of torques and of its distance from
         stall; inf: the rotor does not run.
     exceeds : tuple of str
-        Names of what is exceeded by more than `KEPT_EXCESS`.
+        Names of what is exceeded by more than `START_EXCESS`.
     branch : str
         Overspeed or underspeed, where limits make branches; else empty.
     strategy : str
@@ -114,12 +116,6 @@ class StartingPoint:
     starts: tuple[StartRecord, ...] = ()
     messages: tuple[str, ...] = ()
     reference: float = 0.0
-
-    @property
-    def worth(self) -> tuple[bool, float]:
-        """Rank of a point: those that keep the limits by objective, the others by excess."""
-        kept = self.excess <= KEPT_EXCESS
-        return kept, self.objective if kept else -self.excess
 
     @property
     def merit(self) -> tuple[bool, float]:

@@ -190,10 +190,9 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
         table = BladeTable(*rows, tip_radius=radius)
     else:
         table = read_blade(rotor.blade)
-        own = shipped_rotor(rotor.blade).get("radius")
-        if own is not None and not table.relative:  # a shipped file in metres is of this size
-            table = replace(table, tip_radius=own)
-    if table.hub_radius == 0.0 and not table.relative:  # its span begins at the root
+        own = shipped_rotor(rotor.blade).get("radius", table.tip_radius)
+        table = replace(table, tip_radius=own)
+    if table.hub_radius == 0.0:  # its span begins at the root
         if fraction is None:
             problem = "measures its span from the root and does not contain the hub's radius"
             remedy = "give rotor.hub_radius_fraction"
@@ -208,7 +207,7 @@ def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
     if fraction is None:
         known = table.hub_radius is not None and table.tip_radius is not None
         fraction = table.hub_radius / table.tip_radius if known else HUB
-    radius = _radius(rotor, None if table.relative else table.tip_radius)
+    radius = _radius(rotor, table.tip_radius)
     return table.scaled(radius), radius, fraction * radius
 
 

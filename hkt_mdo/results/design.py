@@ -1,4 +1,4 @@
-"""The design of a result as objects: blade, polars, outlines, control law and turbine.
+"""The design of a result as objects: blade, polars, control law, turbine; and its simulation.
 
 Nothing else in this package needs the rotor, its files or the optimization's modules.
 """
@@ -6,16 +6,31 @@ Nothing else in this package needs the rotor, its files or the optimization's mo
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from hkt_mdo.case import Case, Phase
+from hkt_mdo.dynamics.equilibrium import equilibria
+from hkt_mdo.dynamics.estimate import FlowEstimate
+from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.dynamics.simulation import (
+    FeedbackTorque,
+    Plant,
+    RecordedTorque,
+    Simulation,
+    Start,
+    simulate,
+)
+from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import steady_plant
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import complete, physics
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.turbine import Turbine
+from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.sections import blade_of
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline
@@ -23,7 +38,7 @@ from hkt_mdo.rotor.outline import Outline
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """The design of a run.
+    """The design of a run, which can be simulated in any flow.
 
     Attributes
     ----------
@@ -36,9 +51,6 @@ class Design:
     outlines : tuple of Outline
         One for all stations, or one a station; where the thickness is designed, those of the
         case's sections, from thin to thick.
-    law : Law
-        The control law with the torque that it demands; the torque of an open loop is in the
-        trajectory.
     gains : ndarray, shape (n_gains,)
         Gains of the law, in its `gain_units`; empty for open loop.
     inertia : float
@@ -47,17 +59,22 @@ class Design:
         The turbine of the case (`hkt_mdo.problem.turbine`), with the blade of the result.
     physics : Physics
         The physics of the case, with the blade at the start.
+    plant : Plant
+        The rotor in the water with its generator, by direct BEM; may be replaced by another one.
+    known : Plant
+        The plant that the controller assumes.
     """
 
     solution: Any
     blade: Blade
     polars: Any
     outlines: tuple[Outline, ...]
-    law: Law
     gains: np.ndarray
     inertia: float
     turbine: Turbine
     physics: Physics
+    plant: Plant
+    known: Plant
 
     @classmethod
     def of(cls, solution: Any) -> Design:
@@ -79,26 +96,211 @@ class Design:
         """
         summary, world = solution.summary, physics(solution.case)
         blade = replace(blade_of(solution, world.blade), hub_inertia=summary.hub_inertia_kg_m2)
-        polars, turbine = world.rotor.as_built(blade).polar, world.turbine
+        plant, turbine = steady_plant(world, world.rotor, blade), world.turbine
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
         return cls(
             solution,
             blade,
-            polars,
+            plant.polar,
             turbine.outlines,
-            world.law.applied(1.0),
             gains,
-            world.mass_and_inertia(blade)[1],
-            turbine._replace(blade=blade, polar=polars),
+            plant.inertia,
+            turbine._replace(blade=blade, polar=plant.polar),
             world,
+            plant,
+            plant,
         )
+
+    @property
+    def law(self) -> Law:
+        """The control law with the torque that it demands; that of an open loop is in the table."""
+        return self.physics.law.applied(1.0)
 
     @property
     def thickness(self) -> np.ndarray:
         """Largest thickness over chord at the stations, shape (n_stations,)."""
         return self.physics.rotor.thickness_of(self.blade)
 
-    @property
-    def plant(self) -> Plant:
-        """The rotor in the water with its generator, by direct BEM."""
-        return steady_plant(self.physics, self.physics.rotor, self.blade)
+    def with_memory(self, tau1: float | None = None) -> Design:
+        """Return the same design with a wake that has memory.
+
+        Parameters
+        ----------
+        tau1 : float or None
+            Time constant of the slow filters, s; None: by the induction.
+
+        Returns
+        -------
+        Design
+            The plant has filters; the controller has what it needs to replay an open loop with
+            memory.
+        """
+        return replace(self, plant=self.plant.with_memory(tau1), known=self.known.with_memory(tau1))
+
+    @cached_property
+    def controller(self) -> FeedbackTorque | RecordedTorque:
+        """The torque of the control law.
+
+        Returns
+        -------
+        FeedbackTorque or RecordedTorque
+            Of a feedback law, with the flow speed that it would have as built: an estimate, if the
+            law has no sensor of it. Of an open loop, the history that the
+            checks of the run replay, with a feedback that holds the speed of an unstable rotor.
+        """
+        law = self.physics.law
+        if not law.is_feedback:
+            table = self.solution.trajectory
+            nodes = {name: table[QUANTITIES[name].column] for name in TRAJECTORY}
+            return RecordedTorque.of(self.known, nodes, law.torque_limit)
+        estimate = FlowEstimate(self.known) if law.estimates_flow else None
+        return FeedbackTorque(law, self.gains, estimate)
+
+    def steady(self, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the flows in which the rotor turns steadily under its feedback law, and how fast.
+
+        Parameters
+        ----------
+        flow : numpy.ndarray, shape (n_flows,)
+            Speeds of the flow, m/s.
+
+        Returns
+        -------
+        flow, speed : numpy.ndarray, shape (n_running,)
+            Those in which there is a balance of torques, m/s, and the rotor speeds, rad/s.
+        """
+        speed, running, _ = equilibria(self.plant, FeedbackTorque(self.law, self.gains), flow)
+        return flow[running], speed[running]
+
+    def initial_speed(self, inflow, time=0.0):
+        """Return the rotor speed at which the design begins in another flow.
+
+        It is that of the design's first tip speed ratio; of a design of steady flow under feedback,
+        and under a law with states, that of the equilibrium, if there is one.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        time : float or array
+            Times, s, of any shape.
+
+        Returns
+        -------
+        float or array
+            Rotor speeds, rad/s, of the shape of the times.
+        """
+        ratio, flow = self.solution.trajectory["tip_speed_ratio"][0], inflow.speed_at(time)
+        speed = ratio * flow / self.plant.blade.rotor_radius
+        if self.law.states or (self.solution.steady and self.law.is_feedback):
+            balanced, running, _ = equilibria(self.plant, self.controller, np.atleast_1d(flow))
+            speed = np.where(running, balanced, speed).reshape(np.shape(flow))[()]
+        return speed
+
+    def refuse_standstill(self, inflow: Inflow) -> None:
+        """Refuse a flow in which the machine does not operate throughout.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+
+        Raises
+        ------
+        InputError
+            If this flow, or that over time of an open loop's design, exceeds the cut-out speed, or
+            this one has no course over time. The cut-out of a year's design is one of mean speeds,
+            through whose gusts the machine operates.
+        """
+        if inflow.steady:
+            problem = "is a resource, which has no flow over time in which to simulate"
+            remedy = "give another flow, such as --flow '{profile: sine}'"
+            raise InputError(problem, remedy, key="inflow")
+        case = self.physics.case
+        if case.inflow.steady and not self.law.is_feedback:
+            problem = "has a torque for each speed of a year's flow, and none over time"
+            raise InputError(problem, "give a design under a feedback law", key="control.law")
+        cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
+        if cut_out is None or case.inflow.steady:
+            return
+        flows = inflow, self.physics.inflow
+        here, own = (np.sum(np.diff(x.spans_below(cut_out, duration))) < duration for x in flows)
+        law = "a design under a feedback law, and " if own and not self.law.is_feedback else ""
+        if here or law:
+            flow = "the design's own flow" if own else "this flow"
+            problem = f"stops the machine in {flow}, and "
+            problem += "a design is simulated through one interval of operation only"
+            remedy = f"give {law}a flow that stays below it"
+            raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
+
+    def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
+        """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        initial_speed : float or None
+            Rotor speed at t = 0, rad/s; None: `initial_speed`.
+        tolerance : float
+            As of `simulate`.
+        refined : int
+            Into how many steps a segment is divided at least.
+
+        Returns
+        -------
+        Simulation
+            The run over the time span of the design's case; for the design of a year, over the
+            flow's.
+        """
+        phase = phase_in(self.physics.case, inflow)
+        self.refuse_standstill(inflow)
+        speed = initial_speed or self.initial_speed(inflow)
+        samples = Scenario(inflow, phase).resolved().dense
+        step, end = phase.duration / phase.segments / refined, phase.duration
+        about = self.start(inflow, speed), end, samples, step, tolerance
+        return simulate(self.plant, inflow, self.controller, *about)
+
+    def start(self, inflow, speed, time=0.0):
+        """Return the start of a simulation, with the law's states in the flow's equilibrium.
+
+        Parameters
+        ----------
+        inflow : Inflow
+            The flow.
+        speed : float
+            Rotor speed, rad/s.
+        time : float
+            Time of the start, s.
+
+        Returns
+        -------
+        Start
+            Speed, states and time; an open loop has no states.
+        """
+        if not self.law.states:
+            return Start(speed, [], time)
+        flow = inflow.speed_at(np.array([time]))
+        _, _, states = equilibria(self.plant, self.controller, flow)
+        return Start(speed, [float(state[0]) for state in states], time)
+
+
+def phase_in(case: Case, inflow: Inflow) -> Phase:
+    """Return the time span of a simulation in a flow: that of the design; for a year, the flow's.
+
+    Parameters
+    ----------
+    case : Case
+        The case of the design.
+    inflow : Inflow
+        The flow.
+
+    Returns
+    -------
+    Phase
+        With numbers for duration and segments.
+    """
+    if case.inflow.steady and not inflow.steady:
+        phase = case.phase.model_copy(update={"duration": None, "segments": None})
+        case = case.model_copy(update={"inflow": inflow, "phase": phase})
+    return complete(case).phase

@@ -221,9 +221,8 @@ class Findings:
         self.steady_speed = self.time_constant = None
         if steady.running:
             speed, flow = steady.rotor_speed[:1], np.array([self.mean])
-            states = law.at_rest(self.plant.generator_torque(speed, flow), flow)
             controller = FeedbackTorque(law, gains) if law.is_feedback else HeldSpeeds(0.0)
-            loop = Loop.of(self.plant, controller, speed, flow, *states)
+            loop = Loop.of(self.plant, controller, speed, flow, *(x[:1] for x in steady.states))
             self.steady_speed = float(speed[0])
             self.time_constant = float(loop.time_constant[0])
 

@@ -36,7 +36,8 @@ def as_data(physics: Physics, point: StartingPoint, start: StartingPoint) -> dic
         The start that has led to it.
     """
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
-    over_time = {x.name: dict(zip(OVER_TIME, (x.edges, *own), strict=True)) for x, own in pairs}
+    names = *OVER_TIME, *physics.law.states
+    over_time = {x.name: dict(zip(names, (x.edges, *own), strict=True)) for x, own in pairs}
     return {
         "version": VERSION,
         "chord_m": point.blade.chord,
@@ -107,7 +108,7 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
         raise ValueError
     scenarios, rows = [], []
     for scenario in physics.scenarios:
-        ends, *own = (found[scenario.name][key] for key in OVER_TIME)
+        ends, *own = (found[scenario.name][key] for key in (*OVER_TIME, *physics.law.states))
         edges, before = np.array(ends, dtype=float), scenario.edges
         same = np.array_equal(edges[[0, -1]], before[[0, -1]]) and np.all(np.isin(before, edges))
         if edges.ndim != 1 or not same or np.any(np.diff(edges) <= 0.0):
@@ -115,7 +116,8 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
         scenarios.append(replace(scenario, edges=edges))
         rows.append([_numbers(row, scenarios[-1].samples.size) for row in own])
     energy = float(_numbers(data["energy_J"], 1)[0])
-    operation = Operation(energy, *np.concatenate(rows, axis=1))
+    speed, torque, *states = np.concatenate(rows, axis=1)
+    operation = Operation(energy, speed, torque, states=tuple(states))
     return replace(physics, scenarios=tuple(scenarios)), operation
 
 

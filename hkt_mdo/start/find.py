@@ -23,7 +23,7 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import excesses, objective_at, split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint, StartRecord, records
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
@@ -171,8 +171,8 @@ def other_branch(start: StartingPoint) -> StartingPoint | None:
     if len(start.branches) < 2:
         return None
     first, other = start.branches
-    kept, objective = other.worth
-    if not kept or objective < (1.0 - FAR_BEHIND) * first.objective:
+    behind = other.objective < (1.0 - FAR_BEHIND) * first.objective
+    if behind or other.excess > START_EXCESS:
         return None
     return replace(other, branches=(other, first), starts=start.starts, messages=start.messages)
 
@@ -254,7 +254,7 @@ class Search:
                     guide = begin
                 if (digits := f"{guide.objective:.6g}") not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
-                    if found[-1].worth[0]:
+                    if found[-1].excess <= START_EXCESS:
                         followed.add(digits)
         rank = MERIT if law.is_feedback else self._less_stall
         found.sort(key=rank, reverse=True)
@@ -312,7 +312,7 @@ class Search:
         own = replace(self.physics, objective=self.physics.start_objective)
         limited = [limit.name for limit in self._schedules.limits]
         over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
-        exceeds = tuple(name for name, x in over.items() if x > KEPT_EXCESS)
+        exceeds = tuple(name for name, x in over.items() if x > START_EXCESS)
         excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
         objective = objective_at(own, point) + own.price_of(point.blade)
         return replace(point, objective=objective, excess=excess, exceeds=exceeds)
@@ -343,7 +343,7 @@ class Search:
         law, rivals = steady.law.law, []
         if point.branch != self.branches[0]:
             known = [each for each in self.tried if each.law == law]
-            rivals = [each.objective for each in known if each.excess <= KEPT_EXCESS]
+            rivals = [each.objective for each in known if each.excess <= START_EXCESS]
         end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
         return self._noted(law, self._on_its_side(end, steady))
 
@@ -418,8 +418,8 @@ class Search:
         gains = np.clip(gains, *gain_bounds(self.physics))
         if not law.states:
             return replace(point, gains=gains)
-        (speed, *_), _ = at_rest(law, gains, flow, problem.generator_torque)
-        return replace(point, gains=gains, operation=problem.held(speed))
+        (speed, *states), _ = at_rest(law, gains, flow, problem.generator_torque)
+        return replace(point, gains=gains, operation=problem.held(speed, states))
 
     def _over_time(self, point: StartingPoint) -> StartingPoint:
         """Return a point with its operation over the whole flow.
@@ -427,24 +427,27 @@ class Search:
         An open loop follows the schedule of the blade, which keeps limits between the speeds of the
         point as well. A static law operates at its own equilibria, unless those at these speeds are
         others: a law may have several in a flow, and over time it begins at the one chosen. One
-        with states begins at these speeds too, since a saturated torque does not hold its schedule.
+        with states begins with these, and at these speeds.
         """
         physics, law = self.physics, self.physics.law
         if not law.is_feedback:
             whole = self._scheduled(point.blade, point.branch, physics)
             return replace(point, operation=whole.operation)
         problem = self._quasi_steady(point.blade)
-        speeds, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
+        found, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
         designed = split(self.steady, point.operation)
-        for (scenario, steady), (speed, _) in zip(pairs, designed, strict=True):
+        for (scenario, steady), (speed, _, *states) in zip(pairs, designed, strict=True):
             flow = scenario.inflow.speed_at(scenario.samples)
-            speeds.append(_smooth(flow, steady.speeds, speed / steady.speeds) * flow)
-        speed = np.concatenate(speeds)
+            ratio, *states = (
+                _smooth(flow, steady.speeds, x) for x in (speed / steady.speeds, *states)
+            )
+            found.append((ratio * flow, *states))
+        speed, *states = np.concatenate(found, axis=1)
         if law.is_static:
             own = problem.operate(point.gains)
             if own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE):
                 return replace(point, operation=own)
-        return replace(point, operation=problem.held(speed))
+        return replace(point, operation=problem.held(speed, states))
 
 
 def _smooth(flow: np.ndarray, speeds: np.ndarray, values: np.ndarray) -> np.ndarray:

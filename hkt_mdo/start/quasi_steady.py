@@ -112,12 +112,15 @@ class QuasiSteady:
         speed = (1.0 - SLOWED) * operation.rotor_speed
         return bool(np.all(self.held(speed).hydrodynamic_torque > self._braking(speed, gains)))
 
-    def held(self, speed) -> Operation:
-        """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,)."""
+    def held(self, speed, states=()) -> Operation:
+        """Return the operation of a rotor that a controller holds at speeds, rad/s, (n_times,).
+
+        `states` are those of the law, (n_times,) each.
+        """
         ratio = speed * self.rotor_radius / self.inflow_speed
         torque = self.scale * self.spline.curve(self.table)(ratio)
         energy = float(self.weights @ (torque * speed))
-        return Operation(energy, speed, torque, bool(np.all(torque > 0.0)))
+        return Operation(energy, speed, torque, bool(np.all(torque > 0.0)), tuple(states))
 
     def generator_torque(self, speed) -> np.ndarray:
         """Return the generator's torque, N m, that holds the rotor at speeds, rad/s, (n_times,)."""

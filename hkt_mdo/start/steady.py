@@ -19,7 +19,7 @@ from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.evaluation import broken_limits, split, torque_of
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, START_EXCESS, StartingPoint
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import MoveLimits, Setup, curve_nodes
 from hkt_mdo.solve import drivers
 from hkt_mdo.start.steady_flow import in_speeds
@@ -139,8 +139,8 @@ def optimized(
     finally:
         problem.cleanup()
     end, excess = point_of(physics, problem), driver.violation()
-    exceeds = broken_limits(physics, end, KEPT_EXCESS)
-    if excess > KEPT_EXCESS and not exceeds:
+    exceeds = broken_limits(physics, end)
+    if excess > START_EXCESS and not exceeds:
         exceeds = ["balance_of_torques"]
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
     objective = sign * float(problem.get_val("objective")[0])
@@ -151,7 +151,7 @@ def _curve_error(steady: Physics, end: StartingPoint) -> float:
     """Return the largest relative error of the torque at an end, which is that of a curve."""
     worst = 0.0
     operations = split(steady, end.operation) if steady.has_curve else ()
-    for scenario, (speed, torque) in zip(steady.scenarios, operations, strict=False):
+    for scenario, (speed, torque, *_) in zip(steady.scenarios, operations, strict=False):
         exact = torque_of(steady.rotor_in(scenario), end.blade, speed, scenario.speeds)
         worst = max(worst, float(np.max(np.abs(torque - exact)) / np.max(np.abs(exact))))
     return worst

@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit, Tor
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.evaluation import scalars
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import KEPT_EXCESS, StartingPoint
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
@@ -171,7 +171,7 @@ class SteadyFlow:
             None,
             objective=float(self.weights @ self.physics.start_objective.rate_of(series)),
             excess=max(over.values(), default=-np.inf),
-            exceeds=tuple(name for name, value in over.items() if value > KEPT_EXCESS),
+            exceeds=tuple(name for name, value in over.items() if value > START_EXCESS),
         )
 
     def side(self, blade: Blade, ratio: float) -> str:

@@ -17,16 +17,17 @@ from hkt_mdo.dynamics.limits import BETWEEN, Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text
+from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import LimitEntry, unasked
+from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import placed
 from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
-from hkt_mdo.studies.uncertainty import Design, Sensor, flow_given, fly_noisy
+from hkt_mdo.studies.uncertainty import Sensor, flow_given, fly_noisy
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
 MOST_SEEDS = 10_000
@@ -34,7 +35,7 @@ STALLED = 0.5  # tip speed ratio over the least of the design, below which a rot
 RUN_AWAY = 1.2  # speed over that without memory, above which the wake lets the rotor run away
 
 
-class Told(LimitEntry):
+class Told(LoadEntry):
     """The largest value of a limit, or of a load without one, in a simulation."""
 
     share: float | None = None
@@ -373,7 +374,7 @@ def runs_of(
     several, numbers = len(solution.scenarios) > 1, (None,) if seeds is None else _seeds(seeds)
     runs = [
         Run(design, flow_given(flow, part.case, seed), part.scenarios[0] if several else "", seed)
-        for part, design in [(part, Design.of(part)) for part in solution.by_scenario]
+        for part, design in [(part, part.design()) for part in solution.by_scenario]
         for seed in numbers
     ]
     if not memory:

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, Start, simulate
 from hkt_mdo.errors import InputError
+from hkt_mdo.results.design import Design, phase_in
 from hkt_mdo.results.words import measured
-from hkt_mdo.studies.uncertainty import Design, phase_in
 
 SAMPLES = 4001
 FIRST = 2.0 * SLOWEST_RATIO  # tip speed ratio of the rotor at the begin of the run-up

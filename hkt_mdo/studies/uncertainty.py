@@ -9,33 +9,17 @@ estimated from the torque and the last two speeds that were read.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import signal
 
-from hkt_mdo.case import Case, Phase
+from hkt_mdo.case import Case
 from hkt_mdo.compiled import compiled
-from hkt_mdo.dynamics.equilibrium import equilibria
-from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.simulation import (
-    SLOWEST_RATIO,
-    FeedbackTorque,
-    Plant,
-    RecordedTorque,
-    Simulation,
-    Start,
-    simulate,
-)
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.physics import complete
-from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
-from hkt_mdo.results.solution import Solution
+from hkt_mdo.results.design import Design, phase_in
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
@@ -141,194 +125,6 @@ class Ensemble:
         return int(np.sum(np.isfinite(self.stopped_at)))
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
-    """A finished design, ready to be simulated: its result, and its rotor and gains as built.
-
-    The plant may be replaced by another one; `known` is the plant that the controller assumes.
-    """
-
-    solution: Solution
-    physics: Physics
-    plant: Plant
-    known: Plant
-    gains: np.ndarray
-
-    @classmethod
-    def of(cls, solution: Solution):
-        """Rebuild the plant and controller of a result.
-
-        It raises InputError if the result is of an interrupted run, or a file of its case is gone.
-
-        Parameters
-        ----------
-        solution : Solution
-            The result.
-
-        Returns
-        -------
-        Design
-            The design; its controller knows the plant as it is.
-        """
-        made = solution.design()
-        return cls(solution, made.physics, made.plant, made.plant, made.gains)
-
-    def with_memory(self, tau1: float | None = None) -> Design:
-        """Return the same design with a wake that has memory.
-
-        Parameters
-        ----------
-        tau1 : float or None
-            Time constant of the slow filters, s; None: by the induction.
-
-        Returns
-        -------
-        Design
-            The plant has filters; the controller has what it needs to replay an open loop with
-            memory.
-        """
-        return replace(self, plant=self.plant.with_memory(tau1), known=self.known.with_memory(tau1))
-
-    @property
-    def law(self) -> Law:
-        """The control law.
-
-        Returns
-        -------
-        Law
-            That of the design's case.
-        """
-        return self.physics.law
-
-    @cached_property
-    def controller(self) -> FeedbackTorque | RecordedTorque:
-        """The torque of the control law.
-
-        Returns
-        -------
-        FeedbackTorque or RecordedTorque
-            Of a feedback law, with the flow speed that it would have as built: an estimate, if the
-            law has no sensor of it. Of an open loop, the history that the
-            checks of the run replay, with a feedback that holds the speed of an unstable rotor.
-        """
-        if not self.law.is_feedback:
-            table = self.solution.trajectory
-            nodes = {name: table[QUANTITIES[name].column] for name in TRAJECTORY}
-            return RecordedTorque.of(self.known, nodes, self.law.torque_limit)
-        estimate = FlowEstimate(self.known) if self.law.estimates_flow else None
-        return FeedbackTorque(self.law, self.gains, estimate)
-
-    def initial_speed(self, inflow, time=0.0):
-        """Return the rotor speed at which the design begins in another flow.
-
-        It is that of the design's first tip speed ratio; of a design of steady flow under feedback,
-        that of the law's equilibrium, if there is one.
-
-        Parameters
-        ----------
-        inflow : Inflow
-            The flow.
-        time : float or array
-            Times, s, of any shape.
-
-        Returns
-        -------
-        float or array
-            Rotor speeds, rad/s, of the shape of the times.
-        """
-        ratio, flow = self.solution.trajectory["tip_speed_ratio"][0], inflow.speed_at(time)
-        speed = ratio * flow / self.plant.blade.rotor_radius
-        if self.solution.steady and self.law.is_feedback:
-            balanced, running, _ = equilibria(self.plant, self.controller, np.atleast_1d(flow))
-            speed = np.where(running, balanced, speed).reshape(np.shape(flow))[()]
-        return speed
-
-    def refuse_standstill(self, inflow: Inflow) -> None:
-        """Refuse a flow in which the machine does not operate throughout.
-
-        Parameters
-        ----------
-        inflow : Inflow
-            The flow.
-
-        Raises
-        ------
-        InputError
-            If this flow, or that over time of an open loop's design, exceeds the cut-out speed, or
-            this one has no course over time. The cut-out of a year's design is one of mean speeds,
-            through whose gusts the machine operates.
-        """
-        if inflow.steady:
-            problem = "is a resource, which has no flow over time in which to simulate"
-            remedy = "give another flow, such as --flow '{profile: sine}'"
-            raise InputError(problem, remedy, key="inflow")
-        case = self.physics.case
-        if case.inflow.steady and not self.law.is_feedback:
-            problem = "has a torque for each speed of a year's flow, and none over time"
-            raise InputError(problem, "give a design under a feedback law", key="control.law")
-        cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
-        if cut_out is None or case.inflow.steady:
-            return
-        flows = inflow, self.physics.inflow
-        here, own = (np.sum(np.diff(x.spans_below(cut_out, duration))) < duration for x in flows)
-        law = "a design under a feedback law, and " if own and not self.law.is_feedback else ""
-        if here or law:
-            flow = "the design's own flow" if own else "this flow"
-            problem = f"stops the machine in {flow}, and "
-            problem += "a design is simulated through one interval of operation only"
-            remedy = f"give {law}a flow that stays below it"
-            raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
-
-    def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:
-        """Integrate the design in a flow with direct BEM and a perfect, unfiltered sensor.
-
-        Parameters
-        ----------
-        inflow : Inflow
-            The flow.
-        initial_speed : float or None
-            Rotor speed at t = 0, rad/s; None: `initial_speed`.
-        tolerance : float
-            As of `simulate`.
-        refined : int
-            Into how many steps a segment is divided at least.
-
-        Returns
-        -------
-        Simulation
-            The run over the time span of the design's case; for the design of a year, over the
-            flow's.
-        """
-        phase = phase_in(self.physics.case, inflow)
-        self.refuse_standstill(inflow)
-        speed = initial_speed or self.initial_speed(inflow)
-        samples = Scenario(inflow, phase).resolved().dense
-        step, end = phase.duration / phase.segments / refined, phase.duration
-        about = self.start(inflow, speed), end, samples, step, tolerance
-        return simulate(self.plant, inflow, self.controller, *about)
-
-    def start(self, inflow, speed, time=0.0):
-        """Return the start of a simulation, with the law's states in equilibrium.
-
-        Parameters
-        ----------
-        inflow : Inflow
-            The flow.
-        speed : float
-            Rotor speed, rad/s.
-        time : float
-            Time of the start, s.
-
-        Returns
-        -------
-        Start
-            Speed, states and time; an open loop has no states.
-        """
-        flow = inflow.speed_at(np.array([time]))
-        states = self.law.at_rest(self.plant.generator_torque(np.array([speed]), flow), flow)
-        return Start(speed, [float(state[0]) for state in states], time)
-
-
 def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
     """Run a feedback design in a flow under a noisy sensor, many times at once.
 
@@ -375,7 +171,7 @@ def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed
     longest = LONGEST_STEP * plant.inertia / _largest_slope(plant, quiet)
     substeps = max(int(np.ceil(period / longest)), 1)
     step = period / substeps
-    law, speed = design.law, np.full(repeats, design.initial_speed(inflow))
+    law, speed = design.physics.law, np.full(repeats, design.initial_speed(inflow))
     estimate, before, control = design.controller.estimate, None, 0.0
     states = [np.full(repeats, each) for each in design.start(inflow, speed[0]).states]
     low_pass, memory = ([1.0], [1.0]), np.empty((0, repeats))  # none
@@ -464,27 +260,6 @@ def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, co
             now += step / 6.0 * pull / inertia
         after[run] = now
     return after, captured
-
-
-def phase_in(case: Case, inflow: Inflow) -> Phase:
-    """Return the time span of a simulation in a flow: that of the design; for a year, the flow's.
-
-    Parameters
-    ----------
-    case : Case
-        The case of the design.
-    inflow : Inflow
-        The flow.
-
-    Returns
-    -------
-    Phase
-        With numbers for duration and segments.
-    """
-    if case.inflow.steady and not inflow.steady:
-        phase = case.phase.model_copy(update={"duration": None, "segments": None})
-        case = case.model_copy(update={"inflow": inflow, "phase": phase})
-    return complete(case).phase
 
 
 def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:

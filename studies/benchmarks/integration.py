@@ -8,7 +8,6 @@ import openmdao.api as om
 
 from hkt_mdo.case import load_case
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies.uncertainty import Design
 
 
 def integration_over_optimization(case: Path, segments: int, folder: Path) -> float:
@@ -24,7 +23,7 @@ def integration_over_optimization(case: Path, segments: int, folder: Path) -> fl
 
     with patch.object(om.Problem, "run_driver", timed):
         solution = run_case(load_case(case, length), folder, figures=False, records=False)
-    design = Design.of(solution)
+    design = solution.design()
     began = time.perf_counter()
     design.simulate(design.physics.inflow)
     return (time.perf_counter() - began) / sum(spent)

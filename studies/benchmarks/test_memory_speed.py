@@ -5,7 +5,6 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies.uncertainty import Design
 
 CASES = {
     "quadratic": {"control": {"law": "quadratic"}},
@@ -45,7 +44,7 @@ def test_a_simulation_with_memory(full, in_turns, benchmark, tmp_path):
     """At most five times a simulation without, in a flow without high frequencies."""
     case = load_case({"inflow": "sine", "control": "quadratic"}, [] if full else SMALL)
     run_case(case, tmp_path / "run", figures=False, records=False)
-    plain = Design.of(Solution.load(tmp_path / "run"))
+    plain = Solution.load(tmp_path / "run").design()
     remembering = plain.with_memory()
     flow = plain.physics.inflow
     simulate = {

@@ -17,7 +17,6 @@ from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.rotor import hydrodynamics
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies.uncertainty import Design
 
 ROOT = Path(__file__).parents[2]
 
@@ -132,7 +131,7 @@ def test_memory(benchmark, full, in_turns):
     ratios, kept = {}, ROOT / "tests" / "data" / "openfast"
     runs = {}
     for name, share in (("paper", 0.85), ("rm1", 1.0), ("river", 1.0)):
-        quiet = Design.of(Solution.load(kept / name))
+        quiet = Solution.load(kept / name).design()
         inflow = quiet.physics.inflow
         inflow = inflow if share == 1.0 else inflow.model_copy(update={"scale": share})
         for word, design in (("without", quiet), ("with", quiet.with_memory())):

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from hkt_mdo.studies.uncertainty import Design
 from studies.study_common import LAWS, case_file, markdown_table
 
 SEGMENTS, DURATION = 30, 30.0  # s: segments of a second
@@ -73,7 +72,7 @@ def _flow(rng, width) -> str:
 
 def _error(solution, width) -> float:
     """Return the relative difference of a result's energies from a finer integration."""
-    first, design = float(solution.trajectory["rotor_speed_rad_s"][0]), Design.of(solution)
+    first, design = float(solution.trajectory["rotor_speed_rad_s"][0]), solution.design()
     refined = 200 if width < 0.5 else 20
     energy = design.simulate(design.physics.inflow, first, refined=refined).energy
     summary = solution.summary

@@ -23,7 +23,6 @@ from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.studies.uncertainty import Design
 from studies.study_common import CODESIGN, LAWS, case_file, markdown_table, percent, with_blade
 from studies.verification.faults import faults
 from studies.verification.features import features
@@ -311,7 +310,7 @@ def _against_physics(study):
     rows = []
     for name in CODESIGN:
         solution = found[f"physics/shipped/{name}"]
-        design = Design.of(solution)
+        design = solution.design()
         coarse, fine = _fly(design).energy, _fly(design, tolerance=1e-11, refined=4).energy
         if not design.law.is_feedback:  # answers a changed blade by a control of its own
             plan = {}
@@ -378,7 +377,7 @@ def _fly(design, **accuracy):
 
         def excess(w):
             driving = design.plant.torque(np.array([w]), flow)[0]
-            return float(driving - design.law.torque(w, design.gains))
+            return float(driving - design.physics.law.torque(w, design.gains))
 
         speed = brentq(excess, 0.95 * speed, 1.05 * speed, xtol=1e-12)
     return design.simulate(inflow, speed, **accuracy)

@@ -17,7 +17,6 @@ import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.studies.uncertainty import Design
 from studies.study_common import markdown_table
 
 LAWS = "rated", "curve", "quadratic", "open_loop"
@@ -78,7 +77,7 @@ class Run:
         """Its objective over a closed cycle, less what is stored, J; NaN if it is not verified."""
         if not self.verified:
             return np.nan
-        design = Design.of(self.result)
+        design = self.result.design()
         simulated = design.simulate(design.physics.inflow)
         if design.law.is_feedback:
             simulated = design.simulate(design.physics.inflow, float(simulated.rotor_speed[-1]))

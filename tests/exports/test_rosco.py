@@ -18,6 +18,7 @@ import pytest
 from rosco.toolbox.utilities import load_from_txt, read_DISCON
 
 from hkt_mdo import Solution
+from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
@@ -83,11 +84,10 @@ def operate(solution, tmp_path, step=0.01, duration=None):
     density = design.physics.density
     plant = Plant(blade, rotor.polar, design.inertia, density, bem.rotor_coefficients)
     speed = float(solution.trajectory["rotor_speed_rad_s"][0])
+    torque, states = FeedbackTorque(design.law, design.gains), ()
     if design.law.states:
-        speed = float(design.law.speed_at_rest(flow[:1], design.gains)[0])
-    driving = float(plant.torque(np.array([speed]), flow[:1])[0])
-    start = Start(speed, design.law.at_rest(driving, flow[0]))
-    torque = FeedbackTorque(design.law, design.gains)
+        (speed,), _, states = equilibria(plant, torque, flow[:1])
+    start = Start(speed, [each[0] for each in states])
     own = simulate(plant, scenario.inflow, torque, start, duration, samples=time)
     given, found = tmp_path / "given.npz", tmp_path / "found.npz"
     ratio = np.linspace(0.5, 20.0, 1200)

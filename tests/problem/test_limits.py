@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import complete, physics
-from hkt_mdo.results.summary import LimitEntry
+from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.summary import _entry
 from tests.conftest import NINE, checked
@@ -148,7 +148,7 @@ def test_a_limit_with_a_lower_bound_alone_is_reported():
 
     ratios = {"tip_speed_ratio": np.array([10.0, 7.5, 5.0])}
     np.testing.assert_allclose(Least().share(ratios), [0.0, 0.5, 1.0])
-    entry = LimitEntry.model_validate(_entry(Least(), ratios))
+    entry = LoadEntry.model_validate(_entry(Least(), ratios))
     assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding"
     assert entry.row("least_ratio").label == "smallest least ratio"
 

@@ -13,7 +13,6 @@ from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.run import run_case
-from hkt_mdo.studies.uncertainty import Design
 
 STEADY, GUST = 1.4, {"profile": "gust", "mean": 1.4, "amplitude": 0.4, "time": 6.0, "width": 8.0}
 CUT = 1.42
@@ -73,7 +72,7 @@ def test_summary_tells_the_intervals(solution):
 
 
 def test_a_simulation_through_a_standstill_is_refused(solution):
-    design = Design.of(solution)
+    design = solution.design()
     with pytest.raises(InputError, match="in the design's own flow") as caught:
         design.simulate(solution.case.inflow)
     assert caught.value.key == "control.cut_out"

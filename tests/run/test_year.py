@@ -28,7 +28,6 @@ from hkt_mdo.run.run import run_case
 from hkt_mdo.run.year import MEANS, table, uncertainty
 from hkt_mdo.start.find import find_start
 from hkt_mdo.studies.other_flows import Run, runs_of
-from hkt_mdo.studies.uncertainty import Design
 
 HISTOGRAM = {
     "profile": "histogram",
@@ -285,7 +284,7 @@ def test_a_limit_holds_at_the_ends_of_the_flow_and_the_error_of_its_bins_is_told
     told = found.summary.scenarios["st"].limits["power"]
     assert told.flow_m_s == pytest.approx(1.7, rel=1e-5)
     assert told.value == pytest.approx(6800.0, rel=1e-4)
-    design, sine = Design.of(found), SineInflow()
+    design, sine = found.design(), SineInflow()
     most = Run(design, sine).told["power"]
     assert most.kept
     assert most.value == pytest.approx(6800.0, rel=2e-3)
@@ -335,7 +334,7 @@ def test_steady_and_moving_scenarios_share_a_design(tmp_path):
 
 
 def test_a_year_has_no_course_to_be_simulated_in(year):
-    design = Design.of(year)
+    design = year.design()
     with pytest.raises(InputError, match="no flow over time"):
         design.simulate(year.case.inflow)
     flow = ConstantInflow(speed=1.4)

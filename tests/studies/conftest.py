@@ -2,14 +2,12 @@
 
 import pytest
 
-from hkt_mdo.studies.uncertainty import Design
-
 
 @pytest.fixture(scope="session")
 def quadratic(solve):
-    return Design.of(solve("sine_limited_quadratic", "driver.optimizer=IPOPT"))
+    return solve("sine_limited_quadratic", "driver.optimizer=IPOPT").design()
 
 
 @pytest.fixture(scope="session")
 def open_loop(solve):
-    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT"))
+    return solve("sine_limited_oloc", "driver.optimizer=IPOPT").design()

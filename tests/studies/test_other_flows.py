@@ -18,9 +18,9 @@ from hkt_mdo.dynamics.limits import Limit, ThrustLimit, TorqueLimit, TorqueRateL
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import parse
-from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.solution import Solution
 from hkt_mdo.studies.other_flows import Run, largest, runs_of
-from hkt_mdo.studies.uncertainty import Design, flow_given
+from hkt_mdo.studies.uncertainty import flow_given
 from tests.conftest import NINE
 
 TURBULENCE = "{profile: turbulence, mean: 1.5, intensity: 0.1, cutoff: 0.3}"
@@ -39,7 +39,7 @@ class SlowestRotor(Limit):
 @pytest.fixture(scope="module")
 def free(solve):
     """A design under quadratic feedback without a torque limit."""
-    return Design.of(solve("sine_quadratic", "driver.optimizer=IPOPT"))
+    return solve("sine_quadratic", "driver.optimizer=IPOPT").design()
 
 
 def limited(design, *limits):
@@ -131,8 +131,8 @@ def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
     table = dict.fromkeys(open_loop.solution.trajectory, np.ones(180)) | {"time_s": time}
     table |= {"inflow_speed_m_s": np.full(180, 1.5), "rotor_speed_rad_s": np.full(180, speed)}
     table |= {"control_torque_Nm": np.full(180, torque)}
-    tables = {"phase": ScenarioTables(table, {}, {})}
-    unstable = Design.of(replace(open_loop.solution, tables=tables))
+    tables = {"phase": {"trajectory": table}}
+    unstable = replace(open_loop.solution, tables=tables).design()
     held = unstable.simulate(flow, 0.99 * speed)
     assert unstable.controller.stiffness > 0.0
     assert held.stopped_at is None

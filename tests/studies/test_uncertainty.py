@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.studies.uncertainty import Design, Sensor, _advanced, flow_named, fly_noisy
+from hkt_mdo.studies.uncertainty import Sensor, _advanced, flow_named, fly_noisy
 from studies.robust_study import replace_turbine
 from studies.verification.study import _fly
 
@@ -19,7 +19,7 @@ from studies.verification.study import _fly
 def tracking(solve):
     control = "control={law: tracking, torque_limit: 700}"
     short = "phase.duration=20", "phase.segments=20"
-    return Design.of(solve("sine_limited_oloc", "driver.optimizer=IPOPT", control, *short))
+    return solve("sine_limited_oloc", "driver.optimizer=IPOPT", control, *short).design()
 
 
 def paper_flow(design, name):

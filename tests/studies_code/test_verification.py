@@ -51,7 +51,7 @@ def test_linear_feedback_keeps_its_distance_from_stall(tmp_path):
     case = load_case(CASES / "sine_limited_linear.yaml", [*overrides, "driver.optimizer=SLSQP"])
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
     assert solution.success, solution.message
-    design = study.Design.of(solution)
+    design = solution.design()
     speed = (1.0 - SLOWED) * solution.simulation["rotor_speed_rad_s"]
     driving = design.plant.torque(speed, solution.simulation["inflow_speed_m_s"])
     assert np.min(driving / design.law.torque(speed, design.gains)) > 1.0 - 2e-3
@@ -62,7 +62,7 @@ def test_the_optimum_is_stationary(tmp_path, law):
     """No design variable, a little off, captures more under direct BEM."""
     case = load_case(CASES / f"sine_limited_{law}.yaml", ["phase.duration=20", "phase.segments=20"])
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
-    design = study.Design.of(solution)
+    design = solution.design()
     reference = study._fly(design).energy
     assert reference == pytest.approx(solution.summary["simulated_energy_J"], rel=1e-5)
     changed = list(study._perturbed(design))
