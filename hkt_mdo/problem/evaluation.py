@@ -124,16 +124,15 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     `rotor` is one of those of the physics. The weight's stress is 0 where nothing asks for it.
     """
     mass, inertia = rotor.mass_and_inertia(blade)
-    stress = 0.0
-    if physics.asks_for("weight_stress"):
-        stress = float(rotor.weight_stress(blade, derivatives=False).values[0])
+    asked = physics.asks_for("weight_stress")
+    stress = rotor.weight_stress(blade, derivatives=False).values[0] if asked else 0.0
     return {
         "rotor_radius": blade.rotor_radius,
         "density": rotor.water_density,
         "inertia": float(inertia),
         "mass": float(mass),
         "blade_area": float(blade.area_weights @ blade.chord),
-        "weight_stress": stress,
+        "weight_stress": float(stress),
         "chord": blade.chord,
         "twist": blade.twist,
         "thickness": rotor.thickness_of(blade),

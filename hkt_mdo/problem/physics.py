@@ -338,21 +338,16 @@ def _with_chord_bounds(case: Case, blade: Blade) -> Case:
 def _shape(case: Case, turbine: Turbine) -> Shape:
     """Return the design variables of a case's blade."""
     design, blade, flow = case.design, turbine.blade, Hydrodynamics(turbine.polar)
-    cosine = np.cos(blade.cone)
     if design.hub_inertia_bounds is not None:
         hub = float(np.clip(case.rotor.hub_inertia, *design.hub_inertia_bounds))
         blade = replace(blade, hub_inertia=hub)
-    radius_bounds = None
-    if design.radius_bounds is not None:
-        radius_bounds = tuple(float(bound * cosine) for bound in design.radius_bounds)
+    radius_bounds = design.radius_bounds
+    if radius_bounds is not None:
+        radius_bounds = tuple(float(bound * np.cos(blade.cone)) for bound in radius_bounds)
     if design.blade == "fixed":
-        bounds = design.set_angle_bounds
-        return Shape.fixed(
-            blade,
-            np.deg2rad(case.rotor.set_angle or 0.0),
-            None if bounds is None else tuple(np.deg2rad(bounds)),
-            radius_bounds,
-        )
+        angle, bounds = np.deg2rad(case.rotor.set_angle or 0.0), design.set_angle_bounds
+        bounds = None if bounds is None else tuple(np.deg2rad(bounds))
+        return Shape.fixed(blade, angle, bounds, radius_bounds)
     points = {"chord": design.chord_points, "twist": design.twist_points}
     bounds = {"chord": design.chord_bounds, "twist": tuple(np.deg2rad(design.twist_bounds))}
     if design.thickness_points:
