@@ -248,14 +248,15 @@ class Search:
             for each in some if follows else ():
                 begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
                 guide = self._optimum(begin, self._open_loop)
+                about = f"{guide.objective:.6g}"
                 if law.is_static and guide.branch != branch:
                     # it has left the branch that the law can hold: 33 % of turbine 16 of `make
                     # verify PART=turbines` with `rated`
-                    guide = begin
-                if (digits := f"{guide.objective:.6g}") not in followed:
+                    guide, about = begin, each.strategy
+                if about not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].excess <= START_EXCESS:
-                        followed.add(digits)
+                        followed.add(about)
         rank = MERIT if law.is_feedback else self._less_stall
         found.sort(key=rank, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
@@ -385,10 +386,9 @@ class Search:
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
         """Return a blade with an open loop's schedule, by default in the flow without time."""
         over, on = over or self.steady, branch or "overspeed"
-        point = self._schedules.on_branch(blade, on)
         speed = np.concatenate([self._tip_speed(blade, on, each) for each in over.scenarios])
         operation = self._quasi_steady(blade, over).held(speed / blade.rotor_radius)
-        return replace(point, branch=branch, operation=operation)
+        return StartingPoint(blade, np.empty(0), operation, branch=branch)
 
     def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
         """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""

@@ -9,21 +9,18 @@ one.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation
+from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline, last_fall
-
-if TYPE_CHECKING:  # operation itself needs neither Dymos nor BEM
-    from hkt_mdo.problem.model import Physics
-    from hkt_mdo.rotor.blade import Blade
-    from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip speed ratio; nodes
 N_SEARCH = 240  # points of the search for the unstalled root over the torque curve
