@@ -401,8 +401,8 @@ class Search:
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
         schedules = self._schedules
-        table = schedules.curves(blade).table[:, 0]
-        return QuasiSteady.of(over or self.physics, blade, schedules.spline, table)
+        curve = schedules.spline.curve(schedules.curves(blade).table[:, 0])
+        return QuasiSteady.of(over or self.physics, blade, curve)
 
     def _fitted(
         self, point: StartingPoint, gains: np.ndarray | None, over: Physics | None = None
@@ -410,9 +410,9 @@ class Search:
         """Return a point of an open loop with gains of the law, by default the closest ones."""
         law, problem = self.physics.law, self._quasi_steady(point.blade, over or self.steady)
         speed, flow = point.operation.rotor_speed, problem.inflow_speed
-        held = point.operation.hydrodynamic_torque - problem.shaft.friction(speed)
+        held = point.operation.hydrodynamic_torque - problem.plant.generator.friction(speed)
         if gains is None and law.states:
-            gains = law.follow(flow, speed, held, problem.torque_slope(speed))
+            gains = law.follow(flow, speed, held, problem.plant.torque_slope(speed, flow))
         elif gains is None:
             gains = law.fit(speed, held)
         gains = np.clip(gains, *gain_bounds(self.physics))
