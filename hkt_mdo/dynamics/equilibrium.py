@@ -1,7 +1,4 @@
-"""The equilibria of a rotor under a feedback law in steady flows, by direct BEM.
-
-It shares only the physics with the optimization, neither the torque curve nor the start.
-"""
+"""The equilibria of a rotor under a feedback law in steady flows, by the torque of its plant."""
 
 from __future__ import annotations
 

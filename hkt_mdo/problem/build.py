@@ -280,9 +280,8 @@ def point_of(physics: Physics, problem) -> StartingPoint:
         for name in ("rotor_speed", "hydrodynamic_torque", *physics.law.states)
     )
     gains = [problem.get_val(name)[0] for name in physics.law.named_gains]
-    blade = physics.blade.with_rotor_radius(float(problem.get_val("rotor_radius")[0]))
-    if physics.designs_hub:
-        blade = replace(blade, hub_inertia=float(problem.get_val("hub_inertia")[0]))
+    hub = problem.get_val("hub_inertia")[0] if physics.designs_hub else None
+    blade = physics.sized(problem.get_val("rotor_radius")[0], hub)
     names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]
     return StartingPoint(
         blade.with_shape(*map(problem.get_val, names)),

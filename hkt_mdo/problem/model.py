@@ -160,10 +160,16 @@ class Physics:
         """Whether the inertia of all that is not a blade is designed."""
         return self.blade.hub_inertia is not None
 
-    def with_hub(self, blade: Blade, inertia: float) -> Blade:
-        """Return a blade with a designed `hub_inertia`, kg*m**2, within its bounds."""
-        inertia = float(np.clip(inertia, *self.case.design.hub_inertia_bounds))
-        return replace(blade, hub_inertia=inertia)
+    def sized(self, radius: float, hub_inertia: float | None = None) -> Blade:
+        """Return the blade as given with another disc radius, m, and `hub_inertia`, kg*m**2.
+
+        As far as these are designed, and within their bounds.
+        """
+        blade = self.blade.with_rotor_radius(float(np.clip(radius, *self.shape.radii)))
+        if not self.designs_hub or hub_inertia is None:
+            return blade
+        hub = float(np.clip(hub_inertia, *self.case.design.hub_inertia_bounds))
+        return replace(blade, hub_inertia=hub)
 
     def price_of(self, blade: Blade) -> float:
         """Return the price of a designed `hub_inertia`, J, which lowers the objective."""

@@ -81,7 +81,7 @@ class StartingPoint:
     blade : Blade
     gains : np.ndarray
         Gains of the feedback law in its `gain_units`, shape (n_gains,).
-    operation : Operation or None
+    operation : Operation
         Over the flow at hand: all samples of a case's flow in a start, some speeds in its search.
     objective : float
         The quantity that the search for a start maximizes, J.
@@ -106,7 +106,7 @@ class StartingPoint:
 
     blade: Blade
     gains: np.ndarray
-    operation: Operation | None
+    operation: Operation
     objective: float = np.nan
     excess: float = -np.inf
     exceeds: tuple[str, ...] = ()

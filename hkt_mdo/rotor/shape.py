@@ -284,4 +284,5 @@ class Shape:
         Blade
             The nearest blade.
         """
-        return self.at(self.within(blade), blade.rotor_radius)
+        found = self.at(self.within(blade), blade.rotor_radius)
+        return replace(found, hub_inertia=blade.hub_inertia)

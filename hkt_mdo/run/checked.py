@@ -20,10 +20,11 @@ from hkt_mdo.run.verification import Optimized, Verification, simulated_objectiv
 from hkt_mdo.start.find import bounding_optimum
 
 NOT_RUNNING = (
-    "no blade and gain{within} were found on which the rotor runs unstalled throughout this flow, "
+    "no blade and gain were found on which the rotor runs unstalled throughout this flow, "
     "from {starts}: the problem may have no solution (try a larger control.torque_limit, or "
     "another control.law{wider})"
 )
+PARTS = "at_nodes", "between_nodes", "in_equilibrium", "bounds"  # of the checks of a limit
 NONE_FOUND = (
     "no design that keeps the limits was found from {starts}: the smallest violation was "
     "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
@@ -58,11 +59,10 @@ def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
     start
         Found by quasi-steady co-design.
     """
-    if physics.start_objective is not physics.objective:  # the start maximizes another quantity
-        return start
-    if len(physics.rotors) > 1:  # its operation is that of the case's own turbine
-        return start
-    if not start.operation.running or start.excess > START_EXCESS or np.isnan(start.objective):
+    # a start may maximize another quantity; it operates in the case's own water and condition
+    alike = physics.start_objective is physics.objective and len(physics.rotors) == 1
+    keeps = start.operation.running and start.excess <= START_EXCESS
+    if not alike or not keeps or np.isnan(start.objective):
         return start
     return replace(start, reference=start.objective - physics.price_of(start.blade))
 
@@ -153,19 +153,16 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     bounded = shape.bounds or shape.radius_bounds or physics.designs_hub or design.gain_bounds
     wider = ", or wider design bounds" if bounded else ""
     if not start.operation.running:
-        bounds = design.gain_bounds
-        within = f" within design.gain_bounds = [{bounds[0]:g}, {bounds[1]:g}]" if bounds else ""
-        return NOT_RUNNING.format(within=within, starts=starts, wider=wider)
+        return NOT_RUNNING.format(starts=starts, wider=wider)
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
     found = excesses(physics, start)
     over = {name: share for name, (share, _) in found.items()}
     if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
         over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
-    at_end = {
-        name: max((c.value for c in checks if not c.passed and _is_of(c, name)), default=0.0)
-        for name in over
-    }
-    begun, ended = (max((share, name) for name, share in each.items()) for each in (over, at_end))
+    begun = max((share, name) for name, share in over.items())
+    refused = [(each.value, each.name.partition(" (")[0]) for each in checks if not each.passed]
+    broken = [(x, n) for x, check in refused for n in over if check.removeprefix(f"{n}_") in PARTS]
+    ended = max(broken, default=(0.0, ""))
     if begun[0] <= START_EXCESS or ended[0] <= 0.0:
         return ""
     flow = found[begun[1]][1]
@@ -176,9 +173,3 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     law = "control.law: curve, which can keep more limits, or " * (len(physics.law.gain_units) == 1)
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
     return NONE_FOUND.format(starts=starts, **about)
-
-
-def _is_of(check: CheckEntry, limit: str) -> bool:
-    """Tell whether a check is that of a limit."""
-    parts = ("at_nodes", "between_nodes", "in_equilibrium", "bounds")
-    return check.name.partition(" (")[0] in [f"{limit}_{part}" for part in parts]

@@ -15,7 +15,7 @@ import numpy as np
 from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
@@ -185,10 +185,6 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     yield "max_speed_error", error, SPEED_ERROR, word
     if verification.two_filters is not None:
         yield from _of_two_filters(verification, verification.two_filters)
-    if verification.scenario.steady and isinstance(verification.controller, FeedbackTorque):
-        growth, place = _largest(verification.scenario, verification.growth, time)
-        word = "growth of a small change of the rotor's speed in equilibrium, 1/s, at "
-        yield "equilibrium_growth", growth, 0.0, word + place
 
 
 def _of_two_filters(verification, reduced):
@@ -228,20 +224,21 @@ def _of_design(ended):
     worst = int(np.argmax(errors))
     word = f"torque by the curve over direct BEM, less one, at tip speed ratio {ratios[worst]:.3f}"
     yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, word
-    if physics.may_pulse:
-        pass  # of a finer mesh the objective has no limit
-    elif not physics.law.is_feedback:
+    if physics.law.is_feedback:
+        yield from recovery(physics, verifications)
+    elif not physics.may_pulse:  # else the objective has no limit on ever finer meshes
         change = "change of the objective on a finer mesh, as far as it is known"
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
-    else:
-        yield from recovery(physics, verifications)
     if physics.case.generator.table is not None:
         beyond, nodes = physics.case.generator.beyond_table, [x.trajectory for x in verifications]
         off = max(beyond(each["control_torque"], each["rotor_speed"]) for each in nodes)
         word = "how far torque or speed leave generator.table, over its range"
         yield "generator_table", max(off, 0.0), BEYOND, word
-    if physics.law.states:
-        yield _closed_loop(verifications)
+    alone = [x for x in verifications if x.scenario.steady or physics.law.states]
+    if physics.law.is_feedback and alone:
+        growth, when = _worst(alone, "growth")
+        word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
+        yield "closed_loop", growth, 0.0, word
     if physics.remembers:
         yield from _of_tables(band_of(physics, result.setup), result)
         found = stability_of(result)
@@ -360,13 +357,6 @@ def recovery(
         yield "distance_from_stall", share, RECOVERY_ERROR if physics.has_curve else 1.0, word
 
 
-def _closed_loop(verifications):
-    """Return how stable the loop of rotor and a law with states is: the largest growth, 1/s."""
-    value, when = _worst(verifications, "growth")
-    word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
-    return "closed_loop", value, 0.0, word
-
-
 def _of_design_limit(ended, limit):
     """Return how far the design, or the whole result, exceeds a limit."""
     point, whole = ended.result.point, design_and_result(ended.verifications)
@@ -468,11 +458,7 @@ def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
     rest = [check for check in failed[1:] if check not in stops]
     others = [f"{check.name} = {check.value:.3g}" for check in rest]
     text = "; ".join(explain(check, physics) for check in (*stops, failed[0]))
-    # a mesh of a constant flow is never too coarse
-    silent = stops or all(each.inflow.profile == "constant" for each in physics.scenarios)
-    false = (check for check in rest if check.name == "max_speed_error" and not silent)
-    why = "".join(f" ({_remedy(check, physics)})" for check in false)
-    return f"{text}; also refused: {', '.join(others)}{why}" if others else text
+    return f"{text}; also refused: {', '.join(others)}" if others else text
 
 
 def explain(check: CheckEntry, physics: Physics) -> str:

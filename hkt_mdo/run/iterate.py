@@ -131,9 +131,6 @@ def _design(physics, data):
     )
     if np.any(found[0] <= 0.0) or radius <= 0.0:
         raise ValueError
-    blade = physics.blade.with_rotor_radius(float(np.clip(radius, *shape.radii)))
+    hub = _numbers(data["hub_inertia_kg_m2"], 1)[0] if physics.designs_hub else None
     gains = _numbers(data["gains"], len(physics.law.gain_units))
-    blade = shape.nearest(blade.with_shape(*found))
-    if physics.designs_hub:
-        blade = physics.with_hub(blade, _numbers(data["hub_inertia_kg_m2"], 1)[0])
-    return blade, gains, reference
+    return shape.nearest(physics.sized(radius, hub).with_shape(*found)), gains, reference

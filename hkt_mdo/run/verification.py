@@ -361,22 +361,21 @@ def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
     ), False
 
 
-def _simulated(plant, scenario, controller, start, max_step) -> Simulation:
-    """Integrate a scenario; without a solution to the end, up to there, as if the rotor stopped."""
-    first, duration, share, failed = start.time, scenario.duration, 1.0, None
-    while True:
-        span = share * duration, first + share * (scenario.dense - first)
-        try:
-            simulated = simulate(plant, scenario.inflow, controller, start, *span, max_step)
-        except IntegrationError as error:  # an infinite torque has no integral
-            share = (error.time - first) / duration * (1.0 if failed is None else SHORTER)
-            failed = failed or error
-            if share < LEAST_SHARE:
-                raise
-            continue
-        if failed is None:
-            return simulated
-        return replace(simulated, stopped_at=simulated.stopped_at or failed.time)
+def _simulated(plant, scenario, controller, start, max_step, share=1.0) -> Simulation:
+    """Integrate a share of a scenario; without a solution to its end, up to where there is one.
+
+    Then as if the rotor stopped there.
+    """
+    first, duration = start.time, scenario.duration
+    span = share * duration, first + share * (scenario.dense - first)
+    try:
+        return simulate(plant, scenario.inflow, controller, start, *span, max_step)
+    except IntegrationError as error:  # an infinite torque has no integral
+        shorter = (error.time - first) / duration * (1.0 if share == 1.0 else SHORTER)
+        if shorter < LEAST_SHARE:
+            raise
+        whole = _simulated(plant, scenario, controller, start, max_step, shorter)
+        return replace(whole, stopped_at=whole.stopped_at or error.time)
 
 
 def simulated_objective(verifications: tuple[Verification, ...]) -> float:

@@ -89,7 +89,7 @@ class CasadiIpoptDriver(ReportingDriver):
         # IPOPT's solution need not be the last design evaluated; the last case is the optimum.
         self._evaluate_anew(design)
         self._message, self.iterations = status["return_status"], status["iter_count"]
-        if self._message == "User_Requested_Stop":  # by `_is_end`: an error has been raised
+        if self._message == "User_Requested_Stop":  # by `_end_iteration`: an error has been raised
             gap = self._stationary.gap
             self._message = f"no better iterate in {PATIENCE} at an optimum within {gap:.1e}"
             return False
@@ -205,20 +205,15 @@ class CasadiIpoptDriver(ReportingDriver):
         """
         self._guarded(self._report, None, self.iterations)
         self.iterations += 1
-        ends = self._is_end(design, constraints, of_design, of_constraints)
-        return (int(ends or self._error is not None),)
-
-    def _is_end(self, design, constraints, of_design, of_constraints) -> bool:
-        """Tell whether an optimum has been found and many iterates since were no better."""
         objective, _ = self._evaluate(design)
         gradient, slopes = self._differentiate(design)
         pattern = self._pattern
         by = csc_matrix((slopes, pattern.indices, pattern.indptr), shape=pattern.shape)
         lagrangian = gradient + by.T @ of_constraints + of_design
         multipliers = np.append(of_design, of_constraints)
-        return self._stationary.note(
-            np.append(design, constraints), multipliers, objective, lagrangian
-        )
+        values = np.append(design, constraints)
+        ends = self._stationary.note(values, multipliers, objective, lagrangian)
+        return (int(ends or self._error is not None),)
 
     def _guarded(self, work: Callable, otherwise: Any, *arguments: Any) -> Any:
         """Return what `work` returns, or `otherwise` if it fails or an error is stored already.

@@ -66,10 +66,7 @@ class ReportingDriver(Driver):
         """Use sparse totals, which need no coloring, if the model's linear solver offers them."""
         solver, self._sparse = self._problem().model.linear_solver, None
         if hasattr(solver, "totals"):
-            try:
-                self._sparse = solver.totals(self, responses)
-            except NotImplementedError:
-                return  # a part is not explicit: OpenMDAO's own totals
+            self._sparse = solver.totals(self, responses)
             self._coloring_info.deactivate()
 
     @DriverResult.track_stats(kind="deriv")

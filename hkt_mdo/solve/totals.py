@@ -11,6 +11,7 @@ import openmdao.api as om
 from openmdao.core.driver import Driver
 from openmdao.jacobians import jacobian as om_jacobian
 from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from hkt_mdo.compiled import compiled
 
@@ -31,34 +32,26 @@ class SparseTotals:
         A driver after final setup.
     responses : sequence of str
         Names of its objective and constraints, in the order of the rows.
-
-    Raises
-    ------
-    NotImplementedError
-        If the model has parts that are not explicit, or that depend on each other in a circle.
     """
 
     def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
-        self._model = model = driver._problem().model
-        parts = list(model.system_iter(include_self=True, recurse=True))
-        if any(
-            part._owns_approx_jac if isinstance(part, om.Group) else
-            part.matrix_free or isinstance(part, om.ImplicitComponent)
-            for part in parts
-        ):  # fmt: skip
-            raise NotImplementedError("not all parts of the model are explicit")
-        self._jacobian = om_jacobian.CSRJacobian(model)
+        self._model = driver._problem().model
+        self._jacobian = om_jacobian.CSRJacobian(self._model)
         partials = self._jacobian.get_dr_do_matrix()
 
         design = list(driver._designvars.items())
         functions = [(name, driver._responses[name]) for name in responses]
         seeds, rows = self._positions(design), self._positions(functions)
-        is_seed = np.zeros(partials.shape[0], bool)
-        is_seed[seeds] = True
         chain = partials.indptr, partials.indices
-        order, is_chain = _evaluation_order(rows, is_seed, *chain)
-        if not is_chain:
-            raise NotImplementedError("parts of the model depend on each other in a circle")
+        graph = csr_matrix((np.ones(partials.nnz), *chain[::-1]), partials.shape)
+        needed = np.isfinite(dijkstra(graph, indices=rows, unweighted=True, min_only=True))
+        needed[seeds] = False
+        # every row is a component of its own, and SciPy numbers it after those that it depends on
+        order = np.argsort(connected_components(graph, connection="strong")[1])
+        place = np.argsort(order)
+        if np.any(place[graph.indices] > np.repeat(place, np.diff(graph.indptr))):
+            raise RuntimeError("parts of the model depend on each other in a circle")
+        order = order[needed[order]]
         self._structure = order, *chain, *_total_pattern(order, seeds, *chain)
 
         *_, first, last, columns = self._structure
@@ -117,38 +110,6 @@ class Substitution(om.LinearRunOnce):
     """
 
     totals = SparseTotals
-
-
-@compiled()
-def _evaluation_order(rows, is_seed, indptr, indices):
-    """Return the rows needed, each after the rows it depends on, and whether such an order exists.
-
-    It does not exist if rows depend on each other in a circle. The diagonal is ignored.
-    """
-    unseen, in_progress, done = 0, 1, 2
-    state = np.where(is_seed, done, unseen)
-    following = indptr[:-1].copy()
-    order, stack = np.empty(state.size, np.int64), np.empty(state.size, np.int64)
-    count = 0
-    for root in rows:
-        depth = 0
-        if state[root] == unseen:
-            stack[0], state[root], depth = root, in_progress, 1
-        while depth > 0:
-            row = stack[depth - 1]
-            if following[row] == indptr[row + 1]:
-                state[row], order[count] = done, row
-                count += 1
-                depth -= 1
-                continue
-            source = indices[following[row]]
-            following[row] += 1
-            if source != row and state[source] == in_progress:
-                return order[:0], False
-            if state[source] == unseen:
-                stack[depth], state[source] = source, in_progress
-                depth += 1
-    return order[:count].copy(), True
 
 
 @compiled()

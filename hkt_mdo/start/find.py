@@ -248,14 +248,15 @@ class Search:
             for each in some if follows else ():
                 begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
                 guide = self._optimum(begin, self._open_loop)
+                about = f"{guide.objective:.6g}"
                 if law.is_static and guide.branch != branch:
                     # it has left the branch that the law can hold: 33 % of turbine 16 of `make
                     # verify PART=turbines` with `rated`
-                    guide = begin
-                if (digits := f"{guide.objective:.6g}") not in followed:
+                    guide, about = begin, each.strategy
+                if about not in followed:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].excess <= START_EXCESS:
-                        followed.add(digits)
+                        followed.add(about)
         rank = MERIT if law.is_feedback else self._less_stall
         found.sort(key=rank, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
@@ -385,10 +386,9 @@ class Search:
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
         """Return a blade with an open loop's schedule, by default in the flow without time."""
         over, on = over or self.steady, branch or "overspeed"
-        point = self._schedules.on_branch(blade, on)
         speed = np.concatenate([self._tip_speed(blade, on, each) for each in over.scenarios])
         operation = self._quasi_steady(blade, over).held(speed / blade.rotor_radius)
-        return replace(point, branch=branch, operation=operation)
+        return StartingPoint(blade, np.empty(0), operation, branch=branch)
 
     def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
         """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""
@@ -401,8 +401,8 @@ class Search:
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
         schedules = self._schedules
-        table = schedules.curves(blade).table[:, 0]
-        return QuasiSteady.of(over or self.physics, blade, schedules.spline, table)
+        curve = schedules.spline.curve(schedules.curves(blade).table[:, 0])
+        return QuasiSteady.of(over or self.physics, blade, curve)
 
     def _fitted(
         self, point: StartingPoint, gains: np.ndarray | None, over: Physics | None = None
@@ -410,9 +410,9 @@ class Search:
         """Return a point of an open loop with gains of the law, by default the closest ones."""
         law, problem = self.physics.law, self._quasi_steady(point.blade, over or self.steady)
         speed, flow = point.operation.rotor_speed, problem.inflow_speed
-        held = point.operation.hydrodynamic_torque - problem.shaft.friction(speed)
+        held = point.operation.hydrodynamic_torque - problem.plant.generator.friction(speed)
         if gains is None and law.states:
-            gains = law.follow(flow, speed, held, problem.torque_slope(speed))
+            gains = law.follow(flow, speed, held, problem.plant.torque_slope(speed, flow))
         elif gains is None:
             gains = law.fit(speed, held)
         gains = np.clip(gains, *gain_bounds(self.physics))

@@ -63,9 +63,8 @@ def _blade(physics: Physics, summary) -> Blade:
 
     With its radius if the case designs that, otherwise scaled to the case's radius.
     """
-    shape, radius = physics.shape, summary.rotor_radius_m
-    blade = physics.blade.with_rotor_radius(float(np.clip(radius, *shape.radii)))
-    scale = blade.rotor_radius / radius
+    shape, blade = physics.shape, physics.sized(summary.rotor_radius_m, summary.hub_inertia_kg_m2)
+    scale = blade.rotor_radius / summary.rotor_radius_m
     places = np.array(summary.r_m) * scale
 
     def at_stations(values):
@@ -77,10 +76,7 @@ def _blade(physics: Physics, summary) -> Blade:
     if shape.designs_thickness and summary.thickness_over_chord is not None:
         thickness = at_stations(summary.thickness_over_chord)
     chord, twist = scale * at_stations(summary.chord_m), np.deg2rad(at_stations(summary.twist_deg))
-    found = shape.nearest(blade.with_shape(chord, twist, thickness))
-    if not physics.designs_hub or summary.hub_inertia_kg_m2 is None:
-        return found
-    return physics.with_hub(found, summary.hub_inertia_kg_m2)
+    return shape.nearest(blade.with_shape(chord, twist, thickness))
 
 
 def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:

@@ -16,7 +16,6 @@ from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit, Tor
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.evaluation import scalars
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
@@ -86,21 +85,19 @@ class SteadyFlow:
     physics : Physics
     spline : TorqueSpline
         Over the tip speed ratio.
-    speeds, weights : np.ndarray
-        Speeds of the flow, m/s, and their weights, s, shape (n,): the objective is the sum of
-        weights times rates.
+    speeds : np.ndarray
+        Speeds of the flow, m/s, shape (n,).
     """
 
     physics: Physics
     spline: TorqueSpline
     speeds: np.ndarray
-    weights: np.ndarray
     _curves: dict[Blade, Curves] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, physics: Physics, spline: TorqueSpline, knots: int = KNOTS) -> SteadyFlow:
         """Return the speeds of a case's flows; a rate over v³ is linear between two of them."""
-        return cls(physics, spline, *in_speeds(*sampled_flow(physics), knots))
+        return cls(physics, spline, in_speeds(*sampled_flow(physics), knots)[0])
 
     @cached_property
     def limits(self) -> tuple[Limit, ...]:
@@ -160,23 +157,9 @@ class SteadyFlow:
         rate = self.physics.start_objective.rate_of(series)
         return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
 
-    def on_branch(self, blade: Blade, branch: str) -> StartingPoint:
-        """Return an open loop's point with the schedule of a branch, without its operation."""
-        curves = self.curves(blade)
-        series = self.along(curves, self.ratios(curves, branch))
-        over = {limit.name: float(np.max(limit.excess(series))) for limit in self.limits}
-        return StartingPoint(
-            blade,
-            np.empty(0),
-            None,
-            objective=float(self.weights @ self.physics.start_objective.rate_of(series)),
-            excess=max(over.values(), default=-np.inf),
-            exceeds=tuple(name for name, value in over.items() if value > START_EXCESS),
-        )
-
     def side(self, blade: Blade, ratio: float) -> str:
         """Return the branch of a blade that works at a tip speed ratio in the fastest flow."""
-        fastest = replace(self, speeds=self.speeds[-1:], weights=self.weights[-1:])
+        fastest = replace(self, speeds=self.speeds[-1:])
         rate, _ = fastest.at_nodes(fastest.curves(blade))
         best = self.spline.nodes[np.argmax(rate)]
         return "overspeed" if ratio >= best else "underspeed"

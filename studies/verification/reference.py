@@ -11,7 +11,8 @@ from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import start_of_case
 from hkt_mdo.start.find import steady_optimum
-from hkt_mdo.start.steady_flow import SteadyFlow
+from hkt_mdo.start.quasi_steady import sampled_flow
+from hkt_mdo.start.steady_flow import SteadyFlow, in_speeds
 from studies.study_common import case_file, markdown_table, percent
 
 LIMITS = "power", "rotor_speed", "thrust", "stress", "cavitation", "all"
@@ -38,6 +39,7 @@ class Global:
         self.ratios = np.linspace(*SPAN, RATIOS) * best.tip_speed_ratio
         nodes = np.linspace(self.ratios[0], self.ratios[-1], NODES)
         self.steady = SteadyFlow.of(self.physics, TorqueSpline(nodes))
+        _, self.weights = in_speeds(*sampled_flow(self.physics))
         self._grid = np.repeat(self.ratios[:, None], self.steady.speeds.size, axis=1)
         self.bounds = [shape.bounds["chord"]] * shape.points["chord"]
         self.bounds += [shape.bounds["twist"]] * shape.points["twist"]
@@ -64,7 +66,7 @@ class Global:
             ratio = np.array([high - GOLDEN * (high - low), low + GOLDEN * (high - low)])
             left, right = worth(ratio)
             low, high = np.where(left > right, [low, ratio[1]], [ratio[0], high])
-        return -1e-6 * float(steady.weights @ worth(0.5 * (low + high)[None])[0])
+        return -1e-6 * float(self.weights @ worth(0.5 * (low + high)[None])[0])
 
 
 def reference(study) -> list[str]:

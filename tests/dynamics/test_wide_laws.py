@@ -1,5 +1,7 @@
 """Laws for the whole range of the flow: their closed forms, and how near open loop they come."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -8,6 +10,7 @@ from hkt_mdo.dynamics.formulas import slope
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
+from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.dynamics.wide_laws import (
     BEND,
     STEEPEST,
@@ -38,7 +41,9 @@ SPLINE = TorqueSpline(np.linspace(2.0, 18.0, 161))
 def quasi_steady(table, law):
     weights = np.full(TIME.size, TIME[1])
     weights[[0, -1]] *= 0.5
-    return QuasiSteady(FLOW, weights, 1000.0, 1.4, SPLINE, table, law)
+    curve, blade = SPLINE.curve(table), SimpleNamespace(rotor_radius=1.4)
+    plant = Plant(blade, (), 0.0, 1000.0, lambda *at: SimpleNamespace(torque=curve(at[2])))
+    return QuasiSteady(plant, law, FLOW, weights)
 
 
 @pytest.fixture(scope="module")

@@ -155,7 +155,7 @@ def test_steady_operation_is_a_balance_of_torques(quadratic):
     world = design.physics
     spline = ratio_spline(world.rotor.best_operation(design.blade))
     table = world.rotor.coefficients(design.blade, spline.nodes).torque
-    quasi = QuasiSteady.of(world, design.blade, spline, table)
+    quasi = QuasiSteady.of(world, design.blade, spline.curve(table))
     known = quasi.operate(design.gains)
     flow = operation["inflow_speed_m_s"]
     assert (flow[0], flow[-1]) == (1.04, 2.04)

@@ -271,7 +271,7 @@ def test_a_year_is_reported(year):
     assert "in a flow of 2.35 m/s" in rows["largest rotor speed"]
     checks = {check.name: check for check in year.summary.checks}
     assert "energy_error" in checks
-    assert checks["equilibrium_growth"].value < 0.0
+    assert checks["closed_loop"].value < 0.0
     assert checks["max_speed_error"].value < 1e-5
 
 
