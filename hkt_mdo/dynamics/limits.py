@@ -108,14 +108,14 @@ class Limit(Formula):
         ends = np.abs(np.hstack((self.lower, self.upper)))
         return float(np.max(ends[np.isfinite(ends)], initial=0.0))
 
-    def told(self, quantities: Any) -> np.ndarray:
+    def reported(self, quantities: Any) -> np.ndarray:
         """Return the value for a report: its magnitude if the limit applies to both signs."""
         value = np.asarray(self.value_of(quantities))
         return np.abs(value) if np.all(self.lower == -self.upper) else value
 
     def share(self, quantities: Any) -> np.ndarray:
         """Return how much of it is used, relatively: 1 at the bound that reports give."""
-        over = (self.told(quantities) - self.end) / (abs(self.end) or 1.0)
+        over = (self.reported(quantities) - self.end) / (abs(self.end) or 1.0)
         return 1.0 - over if self.end == self.lower else 1.0 + over
 
     def excess(self, quantities: Any) -> np.ndarray:

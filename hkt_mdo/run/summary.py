@@ -356,7 +356,7 @@ def _over_time(finished, verifications, several=False):
 
 def _entry(limit, known):
     """Return the value of a limit that is closest to its bound, the bound, and whether it binds."""
-    values, shares = np.ravel(limit.told(known)), limit.share(known)
+    values, shares = np.ravel(limit.reported(known)), limit.share(known)
     about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
     binding = bool(np.max(shares) >= _least(limit))
     return {"value": float(values[np.argmax(shares)]), "binding": binding} | about

@@ -44,10 +44,10 @@ def test_a_rate_is_limited_whether_the_torque_rises_or_falls():
     limit = TorqueRateLimit(bound=500.0)
     known = {"torque_rate": np.array([-600.0, -500.0, 0.0, 450.0])}
     np.testing.assert_allclose(limit.excess(known), [0.2, 0.0, -1.0, -0.1], atol=1e-15)
-    np.testing.assert_array_equal(limit.told(known), [600.0, 500.0, 0.0, 450.0])
+    np.testing.assert_array_equal(limit.reported(known), [600.0, 500.0, 0.0, 450.0])
     assert limit.place == "time"
     power = {"generator_power": np.array([-9e3, 4e3])}
-    np.testing.assert_array_equal(PowerLimit(bound=5e3).told(power), [-9e3, 4e3])
+    np.testing.assert_array_equal(PowerLimit(bound=5e3).reported(power), [-9e3, 4e3])
 
 
 @pytest.mark.parametrize("transcription", ["gauss-lobatto", "radau"])
