@@ -52,6 +52,7 @@ def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held
 
     Under feedback with a torque curve also the distance from stall.
     """
+    known = on_start(physics, setup.start)
     for number, scenario in enumerate(physics.scenarios):
         limits = [*physics.limits_in(scenario)]
         if physics.law.is_feedback and physics.has_curve:
@@ -59,22 +60,21 @@ def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held
             limits.append(DistanceFromStall(law=physics.law_in(scenario), spline=spline))
         for limit in limits:
             if limit.constrains(physics.law):
-                yield _held(physics, setup, limit, number, scales)
-    known = on_start(physics, setup.start)[0]
+                yield _held(physics, setup, limit, number, scales, known[number])
     for limit in physics.design_limits:
         if limit.constrains(physics.law):
             bounds = {"lower": limit.lower, "upper": limit.upper}
             options = {"ref": size_of(limit), "units": limit.unit} | bounds
-            size = np.size(limit.value_of(known))
+            size = np.size(limit.value_of(known[0]))
             yield Held(limit, constraint_of(physics, limit), size, options)
 
 
-def _held(physics, setup, limit, number, scales) -> Held:
+def _held(physics, setup, limit, number, scales, known) -> Held:
     """Return a limit over time as it is held in the number-th scenario."""
     scenario, ref, less = physics.scenarios[number], None, 0.0
     nodes = limited_nodes(limit, scenario)
     if isinstance(limit, DistanceFromStall):
-        nodes, ref = _near_stall(physics, setup, limit, number, scenario), scales.torque
+        nodes, ref = _near_stall(physics, setup, limit, scenario, known), scales.torque
     elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
         ref = scales.torque
     if np.isfinite(limit.upper):
@@ -86,7 +86,7 @@ def _held(physics, setup, limit, number, scales) -> Held:
     return Held(limit, constraint_of(physics, limit, number), nodes.size, options, scenario, nodes)
 
 
-def _near_stall(physics, setup, limit, place, scenario):
+def _near_stall(physics, setup, limit, scenario, known):
     """Return the nodes at which the start has settled and is near stall, or the nearest ones.
 
     In a gust that is faster than the rotor, the integration shows whether it recovers: held to its
@@ -95,8 +95,7 @@ def _near_stall(physics, setup, limit, place, scenario):
     """
     start = setup.start
     table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
-    known = on_start(physics, start)[place]
-    known |= {"torque_coefficient_table": table.torque, "gains": start.gains}
+    known = known | {"torque_coefficient_table": table.torque, "gains": start.gains}
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
     margin, still = (

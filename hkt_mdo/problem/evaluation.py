@@ -40,13 +40,6 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
     that limits and objectives may take. The generator torque is that of a static law, else it
     balances the flow's.
     """
-    if point not in physics.known:
-        physics.known[point] = _quantities(physics, point)
-    return [dict(each) for each in physics.known[point]]
-
-
-def _quantities(physics, point) -> list[dict]:
-    """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     for scenario, (speed, torque, *states) in pairs:

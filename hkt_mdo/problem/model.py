@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -211,8 +210,3 @@ class Physics:
         """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
         mass, inertia = self.rotor.mass_and_inertia(blade)
         return float(mass), float(inertia)
-
-    @cached_property
-    def known(self) -> WeakKeyDictionary:
-        """The quantities of starting points (`evaluation.on_start`), kept as long as these are."""
-        return WeakKeyDictionary()

@@ -7,7 +7,6 @@ which another one makes again.
 
 from __future__ import annotations
 
-import gc
 import logging
 import os
 import platform
@@ -115,19 +114,9 @@ def _call(task: bytes) -> Any:
     """Make a call in a worker."""
     from distributed.protocol.pickle import loads
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return loads(task)()
-    finally:
-        _calm()
-
-
-@cache
-def _calm() -> None:
-    """Let the garbage collector pass over what the first call has imported, as `hkt` does."""
-    gc.set_threshold(100_000, 50, 50)
-    gc.freeze()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return loads(task)()
 
 
 def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) -> None:
