@@ -61,8 +61,8 @@ class RunState:
         The case's, on the mesh that the run began with.
     physics : Physics
         On the mesh at work.
-    point : callable or None
-        Reads the problem at work, as a `StartingPoint`.
+    point : callable
+        Reads the problem at work, as a `StartingPoint`; set before an optimization begins.
     last : StartingPoint or None
         The last recorded iterate.
     best : tuple of Physics and StartingPoint, or None
@@ -89,7 +89,7 @@ class RunState:
     ):
         self.first = self.physics = physics
         self.out, self.records, self.scratch, self.on_start = out, records, scratch, on_start
-        self.point: Callable[[], StartingPoint] | None = None
+        self.point: Callable[[], StartingPoint]
         self.last: StartingPoint | None = None
         self.best: tuple[Physics, StartingPoint] | None = None
         self.passes: list[PassEntry] = []
@@ -109,7 +109,7 @@ class RunState:
         if self.terminated:
             raise KeyboardInterrupt
         self._history.append((len(self._history), objective, infeasibility))
-        if infeasibility <= RESUMABLE and self.point is not None:
+        if infeasibility <= RESUMABLE:
             if len(self._history) % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
                 if infeasibility <= FEASIBLE:
