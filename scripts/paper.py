@@ -32,7 +32,7 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
 from hkt_mdo.start.find import steady_optimum
-from hkt_mdo.studies.uncertainty import flow_named, fly_noisy
+from hkt_mdo.studies.uncertainty import flow_named, noisy_runs
 
 
 def reproduce(
@@ -126,7 +126,7 @@ def _one_ensemble(source, flow, sensor, repeats, seed):
         energy = run.energy if run.stopped_at is None else None
         result = {"energy_J": energy, "stopped_at_s": run.stopped_at}
     else:
-        run = fly_noisy(design, inflow, sensor, repeats, seed)
+        run = noisy_runs(design, inflow, sensor, repeats, seed)
         energy = run.energy[np.isfinite(run.energy)]
         result = {
             "repeats": repeats,

@@ -17,7 +17,6 @@ from hkt_mdo.pages import rendered
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.figures import figure_of
 from hkt_mdo.results.folder import write_json, write_text
-from hkt_mdo.results.solution import ScenarioTables
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
 FLOWS = ("A", "B", "C")
@@ -267,5 +266,5 @@ def _named(solution, name, series=None):
     if series is None:
         return renamed
     columns = {key: np.array(values) for key, values in series.items()}
-    tables = {name: ScenarioTables({}, columns, {}) for name in solution.tables}
+    tables = {name: {"simulation": columns} for name in solution.tables}
     return replace(renamed, tables=tables)

@@ -27,7 +27,7 @@ from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.engine import in_processes
-from hkt_mdo.studies.uncertainty import Sensor, fly_noisy
+from hkt_mdo.studies.uncertainty import Sensor, noisy_runs
 
 LAWS = {
     "open loop": "law: open_loop",
@@ -185,7 +185,7 @@ def simulated(folder, count, estimated=False):
     flows = [inflow.model_copy(update={"seed": seed}) for seed in seeds]
     quiet = [design.simulate(flow) for flow in flows]
     noisy = [
-        fly_noisy(design, flow, SENSOR, 1, seed) for seed, flow in zip(seeds, flows, strict=True)
+        noisy_runs(design, flow, SENSOR, 1, seed) for seed, flow in zip(seeds, flows, strict=True)
     ]
     shares, excess = zip(*(exceeded(design, each) for each in (*quiet, *noisy)), strict=True)
     own = design.simulate(inflow)

@@ -144,7 +144,10 @@ def simulated(folders):
         energy = [sum(each.simulation.energy for each in side) for side in zip(*pairs, strict=True)]
         speed, thrust = (
             [max(of(each) for each in side) for side in zip(*pairs, strict=True)]
-            for of in (lambda x: np.max(x.simulation.rotor_speed), lambda x: x.told["thrust"].value)
+            for of in (
+                lambda x: np.max(x.simulation.rotor_speed),
+                lambda x: x.extremes["thrust"].value,
+            )
         )
         stopped = any(each.simulation.stopped_at is not None for each in runs)
         rows.append(
@@ -294,7 +297,7 @@ def overshoot(out):
     for name, flow in flows.items():
         quiet = replace(base.without, inflow=flow)
         with_memory = replace(base, inflow=flow, without=quiet)
-        thrusts = [each.told["thrust"].value / 1e3 for each in (quiet, with_memory)]
+        thrusts = [each.extremes["thrust"].value / 1e3 for each in (quiet, with_memory)]
         speeds = [float(np.max(each.simulation.rotor_speed)) for each in (quiet, with_memory)]
         change = percent(thrusts[1], thrusts[0])
         rows.append((name, *(f"{x:.3f}" for x in (*thrusts, *speeds)), f"{change:+.1f} %"))

@@ -227,7 +227,7 @@ def flow_of(solution, river, seed) -> Inflow:
 def scored(design, flow) -> Score:
     """Return what a design does in a flow."""
     run = Run(design, flow)
-    told = run.told
+    told = run.extremes
     excess = {name: each.share - 1.0 for name, each in told.items() if each.share is not None}
     broken = [name for name, each in told.items() if each.kept is False]
     return Score(run.energies["energy"] or 0.0, excess, broken)

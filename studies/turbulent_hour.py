@@ -22,7 +22,7 @@ import study_plots as plots
 
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results import style
-from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.solution import Solution
 
 ROOT = Path(__file__).parent.parent
 LAWS = {"oloc": "open loop", "quadratic": "quadratic feedback", "linear": "linear feedback"}
@@ -79,7 +79,7 @@ def draw(solutions: dict, path: Path, span=(1500.0, 1620.0)) -> None:
     for law, solution in solutions.items():
         table = solution.simulation
         inside = (table["time_s"] >= span[0]) & (table["time_s"] <= span[1])
-        part = ScenarioTables({}, {name: column[inside] for name, column in table.items()}, {})
+        part = {"simulation": {name: column[inside] for name, column in table.items()}}
         case = solution.case.model_copy(update={"name": LAWS[law]})
         tables = dict.fromkeys(solution.tables, part)
         shown.append(replace(solution, case=case, tables=tables))

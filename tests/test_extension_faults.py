@@ -221,7 +221,7 @@ def test_a_function_from_elsewhere_is_guarded(static):
     (text,) = law.held(np.array([0.0]))
     assert text.startswith("gain_0 of the law taken begins at 0 and is not designed")
     with pytest.raises(InputError, match=r"IndexError.*; correct the method$"):
-        law.torque_by_speed(np.array([2.0]), np.array([]))
+        law.slopes(np.array([2.0]), 1.5, np.array([]))
 
 
 @pytest.mark.parametrize("frequency", [-1.0, "0.1 Hz"])

@@ -98,7 +98,7 @@ def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
     left = [True] * POINTS
 
     @wraps(method)
-    def told(self, *args, **quantities):
+    def guarded(self, *args, **quantities):
         given = (*args, *quantities.values())
         try:
             result = method(self, *args, **quantities)
@@ -122,7 +122,7 @@ def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
             raise InputError(problem, remedy, file=file, key=place)
         return result
 
-    return told
+    return guarded
 
 
 def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict) -> tuple[str, str]:

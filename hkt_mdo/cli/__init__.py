@@ -47,15 +47,7 @@ for _panel, _commands in _PANELS.items():
         app.command(rich_help_panel=_panel, help=_help)(_command)
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"hkt_mdo {program_version()}")
-        raise typer.Exit
-
-
-_VERSION = typer.Option(
-    "--version", is_eager=True, callback=_print_version, help="Print the version and exit."
-)
+_VERSION = typer.Option("--version", help="Print the version and exit.")
 
 
 @app.callback()
@@ -63,6 +55,9 @@ def _hkt(
     context: typer.Context, version: Annotated[bool, _VERSION] = False, extend: parts.Extend = None
 ) -> None:
     parts.EXTENSIONS.set(tuple(extend or ()))
+    if version:
+        typer.echo(f"hkt_mdo {program_version()}")
+        raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(Path(__file__).with_name("begin.txt").read_text(encoding="utf-8"), nl=False)
 

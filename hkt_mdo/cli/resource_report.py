@@ -57,7 +57,7 @@ def report_resource(
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
         texts["case.yaml"] = note + texts["case.yaml"]
-    lines = [*samples.messages, *_statistics(*record.occurrence()), *_length(samples, bool(asked))]
+    lines = [*samples.messages, *_statistics(record, bool(asked))]
     panels = {"resource": resource_panels(speed, share, samples)}
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
@@ -73,8 +73,9 @@ def report_resource(
     return [*lines, f"Written: {out}: {', '.join(files)}"]
 
 
-def _statistics(speed, share) -> Iterator[str]:
-    """Yield what characterizes the flow."""
+def _statistics(record: RecordResource, tidal: bool) -> Iterator[str]:
+    """Yield what characterizes the flow, and the uncertainty by the length of the record."""
+    (speed, share), samples = record.occurrence(), record.samples
     size = np.abs(speed)
     mean, cube = float(share @ size), float(share @ size**3)
     yield (
@@ -88,10 +89,6 @@ def _statistics(speed, share) -> Iterator[str]:
             f"the flow runs the other way in {100.0 * back:.3g} % of the time, with "
             f"{100.0 * cubes:.3g} % of the mean cubed speed"
         )
-
-
-def _length(samples: FlowSamples, tidal: bool) -> Iterator[str]:
-    """Yield the uncertainty that follows from the length of the record."""
     scatter, length = samples.scatter(np.abs(samples.speed) ** 3), samples.time[-1]
     text, block = "unknown, less than 3", f"blocks of {samples.block / 86400.0:.5g} days"
     if scatter is not None:

@@ -73,21 +73,17 @@ def plot(
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
     """
+    from hkt_mdo.results import figures, style
     from hkt_mdo.results.sweep import TABLE, SweepTable
+    from hkt_mdo.results.sweep_plots import sweep_figures
 
-    folder, forms = out or result / "figures", formats or ["png"]
-    if (result / TABLE).is_file():  # a sweep
-        from hkt_mdo.results.sweep_plots import save_figures as save_sweep
-
-        written = save_sweep(SweepTable.load(result), folder, forms)
+    if (result / TABLE).is_file():
+        drawn = sweep_figures(SweepTable.load(result))
     else:
-        solution = read_result(result)
-        from hkt_mdo.results.figures import save_figures
-
-        written = save_figures(solution, folder, forms)
-    if not written:
+        drawn = figures.figures(read_result(result))
+    if not drawn:
         raise InputError("holds no data to draw", "let the run finish", file=result)
-    parts.print_lines(written)
+    parts.print_lines(style.save(drawn, out or result / "figures", formats or ["png"]))
 
 
 def report(
@@ -135,7 +131,7 @@ def compare(
     limits of their case and has a better objective.
     """
     from hkt_mdo.results.nesting import ranked, remarks
-    from hkt_mdo.results.words import texts
+    from hkt_mdo.results.words import aligned, texts
 
     for_program = parts.one_form(as_json, as_csv)
     solutions, behind = ranked(read_result(result) for result in results)
@@ -146,7 +142,7 @@ def compare(
     if for_program:
         parts.print_records(parts.plain_rows(zip(names, rows, strict=True), "result"), as_json)
     else:
-        _print_beside(names, [texts(each) for each in rows])
+        _print_beside(names, aligned([texts(each) for each in rows]))
     finished = [each for each in solutions if each.finished]
     parts.print_lines((f"note: {line}" for line in remarks(finished)), err=for_program)
     for each in solutions:
@@ -154,32 +150,31 @@ def compare(
             left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
-        from hkt_mdo.results.figures import save_figures
+        from hkt_mdo.results import figures, style
 
-        parts.print_lines(save_figures(finished, out), err=for_program)
+        parts.print_lines(style.save(figures.figures(finished), out), err=for_program)
 
 
 _WIDEST = 44  # characters of a column; longer texts take more lines
 
 
-def _print_beside(names: list[str], columns: list[dict[str, str]]) -> None:
-    """Print columns of texts beside one another, in several tables where a terminal is narrow."""
-    labels = list(dict.fromkeys(label for column in columns for label in column))
-    texts = [text for column in columns for text in column.values()]
-    widest = max(max(map(len, names)), min(_WIDEST, max(map(len, texts))))
-    first, console = max(map(len, labels)), Console(highlight=False)
+def _print_beside(names: list[str], rows: list[tuple[str, list[str]]]) -> None:
+    """Print rows with a cell for each name, in several tables where a terminal is narrow."""
+    longest = max(len(cell) for _, cells in rows for cell in cells)
+    widest = max(max(map(len, names)), min(_WIDEST, longest))
+    first, console = max(len(label) for label, _ in rows), Console(highlight=False)
     if not console.is_terminal:  # a file or a pipe has no width
         console = Console(highlight=False, width=first + (widest + 2) * len(names) + 4)
     room = console.width - first - 4
     widest = min(widest, max(20, room - 2))
-    pairs, count = list(zip(names, columns, strict=True)), max(1, room // (widest + 2))
-    for some in (pairs[begin : begin + count] for begin in range(0, len(pairs), count)):
+    count = max(1, room // (widest + 2))
+    for some in (slice(begin, begin + count) for begin in range(0, len(names), count)):
         table = Table(box=None)
         table.add_column("", width=first, no_wrap=True)
-        for name, _ in some:
+        for name in names[some]:
             table.add_column(Text(name), width=widest, overflow="fold")
-        for label in labels:
-            table.add_row(Text(label), *(Text(column.get(label, "")) for _, column in some))
+        for label, cells in rows:
+            table.add_row(Text(label), *map(Text, cells[some]))
         console.print(table)
 
 
@@ -237,7 +232,8 @@ def simulate(
     print those of each simulation, as --out writes them. With --inflow-dynamics oye the wake needs
     time to change: the command prints what that changes, and whether the rotor runs away.
     """
-    from hkt_mdo.results.words import flow_words, limit_words
+    from hkt_mdo.results.rows import flow_words
+    from hkt_mdo.results.words import limit_words
     from hkt_mdo.studies.other_flows import largest, records, simulations, write
     from hkt_mdo.studies.uncertainty import Sensor
 

@@ -122,20 +122,17 @@ class Inflow(Section):
         def excess(time):
             return float(self.speed_at(time)) - speed
 
-        found = []
+        crossings = []
         for time in self._looks(duration):
-            over = np.asarray(self.speed_at(time)) - speed
+            over, rate, step = self.speed_at(time) - speed, self.rate_at(time), np.diff(time)
             # between two samples only a peak may be faster; it lies below the tangents there
-            rate, step = self.rate_at(time), np.diff(time)
             reach = np.minimum(over[:-1] + rate[:-1] * step, over[1:] - rate[1:] * step)
-            hidden = (np.maximum(over[:-1], over[1:]) <= 0.0) & (reach > 0.0)
-            for place in np.flatnonzero(hidden & (rate[:-1] > 0.0) & (rate[1:] < 0.0)):
-                peak = brentq(self.rate_at, time[place], time[place + 1], xtol=1e-15)
-                if excess(peak) > 0.0:
-                    found += [(time[place], peak), (peak, time[place + 1])]
-            crossed = (over[:-1] > 0.0) != (over[1:] > 0.0)
-            found += [(time[place], time[place + 1]) for place in np.flatnonzero(crossed)]
-        crossings = sorted(brentq(excess, *ends, xtol=1e-15) for ends in found)
+            peaks = np.flatnonzero((reach > 0.0) & (rate[:-1] > 0.0) & (rate[1:] < 0.0))
+            peaks = [brentq(self.rate_at, time[i], time[i + 1], xtol=1e-15) for i in peaks]
+            time = np.union1d(time, peaks)
+            faster = self.speed_at(time) > speed
+            places = np.flatnonzero(faster[1:] != faster[:-1])
+            crossings += [brentq(excess, time[i], time[i + 1], xtol=1e-15) for i in places]
         begins = [0.0] if excess(0.0) <= 0.0 else []
         ends = [duration] if excess(duration) <= 0.0 else []
         return np.array([*begins, *crossings, *ends]).reshape(-1, 2)

@@ -51,6 +51,8 @@ class Formula(Section):
 
     inputs: ClassVar[tuple[str, ...]] = ()
     unit: ClassVar[str | None] = None
+    named_numbers: ClassVar[dict[str, tuple[str | None, str]]] = {}
+    """Unit and description of its inputs that are numbers, and no quantities of the registry."""
 
     def value(self, **quantities: Any) -> Any:
         """Return the value of the formula, in `unit`; by default the input, or the inputs' sum."""
@@ -70,20 +72,20 @@ class Formula(Section):
         """Return the value from a mapping that holds its inputs, maybe among other quantities."""
         return self.value(**{name: quantities[name] for name in self.inputs})
 
-    def partials(self, **quantities: Any) -> dict[str, np.ndarray]:
-        """Return the value's derivatives by each input, by complex step.
+    def partial(self, name: str, quantities: Mapping[str, Any]) -> np.ndarray:
+        """Return the value's derivative by an input, by complex step.
 
         Parameters
         ----------
-        **quantities
-            The inputs, by name, as `value` takes them.
+        name : str
+            The input.
+        quantities : mapping
+            All inputs, by name, as `value` takes them.
 
         Returns
         -------
-        dict of array
+        array
             By an input over time, where the value at an instant follows from the input then, of
             shape (n_times,); by any other, (size of the value, size of the input).
         """
-        return {
-            name: slope(self.value, quantities, name, name in self.series) for name in self.inputs
-        }
+        return slope(self.value, quantities, name, name in self.series)

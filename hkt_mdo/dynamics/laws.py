@@ -11,7 +11,7 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import PrivateAttr
 
-from hkt_mdo.dynamics.formulas import STEP
+from hkt_mdo.dynamics.formulas import STEP, slope
 from hkt_mdo.sections import Quantity, Section
 
 LEAST_TERM = 0.02
@@ -28,11 +28,6 @@ def smooth_saturation(torque, limit, smoothing):
     ratio = 2.0 * torque / limit
     rising, falling = np.sqrt(smoothing + ratio**2), np.sqrt(smoothing + (ratio - 2.0) ** 2)
     return 0.25 * limit * (2.0 + rising - falling)
-
-
-def _by_each(of, gains):
-    """Return the derivative of a function by each gain, by complex step."""
-    return np.array([np.imag(of(gains + 1j * STEP * unit)) for unit in np.eye(len(gains))]) / STEP
 
 
 class Law(Section):
@@ -70,6 +65,11 @@ class Law(Section):
     def is_static(self) -> bool:
         """Whether the torque follows from the rotor speed alone."""
         return self.is_feedback and not self.states
+
+    @property
+    def named_gains(self) -> dict[str, tuple[str | None, str]]:
+        """Unit and description of each gain, by its name in the model."""
+        return {f"gain_{i}": (unit, "feedback gain") for i, unit in enumerate(self.gain_units)}
 
     def with_torque_limit(self, limit: float | None) -> Self:
         """Return the same law with another limit of the torque, N*m; None: none."""
@@ -170,10 +170,11 @@ class FeedbackLaw(Law):
         """
         from scipy.optimize import lsq_linear
 
-        columns = _by_each(lambda gains: self.demand(speed, gains), np.ones(len(self.gain_units)))
+        ones = {"gains": np.ones(len(self.gain_units))}
+        terms = slope(lambda gains: self.demand(speed, gains), ones, "gains", diagonal=False)
         # a term may be zero at all of these speeds
-        alone = columns @ torque / np.maximum(np.sum(columns**2, axis=1), np.finfo(float).tiny)
-        return lsq_linear(columns.T * alone, torque, (LEAST_TERM, np.inf)).x * alone
+        alone = torque @ terms / np.maximum(np.sum(terms**2, axis=0), np.finfo(float).tiny)
+        return lsq_linear(terms * alone, torque, (LEAST_TERM, np.inf)).x * alone
 
     def scaled_gains(self, gains, share):
         """Return gains whose torque is a share of that with other gains, if possible."""
@@ -188,7 +189,7 @@ class FeedbackLaw(Law):
 
     def at_rest(self, torque, inflow_speed):
         """Return a guess of the states in equilibrium, under a torque, N*m, in a flow, m/s."""
-        raise NotImplementedError
+        return ()
 
     def speed_at_rest(self, inflow_speed, gains):
         """Return a guess of the equilibrium's speed, rad/s, in a flow, m/s."""
@@ -205,14 +206,6 @@ class FeedbackLaw(Law):
         the open loop at some instants.
         """
         raise NotImplementedError
-
-    def torque_by_speed(self, speed, gains, *states):
-        """Return the torque's derivative by speed, N*m*s/rad, by complex step."""
-        return np.imag(self.torque(speed + 1j * STEP, gains, *states)) / STEP
-
-    def torque_by_gain(self, speed, gains, *states):
-        """Return the torque's derivative by each gain, shape ``(n_gains, *speed.shape)``."""
-        return _by_each(lambda moved: self.torque(speed, moved, *states), gains)
 
     def slopes(self, speed, inflow_speed, gains, *states):
         """Return the derivatives of torque and rates by speed and states, ``[of, by, *shape]``.

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import PrivateAttr, Strict, model_validator
 
-from hkt_mdo.dynamics.formulas import Formula, slope
+from hkt_mdo.dynamics.formulas import Formula
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
@@ -102,21 +102,26 @@ class Limit(Formula):
         """The bound in reports: the upper one, or a lower one alone, but zero, as of a torque."""
         return self.lower if self.upper == np.inf and self.lower != 0.0 else self.upper
 
-    def told(self, quantities: Any) -> np.ndarray:
+    @property
+    def bounds_size(self) -> float:
+        """Magnitude of its bounds, in `unit`; 0 where they are none."""
+        ends = np.abs(np.hstack((self.lower, self.upper)))
+        return float(np.max(ends[np.isfinite(ends)], initial=0.0))
+
+    def reported(self, quantities: Any) -> np.ndarray:
         """Return the value for a report: its magnitude if the limit applies to both signs."""
         value = np.asarray(self.value_of(quantities))
         return np.abs(value) if np.all(self.lower == -self.upper) else value
 
     def share(self, quantities: Any) -> np.ndarray:
         """Return how much of it is used, relatively: 1 at the bound that reports give."""
-        over = (self.told(quantities) - self.end) / (abs(self.end) or 1.0)
+        over = (self.reported(quantities) - self.end) / (abs(self.end) or 1.0)
         return 1.0 - over if self.end == self.lower else 1.0 + over
 
     def excess(self, quantities: Any) -> np.ndarray:
         """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""
         value = np.atleast_1d(self.value_of(quantities))
-        ends = np.abs(np.hstack((self.lower, self.upper)))
-        size = np.max(ends[np.isfinite(ends)], initial=0.0) or np.max(np.abs(value)) or 1.0
+        size = self.bounds_size or np.max(np.abs(value)) or 1.0
         return np.asarray(np.maximum(self.lower - value, value - self.upper) / size)
 
 
@@ -342,15 +347,21 @@ class DistanceFromStall(Limit):
     def inputs(self):
         """Its inputs, and the states of the law."""
         flow = "rotor_speed", "inflow_speed", "torque_coefficient_table", "density", "rotor_radius"
-        return (*flow, "gains", *self.law.states)
+        return (*flow, *self.law.named_gains, *self.law.states)
+
+    @property
+    def named_numbers(self):
+        """The gains of the law."""
+        return self.law.named_gains
 
     @property
     def series(self):
         """Also the states of the law."""
         return super().series | self.law.states
 
-    def value(self, rotor_speed, inflow_speed, density, rotor_radius, gains, **others):
+    def value(self, rotor_speed, inflow_speed, density, rotor_radius, **others):
         table, *states = (others[x] for x in ("torque_coefficient_table", *self.law.states))
+        gains = np.hstack([others[x] for x in self.law.named_gains])
         unit = torque_scale(density, rotor_radius, inflow_speed)
 
         def net(speed):
@@ -360,15 +371,11 @@ class DistanceFromStall(Limit):
         recovery = net((1.0 - SLOWED) * rotor_speed) - net(rotor_speed)
         return recovery - LEAST * TYPICAL * unit
 
-    def partials(self, **quantities):
-        arrays = "torque_coefficient_table", "gains"  # inputs by which derivatives are taken
-        names = [name for name in self.inputs if name not in arrays]
-        found = {name: slope(self.value, quantities, name, name in self.series) for name in names}
-        names = "rotor_speed", "inflow_speed", "rotor_radius", "density", "gains", *self.law.states
-        speed, flow, radius, density, gains, *states = (quantities[name] for name in names)
-        slowed = (1.0 - SLOWED) * speed
-        bases = self.spline.basis(slowed * radius / flow) - self.spline.basis(speed * radius / flow)
-        found["torque_coefficient_table"] = torque_scale(density, radius, flow)[:, None] * bases
-        here, there = (self.law.torque_by_gain(w, gains, *states) for w in (speed, slowed))
-        found["gains"] = (here - there).T
-        return found
+    def partial(self, name, quantities):
+        if name != "torque_coefficient_table":
+            return super().partial(name, quantities)
+        known = "rotor_speed", "inflow_speed", "rotor_radius", "density"
+        speed, flow, radius, density = (quantities[each] for each in known)
+        ratio = speed * radius / flow
+        bases = self.spline.basis((1.0 - SLOWED) * ratio) - self.spline.basis(ratio)
+        return torque_scale(density, radius, flow)[:, None] * bases

@@ -56,7 +56,7 @@ def divided(edges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     return np.interp(np.arange(number[-1] + 1), number, edges)
 
 
-def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:
+def magnitudes(values: np.ndarray, dense: int) -> np.ndarray:
     """Return the magnitudes to which errors of the first value, and of others, are compared.
 
     Others than the first may pass through zero: each is compared to its largest value, those beyond
@@ -64,40 +64,38 @@ def magnitudes(values: np.ndarray, dense: int | None = None) -> np.ndarray:
     """
     size = np.maximum(np.abs(values), 1e-3)
     size[..., 1:] = np.max(size[..., 1:], axis=tuple(range(values.ndim - 1)))
-    if dense is not None and dense < values.shape[-1]:
-        size[..., dense:] = np.max(size[..., dense:])
+    size[..., dense:] = np.max(size[..., dense:], initial=0.0)
     return size
 
 
 class Slopes(NamedTuple):
-    """Derivatives of the rates of a few dense values y and of many chains of two filters (x, z).
+    """Derivatives of the rates of a few dense values and of many chains of a few filters each.
 
-    x' = … - x / slow and z' = … + (x - z) / fast by the chain alone; the dense values follow z, and
-    all filters follow the first dense value. All are (n_steps, n_stages, …): of y' by y, (n_dense,
-    n_dense), and by z, (n_dense, n_chains); of x' and of z' by the first dense value, (n_chains,);
-    and the time constants slow, (1,), and fast, (n_chains,), s.
+    Dense values follow each other and the last filters of the chains; a chain follows itself and
+    the first dense value. All are (n_steps, n_stages, …): of dense values by dense values,
+    (n_dense, n_dense), and by last filters, (n_dense, n_chains); of filters by those of their
+    chain, (n_filters, n_filters, n_chains), and by the first dense value, (n_filters, n_chains).
     """
 
     dense: np.ndarray
-    by_chain: np.ndarray
-    x_rate: np.ndarray
-    z_rate: np.ndarray
-    slow: np.ndarray
-    fast: np.ndarray
+    by_last: np.ndarray
+    chain: np.ndarray
+    by_first: np.ndarray
 
     @classmethod
     def without_chains(cls, dense: np.ndarray) -> Slopes:
         """Return the slopes of dense values alone."""
-        none = np.empty((*dense.shape[:2], 0))
-        chain = np.empty((*dense.shape[:-1], 0))
-        return cls(dense, chain, none, none, np.ones((*dense.shape[:2], 1)), none)
+        shape = dense.shape[:2]
+        none = (np.empty((*shape, *x, 0)) for x in (dense.shape[2:3], (1, 1), (1,)))
+        return cls(dense, *none)
 
 
 class StageSystem:
     """The linear system of Newton's method, from which chains of filters are eliminated.
 
-    Values are y, x, z of `Slopes`. What is left to invert has the dense values alone (Schur
-    complement), so that the cost grows with the number of chains, not with its cube.
+    Values are dense ones, then the first filter of every chain, then the second. What is left to
+    invert has the dense values alone (Schur complement), so that the cost grows with the number of
+    chains, not with its cube.
 
     Parameters
     ----------
@@ -110,69 +108,49 @@ class StageSystem:
     """
 
     def __init__(self, step: np.ndarray, slopes: Slopes, matrix: np.ndarray = MATRIX) -> None:
-        self._step, self._slopes, s = step, slopes, matrix.shape[0]
-        self._n, self._m = slopes.by_chain.shape[-2:]
-        self.patience = PATIENCE if self._m else MOST_ITERATIONS
-        self._h = h = step[..., None] * matrix
-        eye, n = np.eye(s), self._n
-        slow = eye + h / slopes.slow.transpose(0, 2, 1)
-        self._slow = np.linalg.inv(slow) if self._m else slow  # of no effect without chains
-        self._hand = h[:, None] / slopes.fast.transpose(0, 2, 1)[:, :, None]  # from x on to z
-        self._fast = np.linalg.inv(eye + self._hand)
-        self._by_chain = h[:, :, :, None, None] * slopes.by_chain[:, None]
-        # of x and z at the stages by the first dense value there, (n_steps, n_chains, s, s)
-        to_x, to_z = (
-            h[:, None] * each.transpose(0, 2, 1)[:, :, None]
-            for each in (slopes.x_rate, slopes.z_rate)
-        )
-        self._x = self._slow[:, None] @ to_x
-        self._z = self._fast @ (self._hand @ self._x + to_z)
-        system = -h[:, :, None, :, None] * slopes.dense[:, None].transpose(0, 1, 3, 2, 4)
-        system[..., 0] -= np.einsum("nijam,nmjl->nial", self._by_chain, self._z)
-        self._inverse = np.linalg.inv(np.eye(s * n) + system.reshape(-1, s * n, s * n))
+        self._step, self._slopes, h = step, slopes, step[..., None] * matrix
+        (steps, s, n, m), c = slopes.by_last.shape, slopes.chain.shape[2]
+        self._shape, self.patience = (steps, s, n, c, m), PATIENCE if m else MOST_ITERATIONS
+        # filters at the stages by what they miss and by the first dense value there
+        own = np.einsum("nij,njabm->nmaibj", h, slopes.chain).reshape(steps, m, c * s, c * s)
+        first = np.einsum("nij,njam->nmaij", h, slopes.by_first).reshape(steps, m, c * s, s)
+        self._chain = np.linalg.inv(np.eye(c * s) - own)
+        self._by_first = self._chain @ first
+        self._by_last = np.einsum("nij,njdm->nidmj", h, slopes.by_last)
+        system = np.einsum("nij,njde->nidje", h, slopes.dense).reshape(steps, s * n, s * n)
+        system[..., ::n] += self._of_last(self._by_first)
+        self._inverse = np.linalg.inv(np.eye(s * n) - system)
+
+    def _of_last(self, chain):
+        """Return the changes of the dense values at the stages by those of the last filters."""
+        steps, s, n, _, m = self._shape
+        last = chain[:, :, -s:].reshape(steps, m * s, chain.shape[-1])
+        return self._by_last.reshape(steps, s * n, m * s) @ last
 
     def _own(self, miss):
         """Return the stages' change with the values at the begin of each step as they are."""
-        shape, n, m = miss.shape, self._n, self._m
-        x = self._slow @ miss[..., n : n + m]
-        z = (miss[..., n + m :] + self._follow(self._hand, x)).transpose(0, 2, 1)[..., None]
-        z = (self._fast @ z)[..., 0].transpose(0, 2, 1)
-        dense = miss[..., :n] + np.einsum("nijam,njm->nia", self._by_chain, z)
-        dense = (self._inverse @ dense.reshape(shape[0], -1, 1)).reshape(*shape[:2], n)
-        first = dense[:, None, :, :1]
-        x = x + (self._x @ first)[..., 0].transpose(0, 2, 1)
-        z = z + (self._z @ first)[..., 0].transpose(0, 2, 1)
-        return np.concatenate((dense, x, z), axis=-1)
-
-    @staticmethod
-    def _follow(matrices, values):
-        """Return the products of matrices of each chain with its values at the stages."""
-        return np.einsum("nmij,njm->nim", matrices, values)
+        steps, s, n, c, m = self._shape
+        dense, chain = miss[..., :n], miss[..., n:].reshape(steps, s, c, m)
+        chain = self._chain @ chain.transpose(0, 3, 2, 1).reshape(steps, m, c * s, 1)
+        dense = self._inverse @ (dense.reshape(steps, s * n, 1) + self._of_last(chain))
+        chain = chain + self._by_first @ dense[:, None, ::n]
+        chain = chain.reshape(steps, m, c, s).transpose(0, 3, 2, 1).reshape(steps, s, c * m)
+        return np.concatenate((dense.reshape(steps, s, n), chain), axis=-1)
 
     @cached_property
     def _carry(self):
         """Derivatives of the values at the end of each step by those at its begin."""
-        (count, s), n, m = self._h.shape[:2], self._n, self._m
-        x = self._slow.sum(axis=2)[..., None] * np.ones(m)  # of x by itself at the begin
-        z = self._fast.sum(axis=3).transpose(0, 2, 1)
-        cross = self._follow(self._fast, self._follow(self._hand, x))
-        by_begin = np.concatenate(
-            (
-                np.broadcast_to(np.eye(n), (count, s, n, n)),
-                np.einsum("nijam,njm->niam", self._by_chain, cross),
-                np.einsum("nijam,njm->niam", self._by_chain, z),
-            ),
-            axis=-1,
-        )
-        dense = self._inverse @ by_begin.reshape(count, s * n, -1)
-        to_last = np.zeros((count, n + 2 * m, s, n))
-        to_last[:, :n, -1] = np.eye(n)
-        to_last[:, n:, :, 0] = np.concatenate((self._x[:, :, -1], self._z[:, :, -1]), axis=1)
-        carry = to_last.reshape(count, n + 2 * m, -1) @ dense
-        first, second = np.arange(n, n + m), np.arange(n + m, n + 2 * m)
-        carry[:, first, first] += x[:, -1]
-        carry[:, second, second] += z[:, -1]
-        carry[:, second, first] += cross[:, -1]
+        steps, s, n, c, m = self._shape
+        chain = self._chain.reshape(steps, m, c, s, c, s).sum(axis=-1)  # by its own begin
+        by_chain = np.einsum("nidmj,nmjc->nidcm", self._by_last, chain[:, :, -1])
+        by_dense = np.broadcast_to(np.eye(n), (steps, s, n, n)).reshape(steps, s * n, n)
+        by_begin = np.concatenate((by_dense, by_chain.reshape(steps, s * n, c * m)), axis=-1)
+        dense = self._inverse @ by_begin
+        filters = self._by_first[:, :, s - 1 :: s] @ dense[:, None, ::n]
+        filters = filters.transpose(0, 2, 1, 3).reshape(steps, c * m, n + c * m)
+        carry = np.concatenate((dense[:, -n:], filters), axis=1)
+        place = n + np.arange(c * m).reshape(c, m)
+        carry[:, place[:, None], place] += chain[:, :, :, -1].transpose(0, 2, 3, 1)
         return carry
 
     def correction(self, miss: np.ndarray) -> np.ndarray:
@@ -238,7 +216,7 @@ def solve_stages(
         Values at the stages, the system, and what the last rates follow from; None if the method
         does not converge.
     """
-    change, fastest = np.inf, LOST * np.max(magnitudes(stages)[..., 0])
+    change, fastest = np.inf, LOST * np.max(magnitudes(stages, dense)[..., 0])
     for iteration in range(MOST_ITERATIONS):
         size = magnitudes(stages, dense)
         rates, known = rates_at(stages)

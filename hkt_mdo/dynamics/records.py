@@ -138,8 +138,7 @@ def read_record(path: str | Path, **options: Any) -> Record:
     file, line, column, value and remedy, if anything in the file is not as they say, it has more
     than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
-    flow = _flow({"file": str(path)} | options)
-    return _made(read_columns(Path(path), flow), flow)
+    return _flow({"file": str(path)} | options)._record
 
 
 def _flow(options: dict[str, Any]) -> RecordInflow:

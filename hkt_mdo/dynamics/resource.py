@@ -155,10 +155,6 @@ class DurationCurve(Inflow):
         inner = np.array(self.ends[1:-1])
         return np.array(self.speeds)[np.searchsorted(inner, np.real(time), "right")] + 0.0 * time
 
-    def cubes(self, edges):
-        middle = 0.5 * (edges[1:] + edges[:-1])
-        return np.diff(edges) * self.speed_at(middle) ** 3
-
 
 class Resource(Inflow):
     """How long a flow has each speed in a year, with cut-in, availability and losses.

@@ -5,7 +5,8 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
-from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.components import refuse_complex_step
 from hkt_mdo.rotor.reynolds import polar_in_flow
 from hkt_mdo.rotor.scales import torque_scale
@@ -16,6 +17,8 @@ _INNER = {
     "torque_coefficient_table": (None, "torque coefficient at the nodes of the curve"),
     "wake_ratio": (None, "tip speed ratio of the wake"),
     "wake_factor": (None, "tip speed ratio of the rotor over that of the wake"),
+    "wake_induction": (None, "mean axial induction in equilibrium"),
+    "place_induction": (None, "axial induction in equilibrium at one place"),
 }
 """Unit and description of what the equation has besides the quantities of the registry."""
 
@@ -36,18 +39,26 @@ class RotorODE(om.Group):
       The rotor is differentially flat in w, which turns a singular control into a regular one
       (docs/dev/numerics.md).
 
-    `hydrodynamics` has the attributes of `CoefficientComp`, or of `RememberingComp`.
+    `hydrodynamics` has the `spline` of the torque coefficient, or `band` and `tau1` of a wake with
+    memory, or the attributes of `CoefficientComp`.
     """
 
     def __init__(self, num_nodes, inflow, hydrodynamics, law, generator):
         super().__init__()
-        n, parts = num_nodes, {"flow": InflowComp(num_nodes, inflow=inflow)}
-        if "band" in hydrodynamics:
-            parts["hydrodynamics"] = RememberingComp(n, **hydrodynamics)
+        n, known, coefficient = num_nodes, hydrodynamics, ["torque_coefficient"]
+        parts = {"flow": InflowComp(n, inflow=inflow), "ratio": RatioComp(n)}
+        # only a coefficient depends on a whole table, most of the Jacobian of a long flow
+        if band := known.get("band"):
+            parts["wake"] = WakeComp(n, band=band, size=band.nodes.size)
+            parts["coefficient"] = CurveComp(n, coefficient, band)
+            inductions = "wake_induction", "place_induction"
+            parts["inductions"] = CurveComp(n, inductions, band.spline)
+            parts["filters"] = FilterComp(n, share=band.share, tau1=known["tau1"])
+        elif spline := known.get("spline"):
+            parts["coefficient"] = CurveComp(n, coefficient, spline)
         else:
-            # only the coefficient depends on the whole table, most of the Jacobian of a long flow
-            parts["coefficient"] = CoefficientComp(n, **hydrodynamics)
-            parts["torque"] = TorqueComp(n)
+            parts["coefficient"] = CoefficientComp(n, **known)
+        parts["torque"] = TorqueComp(n)
         if law.is_feedback:
             parts["controller"] = FeedbackComp(n, law=law)
         parts["shaft"] = ShaftComp(n, inverse=law.chooses_speed, generator=generator)
@@ -55,16 +66,18 @@ class RotorODE(om.Group):
             self.add_subsystem(name, part, promotes=["*"])
 
 
-class _NodeComp(om.ExplicitComponent):
-    """Outputs at the nodes of a phase by a formula of inputs there and of scalars.
+class NodeComp(om.ExplicitComponent):
+    """Outputs at the nodes of a phase by a formula of inputs there, of scalars and of tables.
 
-    `needs` names the inputs of each output; those in `over_time` are arrays. `states` has the unit
-    and description of each state whose rate, `<state>_rate`, is an output.
-    `formula(**inputs)` returns the outputs by name and must accept complex numbers: its derivatives
-    are taken by complex step. What else the formula needs are attributes, given by name.
+    `needs` names the inputs of each output; those in `fixed` are scalars, the others arrays.
+    `tables` names the table, of a `size`, on which an output depends, too; `basis(**inputs)` is its
+    derivative by that. `formula(**inputs)` returns the outputs by name and must accept complex
+    numbers: the other derivatives are taken by complex step. `described` has the unit and
+    description of what is no quantity of the registry; `<name>_rate` is the rate of a state. What
+    else the formula needs are attributes, given by name.
     """
 
-    states = {}  # noqa: RUF012
+    fixed, tables, described = ("rotor_radius", "density", "inertia"), {}, _INNER | WAKE_STATES
 
     def __init__(self, num_nodes, **known):
         super().__init__()
@@ -72,41 +85,38 @@ class _NodeComp(om.ExplicitComponent):
         vars(self).update(known)
 
     @property
-    def over_time(self):
-        """Names of what changes over time."""
-        return (*TRAJECTORY, "rotor_acceleration", "torque_coefficient", *self.states)
-
-    @property
     def _needed(self):
         return dict.fromkeys(name for names in self.needs.values() for name in names)
 
     def setup(self):
-        shape = (self.num_nodes,)
+        shape, static = (self.num_nodes,), ["dymos.static_target"]
         for name in self._needed:
-            if name in self.over_time:
+            if name in self.fixed:
+                self.add_input(name, val=1.0, tags=static, **self._meta(name))
+            else:
                 tags = ["dymos.targets:time"] if name == "time" else None
                 self.add_input(name, shape=shape, tags=tags, **self._meta(name))
-            else:
-                self._add_fixed(name)
         for name in self.needs:
             self.add_output(name, shape=shape, **self._meta(name))
+        for name, table in self.tables.items():
+            units = QUANTITIES[name].per_pressure if name in QUANTITIES else None
+            self.add_input(table, shape=self.size, units=units, tags=static)
 
     def _meta(self, name):
-        state, known = name.removesuffix("_rate"), _INNER | self.states
+        state, known = name.removesuffix("_rate"), self.described
         if state not in known:
             return QUANTITIES[name].meta
         unit, text = known[state]
         return {"units": unit if name == state else f"{unit}/s", "desc": text}
 
-    def _add_fixed(self, name, val=1.0):
-        self.add_input(name, val=val, tags=["dymos.static_target"], **self._meta(name))
-
     def setup_partials(self):
         rows = np.arange(self.num_nodes)
         for output, names in self.needs.items():
             for name in names:
-                diagonal = {"rows": rows, "cols": rows} if name in self.over_time else {}
+                diagonal = {} if name in self.fixed else {"rows": rows, "cols": rows}
                 self.declare_partials(output, name, **diagonal)
+        for output, table in self.tables.items():
+            self.declare_partials(output, table)
 
     def compute(self, inputs, outputs):
         for name, value in self.formula(**dict(inputs.items())).items():
@@ -119,10 +129,13 @@ class _NodeComp(om.ExplicitComponent):
             for output, names in self.needs.items():
                 if name in names:
                     by = np.imag(moved[output]) / STEP
-                    partials[output, name] = by if name in self.over_time else by[:, None]
+                    partials[output, name] = by[:, None] if name in self.fixed else by
+        basis = self.basis(**given) if self.tables else None
+        for pair in self.tables.items():
+            partials[pair] = basis
 
 
-class InflowComp(_NodeComp):
+class InflowComp(NodeComp):
     """Inflow speed at the nodes of a phase; `inflow` is the flow."""
 
     needs = {"inflow_speed": ("time",)}  # noqa: RUF012
@@ -131,7 +144,16 @@ class InflowComp(_NodeComp):
         return {"inflow_speed": self.inflow.speed_at(time)}
 
 
-class TorqueComp(_NodeComp):
+class RatioComp(NodeComp):
+    """Tip speed ratio, w R / v."""
+
+    needs = {"tip_speed_ratio": ("rotor_speed", "inflow_speed", "rotor_radius")}  # noqa: RUF012
+
+    def formula(self, rotor_speed, inflow_speed, rotor_radius):
+        return {"tip_speed_ratio": rotor_speed * rotor_radius / inflow_speed}
+
+
+class TorqueComp(NodeComp):
     """Torque and power from the coefficient, Q = 0.5 rho v² pi R³ Cq, P = Q w (paper eq. 5)."""
 
     _AT = "torque_coefficient", "inflow_speed", "density", "rotor_radius"
@@ -142,219 +164,156 @@ class TorqueComp(_NodeComp):
         return {"hydrodynamic_torque": torque, "hydrodynamic_power": torque * rotor_speed}
 
 
-class CoefficientComp(_NodeComp):
-    """Tip speed ratio w R / v and torque coefficient at a phase's nodes, by spline or by BEM.
+class CurveComp(NodeComp):
+    """Coefficients at a phase's nodes by curves over the tip speed ratio.
 
-    Besides the inputs of `needs`, with a `spline`, torque_coefficient_table[n_tsr], else chord and
-    twist[n_stations]. `blade`, `polar` and the BEM solver `coefficients` are for direct BEM.
+    `curves` is the `TorqueSpline` of a <name>_table for each of `names`, or the `Band` of a
+    <name>_band, which is over the tip speed ratio of the wake, too.
     """
 
-    spline = blade = polar = coefficients = None
+    factors = ()
+    """Other inputs of the outputs."""
 
-    needs = {  # noqa: RUF012
-        "tip_speed_ratio": ("rotor_speed", "inflow_speed", "rotor_radius"),
-        "torque_coefficient": ("rotor_speed", "inflow_speed", "rotor_radius"),
-    }
+    def __init__(self, num_nodes, names, curves):
+        ratios, kind, size = ("tip_speed_ratio",), "table", curves.nodes.size
+        if isinstance(curves, Band):
+            ratios, kind, size = (*ratios, "wake_ratio"), "band", size * FACTORS.size
+        super().__init__(num_nodes, curves=curves, ratios=ratios, size=size)
+        self.needs = dict.fromkeys(names, (*ratios, *self.factors))
+        self.tables = {name: f"{name}_{kind}" for name in names}
+
+    def formula(self, **given):
+        ratios = [given[name] for name in self.ratios]
+        return {name: self.curves.curve(given[x])(*ratios) for name, x in self.tables.items()}
+
+    def basis(self, **given):
+        """Return the derivative of each output by its table, (n_nodes, size)."""
+        return self.curves.basis(*(given[name] for name in self.ratios))
+
+
+class CoefficientComp(NodeComp):
+    """Torque coefficient at a phase's nodes by direct BEM.
+
+    Besides the inputs of `needs`, chord and twist[n_stations]. `blade`, `polar` and the BEM solver
+    `coefficients` are attributes.
+    """
+
+    needs = {"torque_coefficient": ("tip_speed_ratio", "inflow_speed", "rotor_radius")}  # noqa: RUF012
 
     def setup(self):
         super().setup()
-        if self.spline is not None:
-            self._designed = {"torque_coefficient_table": np.ones(self.spline.nodes.shape)}
-        else:
-            self._designed = {"chord": self.blade.chord, "twist": self.blade.twist}
-        for name, value in self._designed.items():
-            self._add_fixed(name, value)
+        for name in ("chord", "twist"):
+            about = QUANTITIES[name].meta | {"tags": ["dymos.static_target"]}
+            self.add_input(name, val=getattr(self.blade, name), **about)
 
     def setup_partials(self):
         super().setup_partials()
-        self.declare_partials("torque_coefficient", list(self._designed))
+        self.declare_partials("torque_coefficient", ["chord", "twist"])
 
-    def _coefficient(self, inputs, derivatives):
-        """Return Cq(tsr, v, R) near the inputs, and by name dCq/dshape at fixed tsr."""
-        radius, flow, spline = inputs["rotor_radius"], inputs["inflow_speed"], self.spline
-        here = inputs["rotor_speed"] * radius / flow
-        if spline is not None:
-            table = inputs["torque_coefficient_table"]
-            by = {"torque_coefficient_table": spline.basis(here)} if derivatives else {}
-            curve = spline.curve(table)
-            return lambda ratio, *_: curve(ratio), by
-        if np.any(here <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
+    def _solve(self, inputs, derivatives):
+        """Return the `Coefficients` of the blade, flow and tip speed ratio of the inputs."""
+        ratio = inputs["tip_speed_ratio"]
+        if np.any(ratio <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
             raise om.AnalysisError("the rotor turns backwards")
         refuse_complex_step(self)
-        blade = self.blade.with_rotor_radius(radius[0])
+        blade = self.blade.with_rotor_radius(inputs["rotor_radius"][0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
-        found = self.coefficients(blade, polar_in_flow(self.polar, flow), here, derivatives)
-        table = found.torque_table
-        if not derivatives:
-            return lambda *_: table.values, {}
-
-        def near(ratio, flow, radius):
-            along = table.by_tip_speed_ratio * (ratio - ratio.real)
-            along = along + found.torque_by_log_reynolds * (flow / flow.real - 1.0)
-            return table.values + along + table.by_rotor_radius * (radius - radius.real)
-
-        return near, {"chord": table.by_chord, "twist": table.by_twist}
-
-    def formula(self, rotor_speed, inflow_speed, rotor_radius, **_):
-        ratio = rotor_speed * rotor_radius / inflow_speed
-        coefficient = self._near(ratio, inflow_speed, rotor_radius)
-        return {"tip_speed_ratio": ratio, "torque_coefficient": coefficient}
+        polar = polar_in_flow(self.polar, inputs["inflow_speed"])
+        return self.coefficients(blade, polar, ratio, derivatives)
 
     def compute(self, inputs, outputs):
-        self._near, _ = self._coefficient(inputs, derivatives=False)
-        super().compute(inputs, outputs)
+        outputs["torque_coefficient"] = self._solve(inputs, derivatives=False).torque
 
     def compute_partials(self, inputs, partials):
-        self._near, by_shape = self._coefficient(inputs, derivatives=True)
-        super().compute_partials(inputs, partials)
-        for name, by in by_shape.items():
-            partials["torque_coefficient", name] = by
+        found = self._solve(inputs, derivatives=True)
+        by = {x: getattr(found.torque_table, f"by_{x}") for x in inputs if x != "inflow_speed"}
+        by["inflow_speed"] = found.torque_by_log_reynolds / inputs["inflow_speed"]
+        for name, each in by.items():
+            partials["torque_coefficient", name] = each
 
 
-class RememberingComp(_NodeComp):
-    """Torque and power under a wake that has memory, by two filters of its mean axial velocity w.
+class WakeComp(NodeComp):
+    """Tip speed ratio of a wake with memory, at which it would induce its mean axial velocity.
+
+    By the wake_induction_table of `band`, over its nodes.
+    """
+
+    needs = {"wake_ratio": ("inflow_speed", "induced_velocity")}  # noqa: RUF012
+    tables = {"wake_ratio": "wake_induction_table"}  # noqa: RUF012
+
+    def _found(self, inflow_speed, induced_velocity, wake_induction_table):
+        """Return the ratio, and its slope by the induction."""
+        induction = induced_velocity / inflow_speed
+        ratio, slope = self.band.wake_ratio(wake_induction_table, induction.real)
+        return ratio + slope * (induction - induction.real), slope
+
+    def formula(self, **given):
+        return {"wake_ratio": self._found(**given)[0]}
+
+    def basis(self, **given):
+        """Return the ratio's derivative by the table, (n_nodes, size)."""
+        ratio, slope = self._found(**given)
+        return -slope[:, None] * self.band.spline.basis(ratio)
+
+
+class FilterComp(NodeComp):
+    """Rates of the two filters of a wake's mean axial velocity w.
 
     With w_s = v a(tsr), the velocity that a wake in equilibrium would induce, a the mean axial
     induction,
 
-        tau1 x' = (1 - k) w_s - x,    tau2 w' = x + k w_s - w;
+        tau1 x' = (1 - k) w_s - x,    tau2 w' = x + k w_s - w.
 
-    The tip speed ratio of the wake, tsr_w, follows from v a(tsr_w) = w; the torque is a table over
-    both ratios (`Band`, docs/studies/memory.md). tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the
-    axial induction in equilibrium at 0.7 R, at most 0.5; tau2 is a share of it.
-
-    Inputs are those of `needs` and the tables of `band`, over both ratios.
+    tau1 is given, or 1.1 R / ((1 - 1.3 a') v), a' the axial induction in equilibrium at 0.7 R, at
+    most 0.5; tau2 is a `share` of it. The tip speed ratio of the wake, tsr_w, follows from
+    v a(tsr_w) = w; the torque is a table over both ratios (`Band`, docs/studies/memory.md).
     """
 
-    _AT = ("rotor_speed", "inflow_speed", "rotor_radius")
+    _AT = "inflow_speed", "rotor_radius", "wake_induction", "place_induction", "reduced_velocity"
     needs = {  # noqa: RUF012
-        "tip_speed_ratio": _AT,
-        "wake_ratio": ("inflow_speed", "induced_velocity"),
-        "wake_factor": (*_AT, "induced_velocity"),
-        "torque_coefficient": (*_AT, "induced_velocity"),
-        "hydrodynamic_torque": (*_AT, "density", "induced_velocity"),
-        "hydrodynamic_power": (*_AT, "density", "induced_velocity"),
-        "reduced_velocity_rate": (*_AT, "reduced_velocity"),
-        "induced_velocity_rate": (*_AT, *WAKE_STATES),
+        "wake_factor": ("tip_speed_ratio", "wake_ratio"),
+        "reduced_velocity_rate": _AT,
+        "induced_velocity_rate": (*_AT, "induced_velocity"),
     }
-    states = WAKE_STATES
-    _TORQUES = "torque_coefficient", "hydrodynamic_torque", "hydrodynamic_power"
-    _RATES = "reduced_velocity_rate", "induced_velocity_rate"
-    _BY_TABLES = {  # noqa: RUF012
-        "wake_ratio": ("wake_induction_table", ("wake_ratio", "wake_factor", *_TORQUES)),
-        "coefficient": ("torque_coefficient_band", _TORQUES),
-        "steady": ("wake_induction_table", _RATES),
-        "place": ("place_induction_table", _RATES),
-    }
-    """By what is read from a table: the table, and the outputs that depend on it."""
 
-    def setup(self):
-        super().setup()
-        self._shift = {}
-        for name, about in self.band.outputs(()).items():
-            self.add_input(name, val=np.ones(about["shape"]), tags=["dymos.static_target"])
-
-    def setup_partials(self):
-        super().setup_partials()
-        for table, outputs in self._BY_TABLES.values():
-            self.declare_partials(outputs, table)
-
-    def _read(self, name, value):
-        """Return a value from a table, with a complex step if the derivative by it is taken."""
-        return value + self._shift.get(name, 0.0)
-
-    def formula(self, rotor_speed, inflow_speed, density, rotor_radius, reduced_velocity,
-                induced_velocity, **tables):  # fmt: skip
-        band, read = self.band, self._read
-        ratio = rotor_speed * rotor_radius / inflow_speed
-        induction, wake_ratio, slope = self._found
-        wake_ratio = wake_ratio + slope * (induced_velocity / inflow_speed - induction)
-        wake_ratio = read("wake_ratio", wake_ratio)
-        coefficient = band.curve(tables["torque_coefficient_band"])(ratio, wake_ratio)
-        coefficient = read("coefficient", coefficient)
-        torque = torque_scale(density, rotor_radius, inflow_speed) * coefficient
-        steady, place = (
-            read(each, band.spline.curve(tables[self._BY_TABLES[each][0]])(ratio))
-            for each in ("steady", "place")
-        )
-        steady = inflow_speed * steady
-        slow = slow_time(self.tau1, place, rotor_radius, inflow_speed)
-        fast = band.share * slow
+    def formula(self, tip_speed_ratio, wake_ratio, inflow_speed, rotor_radius, wake_induction,
+                place_induction, reduced_velocity, induced_velocity):  # fmt: skip
+        slow = slow_time(self.tau1, place_induction, rotor_radius, inflow_speed)
+        steady = inflow_speed * wake_induction
         held = reduced_velocity + AT_ONCE * steady
         return {
-            "tip_speed_ratio": ratio,
-            "wake_ratio": wake_ratio,
-            "wake_factor": ratio / wake_ratio,
-            "torque_coefficient": coefficient,
-            "hydrodynamic_torque": torque,
-            "hydrodynamic_power": torque * rotor_speed,
+            "wake_factor": tip_speed_ratio / wake_ratio,
             "reduced_velocity_rate": ((1.0 - AT_ONCE) * steady - reduced_velocity) / slow,
-            "induced_velocity_rate": (held - induced_velocity) / fast,
+            "induced_velocity_rate": (held - induced_velocity) / (self.share * slow),
         }
 
-    def _find_wake(self, inputs):
-        """Store the wake's induction, its tip speed ratio and the slope of that for the formula."""
-        induction = inputs["induced_velocity"] / inputs["inflow_speed"]
-        table = inputs["wake_induction_table"]
-        self._found = induction, *self.band.wake_ratio(table, induction)
 
-    def compute(self, inputs, outputs):
-        self._find_wake(inputs)
-        super().compute(inputs, outputs)
-
-    def compute_partials(self, inputs, partials):
-        """Take derivatives by a table as those by what is read from it, times its basis."""
-        self._find_wake(inputs)
-        super().compute_partials(inputs, partials)
-        band, (_, wake_ratio, slope) = self.band, self._found
-        ratio = inputs["rotor_speed"] * inputs["rotor_radius"] / inputs["inflow_speed"]
-        along = band.spline.basis(ratio)
-        bases = {
-            "wake_ratio": -slope[:, None] * band.spline.basis(wake_ratio),
-            "coefficient": band.basis(ratio, wake_ratio),
-            "steady": along,
-            "place": along,
-        }
-        for name, (table, outputs) in self._BY_TABLES.items():
-            self._shift = {name: 1j * STEP}
-            moved = self.formula(**dict(inputs.items()))
-            for output in outputs:
-                by = np.imag(moved[output]) / STEP
-                partials[output, table] = by[:, None] * bases[name]
-        self._shift = {}
-
-
-class FeedbackComp(_NodeComp):
+class FeedbackComp(NodeComp):
     """A feedback law at the nodes of a phase; gain_0, gain_1, … are in the law's units.
 
     Outputs: the generator torque and, of each state of `law`, its rate, `<state>_rate`.
     """
 
-    states = property(lambda self: self.law.states)
+    fixed = property(lambda self: self.law.named_gains)
+    described = property(lambda self: self.law.named_gains | self.law.states)
 
     @property
     def needs(self):
         """The rotor's speed, the law's states and every gain; of rates, the flow's speed too."""
-        law = self.law
-        given = *law.states, *(f"gain_{i}" for i in range(len(law.gain_units)))
-        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in law.states}
+        states, given = self.law.states, [*self.law.states, *self.fixed]
+        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in states}
         return {"control_torque": ("rotor_speed", *given)} | rates
-
-    def _add_fixed(self, name, val=1.0):
-        units = self.law.gain_units[int(name.removeprefix("gain_"))]
-        tags = ["dymos.static_target"]
-        self.add_input(name, val=val, units=units, desc="feedback gain", tags=tags)
 
     def formula(self, rotor_speed, inflow_speed=None, **given):
         law = self.law
         states = [given.pop(name) for name in law.states]
-        gains = np.array([gain[0] for gain in given.values()])
+        gains = np.hstack([*given.values()])
         found = {"control_torque": law.torque(rotor_speed, gains, *states)}
         rates = law.rates(rotor_speed, inflow_speed, gains, *states)
         return found | {f"{name}_rate": x for name, x in zip(law.states, rates, strict=True)}
 
 
-class ShaftComp(_NodeComp):
+class ShaftComp(NodeComp):
     """Rigid shaft, J dw/dt = Q - u - F(w), solved for the acceleration or for the torque.
 
     That is the paper's eq. 6 with the friction F of the shaft (`Generator.friction`).

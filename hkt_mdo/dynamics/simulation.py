@@ -123,14 +123,29 @@ class Plant:
     def station_torques(self, speed, inflow_speed, filters):
         """Return the torque of all blades at each station, N*m, (n, n_stations).
 
-        filters[n, n_filters] is the state of the wake, which need not be in equilibrium. Of a
-        `MeanWake` it is the torque of all stations, (n, 1).
+        filters[n, n_filters] is the state of the wake, which need not be in equilibrium.
         """
         scale = torque_scale(self.density, self.blade.rotor_radius, inflow_speed)
         load = self.wake.sections(speed, inflow_speed, filters).tangential_load
-        torques = scale[:, None] * bem.torque_weights(self.blade) * load
-        mean = isinstance(self.wake, MeanWake)
-        return np.sum(torques, axis=1, keepdims=True) if mean else torques
+        return scale[:, None] * bem.torque_weights(self.blade) * load
+
+    def torque_by_wake(self, speed, inflow_speed, filters):
+        """Return the derivatives of stations' torques by the velocity induced there, N*s.
+
+        By the axial velocities and then by the tangential ones, (n, n_velocities); of a `MeanWake`
+        that of all stations by the mean one. The arguments are those of `station_torques`.
+        """
+        step, places = 1e-4 * inflow_speed[:, None], np.arange(filters.shape[1])
+        found, count = [], np.size(self.wake.share)
+        for some in places[places.size // 2 :].reshape(-1, count):
+            moved = []
+            for move in (step, -step):
+                state = filters.copy()
+                state[:, some] += move
+                moved.append(self.station_torques(speed, inflow_speed, state))
+            change = np.subtract(*moved).reshape(step.size, count, -1).sum(axis=2)
+            found.append(change / (2.0 * step))
+        return np.concatenate(found, axis=1)
 
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
@@ -156,18 +171,16 @@ class RecordedTorque:
     def __init__(self, time, torque, limit=None, speed=None, stiffness=0.0):
         repeats = np.flatnonzero(np.diff(time) <= 1e-12 * time[-1])
         count = repeats[0] + 1 if repeats.size else time.size  # of a segment's nodes
-        nodes, values = (np.reshape(each, (-1, count)) for each in (time, torque))
+        speed = np.zeros(time.size) if speed is None else speed
+        nodes, *values = (np.reshape(each, (-1, count)) for each in (time, torque, speed))
         place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
-        self.unlimited = radau.through(self.ends, place, values)
+        self.unlimited, self._held = (radau.through(self.ends, place, x) for x in values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
-        self.unlimited_rate = self.unlimited.derivative()
+        self.unlimited_rate, self._held_rate = self.unlimited.derivative(), self._held.derivative()
         """Its rate, N*m/s."""
         self.limit = np.inf if limit is None else limit
         self.stiffness = stiffness
-        if stiffness:
-            self._held = radau.through(self.ends, place, np.reshape(speed, nodes.shape))
-            self._held_rate = self._held.derivative()
 
     @classmethod
     def of(cls, plant, nodes, limit=None):
@@ -180,19 +193,15 @@ class RecordedTorque:
         slope = float(np.max(plant.torque_slope(speed, nodes["inflow_speed"])))
         return cls(nodes["time"], nodes["control_torque"], limit, speed, 2.0 * max(slope, 0.0))
 
-    def __call__(self, time, speed=None):
+    def __call__(self, time, speed=0.0):
         """Return the torque, N*m, at times (s) and speeds (rad/s) of one shape."""
         torque = np.clip(self.unlimited(time), 0.0, self.limit)
-        if self.stiffness:
-            torque = torque + self.stiffness * (speed - self._held(time))
-        return torque
+        return torque + self.stiffness * (speed - self._held(time))
 
     def rate(self, time, _speed, acceleration, *_):
         """Return the rate of the torque before it is cut, N*m/s; acceleration in rad/s**2."""
-        rate = self.unlimited_rate(time)
-        if self.stiffness:
-            rate = rate + self.stiffness * (acceleration - self._held_rate(time))
-        return rate
+        held = self.stiffness * (acceleration - self._held_rate(time))
+        return self.unlimited_rate(time) + held
 
 
 @dataclass(frozen=True, eq=False)
@@ -519,21 +528,15 @@ class _Motion:
             rates = np.concatenate((rates, of_filters), axis=-1)
         return rates, (driving, control, at_place)
 
-    def _slope(self, time, flow, values, driving, rates):
+    def _slope(self, time, flow, values, rates):
         """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        size, n = radau.magnitudes(values[..., : self.dense]), self.dense
+        steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
         found = np.empty((*flow.shape, n, n))
         for i in range(n):
-            step = 1e-6 * size[..., i]
             moved = values.copy()
-            moved[..., i] += step
-            if i:  # a state of the controller: the flow's torque is the same
-                speed, *states = np.moveaxis(moved[..., :n], -1, 0)
-                torques = driving, self.controller(time, speed, *states) * np.ones(speed.shape)
-            else:
-                torques = self.torques(time, flow, moved)
-            change = self._dense_rates(flow, moved, *torques) - rates[..., :n]
-            found[..., i] = change / step[..., None]
+            moved[..., i] += steps[..., i]
+            change = self._dense_rates(flow, moved, *self.torques(time, flow, moved))
+            found[..., i] = (change - rates[..., :n]) / steps[..., i, None]
         return found
 
     def _system(self, step, time, flow, values, rates, known):
@@ -541,7 +544,7 @@ class _Motion:
 
         known is what `_rates` returns besides the rates.
         """
-        dense = self._slope(time, flow, values, known[0], rates)
+        dense = self._slope(time, flow, values, rates)
         if self.plant.wake is None:
             slopes = radau.Slopes.without_chains(dense)
         else:
@@ -556,22 +559,18 @@ class _Motion:
         move = 1e-6 * np.maximum(values[..., :1], 1e-3)
         moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
         faster, _ = self._filter_rates(flow, moved)
-        by_speed = np.split((faster - rates[..., n:]) / move, 2, axis=-1)
-        # derivative of a station's torque by the velocity induced there, axial and then tangential
+        by_speed = ((faster - rates[..., n:]) / move).reshape(*shape, 2, -1)
         filters = values[..., n:].reshape(speed.size, -1)
-        here, move = self.plant.station_torques(speed, many, filters), 1e-6 * many[:, None]
-        places, count, by_chain = here.shape[1], filters.shape[1], []
-        for first in range(count // 2, count, places):
-            moved = filters.copy()
-            moved[:, first : first + places] += move
-            by_chain.append((self.plant.station_torques(speed, many, moved) - here) / move)
+        by_chain = self.plant.torque_by_wake(speed, many, filters).reshape(*shape, 1, -1)
         step = 1e-6 * np.maximum(np.abs(driving), 1.0)
         by_torque = self._dense_rates(flow, values, driving + step, control) - rates[..., :n]
-        by_chain = np.concatenate(by_chain, axis=1).reshape(*shape, 1, -1)
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
         slow, fast = self.plant.wake.times(many, at_place)
-        fast = np.tile(fast, count // 2 // fast.shape[1]).reshape(*shape, -1)
-        return by_chain, *by_speed, slow.reshape(*shape, 1), fast
+        fast = np.tile(fast.reshape(*shape, -1), by_speed.shape[-1] // fast.shape[1])
+        chain = np.zeros((*shape, 2, *by_speed.shape[2:]))
+        chain[..., 0, 0, :] = -1.0 / slow.reshape(*shape, 1)
+        chain[..., 1, 0, :], chain[..., 1, 1, :] = 1.0 / fast, -1.0 / fast
+        return by_chain, chain, by_speed
 
     def _solve(self, edges, start, energy):
         """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.

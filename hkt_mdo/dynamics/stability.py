@@ -23,7 +23,7 @@ from hkt_mdo.dynamics.wake import AT_ONCE
 
 FREQUENCIES = 600  # frequencies between those of the slowest and the fastest time constant
 HEAVY = 1e3  # times the largest inertia of a loop at its limit: as heavy as any rotor
-MOVE = 1e-4  # relative change of the speed, or of the flow, for differences
+MOVE = 1e-4  # relative change of the speed for differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +74,8 @@ class Loop:
         step = MOVE * speed
         (faster, _), (slower, _) = (wake.balanced(speed + move, flow) for move in (step, -step))
         by_speed = (faster - slower) / (2.0 * step[:, None])
-        places, answers = rest.shape[1] // 4, 0.0
-        for part in (0, 1):  # the axial velocity, the tangential one
-            moved = []
-            for move in (MOVE * flow, -MOVE * flow):
-                state = rest.copy()
-                state[:, (2 + part) * places : (3 + part) * places] += move[:, None]
-                moved.append(plant.station_torques(speed, flow, state))
-            by_wake = np.subtract(*moved) / (2.0 * MOVE * flow[:, None])
-            answers = answers + by_wake * by_speed[:, part * places : (part + 1) * places]
+        answers = plant.torque_by_wake(speed, flow, rest) * by_speed
+        answers = answers.reshape(n, 2, -1).sum(axis=1)  # of the axial and the tangential velocity
         return cls(frozen, answers, *wake.times(flow, at_place), law, plant.inertia)
 
     def matrix(self, inertia: float) -> np.ndarray:
@@ -155,10 +148,7 @@ class Loop:
 
     def _controller(self, s):
         """Return the generator torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""
-        law, states = self.law, self.law.shape[1] - 1
-        found = np.broadcast_to(law[:, :1, 0], (law.shape[0], s.size)).astype(complex)
-        if states:
-            system = s[:, None, None] * np.eye(states) - law[:, None, 1:, 1:]
-            answer = np.linalg.solve(system, law[:, None, 1:, :1] + 0j)[..., 0]
-            found = found + np.einsum("ns,nws->nw", law[:, 0, 1:], answer)
-        return found
+        law, states = self.law[:, None], self.law.shape[1] - 1
+        system = s[:, None, None] * np.eye(states) - law[..., 1:, 1:]
+        answer = np.linalg.solve(system, law[..., 1:, :1] + 0j)[..., 0]
+        return law[..., 0, 0] + np.sum(law[..., 0, 1:] * answer, axis=-1)

@@ -129,7 +129,7 @@ def _rows(curve: PPoly) -> tuple[list[list[float]], float]:
 def _head(design: Design) -> list[str]:
     """Return the lines of the comment at the top: where the code comes from, and its formula."""
     solution, law = design.solution, design.law
-    speeds = [own.trajectory["rotor_speed_rad_s"] for own in solution.tables.values()]
+    speeds = [own["trajectory"]["rotor_speed_rad_s"] for own in solution.tables.values()]
     ends = f"{min(map(np.min, speeds)):.5g} to {max(map(np.max, speeds)):.5g} rad/s"
     formula = cleandoc(type(law).__doc__ or "").splitlines()
     lines = [*provenance(solution), "", *formula, ""]

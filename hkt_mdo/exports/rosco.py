@@ -89,7 +89,7 @@ def _law_words(design: Design) -> dict[str, Any]:
         "torques": torques,
     }
     if isinstance(law, QuadraticFeedback | RatedFeedback):
-        loop = float(np.max(law.torque_by_speed(speeds, gains))) / design.inertia
+        loop = float(np.max(law.slopes(speeds, flows, gains)[0, 0])) / design.inertia
         return words | {"loop": loop} | _overspeed(law, gains, largest, fastest)
     if isinstance(law, Tracking):
         return words | _by_flow(law, design, flows, speeds)

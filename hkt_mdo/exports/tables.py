@@ -149,7 +149,7 @@ def tables(design: Design, flow_range: tuple[float, float] | None = None) -> lis
     for scenario, own in scenarios.items():
         of, ending = (f" of the scenario {scenario}", f"_{scenario}") if several else ("", "")
         for name, (label, title) in _SERIES.items():
-            if columns := getattr(own, name):
+            if columns := own[name]:
                 described = {key: Column(x, *TABLES[name][key]) for key, x in columns.items()}
                 found.append(Table(label + ending, title + of, described))
     return found
@@ -235,7 +235,7 @@ def section_names(design: Design) -> list[str]:
 def _coefficients(design: Design) -> Table:
     """Return the coefficients of the blade from slow rotation to beyond its operation."""
     solution = design.solution
-    known = [np.max(own.trajectory["tip_speed_ratio"]) for own in solution.tables.values()]
+    known = [np.max(own["trajectory"]["tip_speed_ratio"]) for own in solution.tables.values()]
     known.append(solution.summary.tip_speed_ratio_at_power_coefficient_max or 0.0)
     count = np.ceil((BEYOND * max(known) - SLOWEST) / RATIO_STEP) + 1
     ratio, rotor = np.round(SLOWEST + RATIO_STEP * np.arange(count), 6), design.physics.rotor
@@ -342,7 +342,7 @@ def _load_cases(
 ) -> tuple[list[str], list[str], dict[str, np.ndarray]]:
     """Return names, scenarios and operating points: instants of largest loads, and some flows."""
     tables = design.solution.tables
-    series = [own.simulation or own.trajectory for own in tables.values()]
+    series = [own["simulation"] or own["trajectory"] for own in tables.values()]
     scenario = np.repeat(list(tables), [each["time_s"].size for each in series])
     recorded = {
         name: np.concatenate([each[QUANTITIES[name].column] for each in series])

@@ -39,7 +39,7 @@ class Windio(Format):
         root |= {"name": design.solution.name, "comments": _comments(design, material["nu"])}
         root["airfoils"], positions = _airfoils(design)
         root["control"] |= _control(design)
-        powers = [own.trajectory["electrical_power_W"] for own in tables]
+        powers = [own["trajectory"]["electrical_power_W"] for own in tables]
         root["assembly"] |= {
             "number_of_blades": int(blade.blade_count),
             "rotor_diameter": 2.0 * blade.rotor_radius,
@@ -163,7 +163,7 @@ def _control(design: Design) -> dict[str, Any]:
     law: Any = design.law
     physics, tables = design.physics, design.solution.tables.values()
     limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
-    speeds = [own.trajectory["rotor_speed_rad_s"] for own in tables]
+    speeds = [own["trajectory"]["rotor_speed_rad_s"] for own in tables]
     fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
     known = {
         "max_rotor_speed": fastest * REVOLUTIONS,

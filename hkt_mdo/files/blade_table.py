@@ -117,7 +117,7 @@ class BladeTable:
     def interior(self, hub_radius: float) -> np.ndarray:
         """Return the radii of the rows strictly between hub and tip, where blade elements may lie.
 
-        The tip's radius is known: of a file that does not say it after `scaled`.
+        Of a table in metres, which knows the tip's radius (`scaled`).
 
         Parameters
         ----------

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import CheckEntry, Summary, at_limits, unasked
-from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable, texts
+from hkt_mdo.results.summary import LoadEntry, Summary, unasked
+from hkt_mdo.results.words import aligned, limit_words, measured, plain_unit, printable, texts
 from hkt_mdo.sections import Section
 
 LONGEST_CASE = 1024**2
@@ -67,16 +67,18 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     if found:
         drawn["solid"] = blade.solid(found)
     names = [each.label or "result" for each in results]
+    told, titles = list(map(_told, order, names)), dict.fromkeys(each.name for each in order)
+    checks = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in order]
     return rendered(
         "report.html",
-        title=_title(order),
+        title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
         alike=len({each.case.objective.kind for each in order}) == 1,
-        results=[_told(each, name) for each, name in zip(order, names, strict=True)],
-        headline=_aligned(
+        results=told,
+        headline=aligned(
             [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
         ),
-        merits=_aligned([texts(each.summary.rows(each.case)) for each in order]),
-        checks=_checks(order),
+        merits=aligned([each["merits"] for each in told]),
+        checks=sorted(aligned(checks), key=lambda row: all(not x or x.passed for x in row[1])),
         measured=measured,
         limits=_limits(order),
         differences=_differences([each.case for each in order]),
@@ -96,42 +98,31 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     )
 
 
-def _title(solutions: Sequence[Solution]) -> str:
-    names = list(dict.fromkeys(each.name for each in solutions))
-    return " and ".join(names) if len(names) < 4 else f"{len(solutions)} results"
-
-
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
     summary, state = solution.summary, "unfinished"
     if solution.finished:
         good = solution.success and not summary.breaks(solution.case)
         state = "verified" if good else "refused"
-    seconds = "" if summary.wall_seconds is None else f"{summary.wall_seconds:.1f} s"
-    work = joined(summary.package or "", f"{summary.iterations} iterations", seconds)
+    merits = texts(summary.rows(solution.case))
     versions = (f"{key} {value}" for key, value in (summary.versions or {}).items())
     origin = {
         "case": solution.name,
         "result folder": solution.folder.resolve().name,
         "control law": solution.case.control.law,
-        "optimizer": joined(summary.optimizer, work) if summary.optimizer else "",
+        "optimizer": merits["optimizer"] if summary.optimizer else "",
         "digest of files and code": summary.digest,
-        "versions": joined(*versions),
+        "versions": ", ".join(versions),
     }
     return {
         "name": name,
         "solution": solution,
+        "merits": merits,
         "state": state,
         "scenarios": _scenarios(summary),
         "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
         "yaml": read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE),
     }
-
-
-def _aligned(columns: Sequence[dict[str, Any]]) -> list[tuple[str, list[Any]]]:
-    """Return cells by their labels as rows, one cell a column; "" where there is none."""
-    names = dict.fromkeys(label for column in columns for label in column)
-    return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
 def _headline(solution: Solution) -> dict[str, str]:
@@ -175,25 +166,19 @@ def _headline(solution: Solution) -> dict[str, str]:
     return rows
 
 
-def _checks(solutions: Sequence[Solution]) -> list[tuple[str, list[CheckEntry]]]:
-    """Return the checks by name, those that refused a result first, with a check a result."""
-    columns = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in solutions]
-    return sorted(_aligned(columns), key=lambda row: all(not x or x.passed for x in row[1]))
+def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[LoadEntry, str]]]]:
+    """Return the entries of limits, and below them those of loads without a limit, of each result.
 
-
-def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[Any, Any, str]]]]:
-    """Return the limits, and below them the loads without a limit; of each result load and limit.
-
-    Beside them is a remark on a large load without a limit.
+    Beside each is a remark on a large load without a limit.
     """
     columns = [
         {
-            words: (load, limit, "" if load is None else unasked(name, load, each.case))
-            for words, (name, load, limit) in at_limits(each.summary).items()
+            words: (entry, unasked(name, entry, each.case))
+            for words, (name, entry) in each.summary.at_limits().items()
         }
         for each in solutions
     ]
-    return sorted(_aligned(columns), key=lambda row: not any(x and x[1] for x in row[1]))
+    return sorted(aligned(columns), key=lambda row: not any(x and x[0].limit for x in row[1]))
 
 
 def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
@@ -212,29 +197,26 @@ def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
     """Return the keys in which cases differ, with the value of each case in people's units."""
-    rows = _aligned([_flat(case) for case in cases])
+    rows = aligned([dict(_flat(case)) for case in cases])
     different = [row for row in rows if len(set(row[1])) > 1 and row[0] != "name"]
     return [(key, [printable(value or "-") for value in values]) for key, values in different]
 
 
-def _flat(value: Any, key: str = "", unit: str = "") -> dict[str, str]:
-    """Return the values of a section and of the sections in it as texts, by their dotted keys."""
+def _flat(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the dotted keys of a section and of the sections in it, with their values as texts."""
     if isinstance(value, Section):
-        parts = [
-            _flat(getattr(value, name), f"{key}.{name}".lstrip("."), type(value).unit_of(name))
-            for name in type(value).model_fields
-        ]
+        for name in type(value).model_fields:
+            own, dotted = type(value).unit_of(name), f"{key}.{name}".lstrip(".")
+            yield from _flat(getattr(value, name), dotted, own)
     elif isinstance(value, list | tuple) and any(isinstance(each, Section) for each in value):
-        parts = [_flat(each, f"{key}[{number}]") for number, each in enumerate(value)]
-    elif value is None or value == ():
-        parts = []
+        for number, each in enumerate(value):
+            yield from _flat(each, f"{key}[{number}]")
     elif isinstance(value, float) and unit != "rad/s":
-        parts = [{key: measured(value, unit, 10)}]
-    else:
+        yield key, measured(value, unit, 10)
+    elif value is not None and value != ():
         several = value if isinstance(value, list | tuple) else [value]
         words = ", ".join(f"{x:.10g}" if isinstance(x, float) else str(x) for x in several)
-        parts = [{key: f"{words} {plain_unit(unit)}".rstrip()}]
-    return {name: text for part in parts for name, text in part.items()}
+        yield key, f"{words} {plain_unit(unit)}".rstrip()
 
 
 def not_modelled(case: Case) -> list[str]:

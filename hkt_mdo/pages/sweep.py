@@ -4,8 +4,6 @@ import json
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-import numpy as np
-
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.files.table import write_files
 from hkt_mdo.pages import plotly_script, rendered
@@ -58,15 +56,13 @@ def write_sweep_report(
             told(f"{number} of {len(runs)}: {page}")
     drawn = sweep_charts(table)
     charts = {x: stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
-    good = int(np.sum(table.verified))
-    failed = [
-        (table.pages[at], runs[at] or "no run", table.columns["message"][at])
-        for at in np.flatnonzero(~table.verified)
-    ]
+    rows = zip(table.pages, runs, table.columns["message"], table.verified, strict=True)
+    failed = [(link, run or "no run", message) for link, run, message, good in rows if not good]
+    share = f"{len(runs) - len(failed)} of {len(runs)} runs"
     text = rendered(
         "sweep.html",
         title=f"Sweep over {', '.join(table.sweep.over)}",
-        lead=f"{good} of {len(runs)} runs of {Path(table.sweep.case).stem} are verified.",
+        lead=f"{share} of {Path(table.sweep.case).stem} are verified.",
         failed=failed,
         data=json.dumps(charts, allow_nan=False),
     )

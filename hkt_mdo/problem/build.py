@@ -16,29 +16,19 @@ from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.components import area_component
-from hkt_mdo.problem.constraints import held_limits
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
-from hkt_mdo.problem.wake import PULSE, Follower
+from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.components import BladeGroup, WeightComp, rotor_inputs
+from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
 
 WAKE_SHARE = 0.3  # typical axial induction
-_POINTS = "control points of its spline"
-DESIGNED = {
-    "rotor_radius": ("m", "radius of the swept disc"),
-    "chord_control": ("m", f"chord at the stations, or {_POINTS}"),
-    "twist_control": ("rad", f"twist at the stations, {_POINTS}, or the set angle"),
-    "thickness_control": (None, f"thickness over chord at the stations, or {_POINTS}"),
-    "hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades"),
-}
-"""Unit and description of the design variables besides the gains."""
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
 # bounds, and most iterations are needed to return. On a finer mesh an open loop has little to gain
@@ -97,7 +87,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     alone : bool
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
-    scales, blade, wake = _scales(physics, setup), setup.start.blade, Follower(physics, setup)
+    blade, band = setup.start.blade, band_of(physics, setup)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
@@ -106,12 +96,11 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
             design.add_output(name, **about)
     for name in kept.keys() - own.keys():
         group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
-    _add_rotors(group, physics, setup, wake.band)
+    _add_rotors(group, physics, setup, band)
     if physics.asks_for("blade_area"):
         group.add_subsystem("planform", area_component(blade), promotes=["*"])
-    operation = OperationGroup(physics, setup, scales, wake)
+    operation = OperationGroup(physics, setup, _scales(physics, setup), band)
     group.add_subsystem("operation", operation, promotes=["*"])
-    _declare_constraints(group, physics, setup, scales, wake)
 
 
 def _add_rotors(group, physics, setup, band):
@@ -119,6 +108,8 @@ def _add_rotors(group, physics, setup, band):
     blade, loads = setup.start.blade, physics.load_names
     tables = [f"{name}_table" for name in ["torque_coefficient"] * physics.has_curve + [*loads]]
     tables = [*band.outputs(loads)] if band else tables
+    weight = physics.asks_for("weight_stress")
+    outputs = ["inertia", *tables, *["weight_stress"] * weight]
     variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}
     for variant, own in ({"": physics.rotor} | variants).items():
         rotor = BladeGroup(
@@ -129,14 +120,11 @@ def _add_rotors(group, physics, setup, band):
             torque=physics.has_curve,
             loads=loads,
             band=band,
+            weight=weight,
         )
-        outputs = [(name, named(name, variant)) for name in ("inertia", *tables)]
-        about = {"promotes_inputs": ["*"], "promotes_outputs": outputs if variant else ["*"]}
+        own_names = [(name, named(name, variant)) for name in outputs]
+        about = {"promotes_inputs": ["*"], "promotes_outputs": own_names if variant else ["*"]}
         group.add_subsystem(f"rotor{variant}", rotor, **about)
-        if physics.asks_for("weight_stress"):
-            weight = WeightComp(rotor=own, blade=blade)
-            about["promotes_outputs"] = [("weight_stress", named("weight_stress", variant))]
-            group.add_subsystem(f"weight{variant}", weight, **about)
 
 
 def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om.Driver:
@@ -215,14 +203,17 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
         given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
-    gains = {f"gain_{i}": (units, "feedback gain") for i, units in enumerate(law.gain_units)}
-    given += zip(gains, start.gains, law.sizes(start.gains), strict=True)
+    given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
+    others = {"hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades")}
+    others |= law.named_gains
     for name, value, ref in given:
-        units, text = (DESIGNED | gains)[name]
-        about = {"val": value, "units": units, "desc": text}
+        quantity = QUANTITIES.get(name.removesuffix("_control"))
+        units, text = (quantity.unit, quantity.text) if quantity else others[name]
         if name in bounds:
             low, high = bounds[name]
             model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
+        text = f"design variables: {text}" if name.endswith("_control") else text
+        about = {"val": value, "units": units, "desc": text}
         (designed if name in bounds else kept)[name] = about
     for scenario in physics.scenarios:
         name = named("density", physics.variant(scenario))
@@ -232,21 +223,6 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
         kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
     return designed, kept
-
-
-def _declare_constraints(model, physics, setup, scales, wake):
-    """Declare the limits as constraints, and closed cycles."""
-    for held in held_limits(physics, setup, scales):
-        model.add_constraint(held.constraint, **held.options)
-    for number, scenario in enumerate(physics.scenarios):
-        if physics.may_pulse and not scenario.steady:
-            lower, upper = wake.bounds(number)
-            about = {"indices": scenario.distinct_nodes, "flat_indices": True, "ref": PULSE}
-            name = f"{scenario.path}.wake_factor"
-            model.add_constraint(name, lower=lower, upper=upper, **about)
-        if scenario.closed:
-            name = f"{scenario.name}_gain_of_speed.change"
-            model.add_constraint(name, equals=0.0, ref=scales.rotor_speed, units="rad/s")
 
 
 def _unknowns(model, physics, setup) -> dict[str, dict]:
@@ -303,7 +279,7 @@ def point_of(physics: Physics, problem) -> StartingPoint:
         np.concatenate([sampled(each, name) for each in physics.scenarios])
         for name in ("rotor_speed", "hydrodynamic_torque", *physics.law.states)
     )
-    gains = [problem.get_val(f"gain_{i}")[0] for i in range(len(physics.law.gain_units))]
+    gains = [problem.get_val(name)[0] for name in physics.law.named_gains]
     hub = problem.get_val("hub_inertia")[0] if physics.designs_hub else None
     blade = physics.sized(problem.get_val("rotor_radius")[0], hub)
     names = [name for name in rotor_inputs(blade) if name != "rotor_radius"]

@@ -1,76 +1,30 @@
 """Loads, limits and objectives as OpenMDAO components; formulas are those of the kinds."""
 
-from functools import partial
-
 import numpy as np
 import openmdao.api as om
 from scipy.sparse import csr_array
 
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.formulas import STEP, Formula, slope
-from hkt_mdo.quantities import QUANTITIES, is_over_time
-from hkt_mdo.rotor.band import FACTORS, Band
+from hkt_mdo.dynamics.rotor_ode import CurveComp
+from hkt_mdo.quantities import QUANTITIES, is_over_time, names
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 
-_SPEEDS = "rotor_speed", "inflow_speed"
 _NONE = np.empty(0)
+_NUMBERS = {*names(over="design"), *names(over="result")}
 
 
-class LoadComp(om.ExplicitComponent):
-    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `TablesComp`.
+class LoadComp(CurveComp):
+    """Loads at the nodes of a phase, 0.5 rho v² c(w R / v), from the curves of a `TablesComp`."""
 
-    Where the wake has memory, `model` is a `Band`, whose tables are over the tip speed ratio of the
-    wake, too. Inputs rotor_speed, inflow_speed and, with a band, wake_ratio[num_nodes, 1], density,
-    rotor_radius and, for each of the names, <name>_table[n_nodes] over the spline's nodes, or
-    <name>_band; outputs by the names[num_nodes, 1].
-    """
+    factors = "inflow_speed", "density"
 
-    def __init__(self, num_nodes: int, names: tuple[str, ...], model: TorqueSpline | Band):
-        super().__init__()
-        self._nodes, self._loads, self._model = num_nodes, names, model
+    def formula(self, inflow_speed, density, **given):
+        pressure = 0.5 * density * inflow_speed**2
+        return {name: pressure * each for name, each in super().formula(**given).items()}
 
-    def setup(self):
-        n, rows = self._nodes, np.arange(self._nodes)
-        about = {name: QUANTITIES[name].meta for name in (*_SPEEDS, "rotor_radius", "density")}
-        kind, size = "table", self._model.nodes.size
-        if isinstance(self._model, Band):
-            about["wake_ratio"] = {"desc": "tip speed ratio of the wake"}
-            kind, size = "band", size * FACTORS.size
-        self._tables = {name: f"{name}_{kind}" for name in self._loads}
-        self._series = [name for name in about if name not in ("rotor_radius", "density")]
-        for name, meta in about.items():
-            self.add_input(name, shape=(n, 1) if name in self._series else 1, **meta)
-        for name, table in self._tables.items():
-            self.add_input(table, shape=size, units=QUANTITIES[name].per_pressure)
-            self.add_output(name, shape=(n, 1), **QUANTITIES[name].meta)
-            self.declare_partials(name, ("rotor_radius", "density", table))
-            self.declare_partials(name, self._series, rows=rows, cols=rows)
-
-    @staticmethod
-    def _load(coefficient, rotor_speed, inflow_speed, rotor_radius, density, **wake):
-        """Return a load by its coefficient, a function of the ratios; its matrix by their basis."""
-        ratio = rotor_speed * rotor_radius / inflow_speed
-        return (0.5 * density * inflow_speed**2 * coefficient(ratio, *wake.values()).T).T
-
-    def _quantities(self, inputs):
-        """Return the inputs that are no tables, as `_load` takes them."""
-        names = *self._series, "rotor_radius", "density"
-        return _known(inputs, dict(zip(names, names, strict=True)))
-
-    def compute(self, inputs, outputs):
-        known = self._quantities(inputs)
-        for name, table in self._tables.items():
-            outputs[name][:, 0] = self._load(self._model.curve(inputs[table]), **known)
-
-    def compute_partials(self, inputs, partials):
-        known = self._quantities(inputs)
-        basis = self._load(self._model.basis, **known)
-        for name, table in self._tables.items():
-            partials[name, table] = basis
-            load = partial(self._load, self._model.curve(inputs[table]))
-            for each in known:
-                partials[name, each] = slope(load, known, each, each in self._series)
+    def basis(self, inflow_speed, density, **given):
+        return 0.5 * density * inflow_speed[:, None] ** 2 * super().basis(**given)
 
 
 class TorqueRateComp(om.ExplicitComponent):
@@ -108,77 +62,57 @@ def area_component(blade: Blade) -> om.ExecComp:
 
 
 def _add_known(component, name, place, n_times):
-    """Add a quantity of the registry as a component's input; along the span it is the source's."""
-    shapes = {"time": {"shape": (n_times, 1)}, "span": {"shape_by_conn": True}}
-    shape = shapes.get(QUANTITIES[name].over, {})
-    component.add_input(place, **shape, **QUANTITIES[name].meta)
+    """Add a quantity as a component's input; along the span, or of a curve, it is the source's."""
+    known = QUANTITIES.get(name)
+    shape = {"shape": n_times} if is_over_time(name) else {"shape_by_conn": name not in _NUMBERS}
+    component.add_input(place, **shape, **(known.meta if known else {}))
 
 
 def _known(inputs, places):
-    """Return inputs, by quantity, as formulas take them: arrays in one row, numbers of a design."""
-    found = {}
-    for name, place in places.items():
-        is_number = name in QUANTITIES and QUANTITIES[name].over in ("design", "result")
-        found[name] = inputs[place][0] if is_number else inputs[place].ravel()
-    return found
+    """Return inputs, by quantity, as formulas take them: arrays, and numbers of a design."""
+    return {x: inputs[place][0] if x in _NUMBERS else inputs[place] for x, place in places.items()}
 
 
 class FormulaComp(om.ExplicitComponent):
     """The value of a limit at some nodes of a phase, or that of a limit or objective of the design.
 
-    Inputs: what the formula names, its `series`[size, 1], quantities along the span
-    [n_stations] and of the design; torque_coefficient_table[n_nodes] and one scalar gain_0,
-    gain_1, … where it asks for them. Output value[size] in the formula's unit.
+    Inputs: what the formula names, its `series`[size], quantities along the span[n_stations],
+    tables[n_nodes], and numbers. Output value[size] in the formula's unit.
     """
 
-    def __init__(self, formula: Formula, size=1, gain_units=()):
+    def __init__(self, formula: Formula, size=1):
         super().__init__()
-        self._formula, self._size, self._gain_units = formula, size, gain_units
+        self._formula, self._size = formula, size
 
     def setup(self):
         formula, size = self._formula, self._size
+        own = formula.series | formula.named_numbers
         for name in formula.inputs:
-            if name == "gains":
-                for i, units in enumerate(self._gain_units):
-                    self.add_input(f"gain_{i}", units=units, desc="feedback gain")
-            elif name == "torque_coefficient_table":
-                text = "torque coefficient of the curve"
-                self.add_input(name, shape_by_conn=True, desc=text)
-            elif name in QUANTITIES:
+            if name in own:
+                units, text = own[name]
+                shape = size if name in formula.series else 1
+                self.add_input(name, shape=shape, units=units, desc=text)
+            else:
                 _add_known(self, name, name, size)
-            else:  # a state of the control law
-                units, text = formula.series[name]
-                self.add_input(name, shape=(size, 1), units=units, desc=text)
         self.add_output("value", shape=size, units=formula.unit, desc=type(formula).__doc__)
 
     def setup_partials(self):
         rows = np.arange(self._size)
         for name in self._formula.inputs:
-            if name in self._formula.series:
-                self.declare_partials("value", name, rows=rows, cols=rows)
-            else:
-                self.declare_partials("value", "gain_*" if name == "gains" else name)
+            at = {"rows": rows, "cols": rows} if name in self._formula.series else {}
+            self.declare_partials("value", name, **at)
 
     def _quantities(self, inputs):
-        """Return what the formula takes: arrays over time and span, numbers, table and gains."""
-        names, count = self._formula.inputs, len(self._gain_units)
-        found = _known(inputs, {name: name for name in names if name != "gains"})
-        if "gains" in names:
-            found["gains"] = np.array([inputs[f"gain_{i}"][0] for i in range(count)])
-        return found
+        """Return what the formula takes: arrays over time and span, numbers, tables."""
+        return _known(inputs, {name: name for name in self._formula.inputs})
 
     def compute(self, inputs, outputs):
         outputs["value"] = self._formula.value(**self._quantities(inputs))
 
     def compute_partials(self, inputs, partials):
-        for name, by in self._formula.partials(**self._quantities(inputs)).items():
-            if name == "gains":
-                for i, column in enumerate(by.T):
-                    partials["value", f"gain_{i}"] = column[:, None]
-            elif name in self._formula.series:
-                partials["value", name] = by
-            else:
-                partials["value", name] = by.reshape(self._size, -1)
+        known = self._quantities(inputs)
+        for name in known:
+            partials["value", name] = self._formula.partial(name, known)
 
 
 class IntegralComp(om.ExplicitComponent):
@@ -188,7 +122,7 @@ class IntegralComp(om.ExplicitComponent):
     collocated state would be the same numbers. The sum needs no unknowns: the optimizer cannot
     trade energy against defects.
 
-    Inputs: `scenario:quantity`[num_nodes, 1] for each quantity over time that an integrand names,
+    Inputs: `scenario:quantity`[num_nodes] for each quantity over time that an integrand names,
     others by their names; outputs: the integral of each integrand, in its unit. `weights` (s) are
     those of the quadrature by scenario, `integrands` an `Objective` by output. With `rows`, by
     scenario, the weights are shares: outputs are mean rates, one for each row.

@@ -1,101 +1,35 @@
-"""The limits as constraints of the optimization: where each is held, and how scaled."""
+"""The limits as constraints of the optimization: names, and where each is held."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hkt_mdo.dynamics.limits import LEAST, TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.scenario import Scales, Scenario
-from hkt_mdo.problem.setup import Setup
+from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import QUANTITIES, RATES
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
 
 
-@dataclass(frozen=True, eq=False)
-class Held:
-    """A limit as the optimization holds it: over time in one scenario, or of the design.
+def near_stall(physics: Physics, start: StartingPoint, limit: DistanceFromStall, number: int):
+    """Return the nodes of the n-th scenario where a start has settled and is near stall.
 
-    Attributes
-    ----------
-    limit
-        What is held.
-    constraint
-        Name of the constraint in the model.
-    size
-        Number of values.
-    options
-        Bounds, reference, unit and places, as OpenMDAO's `add_constraint` takes them.
-    scenario, nodes
-        Where a limit over time is held, and places of the nodes, (size,).
-    """
-
-    limit: Limit
-    constraint: str
-    size: int
-    options: dict[str, Any]
-    scenario: Scenario | None = None
-    nodes: np.ndarray | None = None
-
-
-def held_limits(physics: Physics, setup: Setup, scales: Scales) -> Iterator[Held]:
-    """Yield the limits that the optimization holds, scenario by scenario, then of the design.
-
-    Under feedback with a torque curve also the distance from stall.
-    """
-    known = on_start(physics, setup.start)
-    for number, scenario in enumerate(physics.scenarios):
-        limits = [*physics.limits_in(scenario)]
-        if physics.law.is_feedback and physics.has_curve:
-            spline = TorqueSpline(setup.nodes)
-            limits.append(DistanceFromStall(law=physics.law_in(scenario), spline=spline))
-        for limit in limits:
-            if limit.constrains(physics.law):
-                yield _held(physics, setup, limit, number, scales, known[number])
-    for limit in physics.design_limits:
-        if limit.constrains(physics.law):
-            bounds = {"lower": limit.lower, "upper": limit.upper}
-            options = {"ref": size_of(limit), "units": limit.unit} | bounds
-            size = np.size(limit.value_of(known[0]))
-            yield Held(limit, constraint_of(physics, limit), size, options)
-
-
-def _held(physics, setup, limit, number, scales, known) -> Held:
-    """Return a limit over time as it is held in the number-th scenario."""
-    scenario, ref, less = physics.scenarios[number], None, 0.0
-    nodes = limited_nodes(limit, scenario)
-    if isinstance(limit, DistanceFromStall):
-        nodes, ref = _near_stall(physics, setup, limit, scenario, known), scales.torque
-    elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
-        ref = scales.torque
-    if np.isfinite(limit.upper):
-        less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
-    bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
-    options = {"ref": ref or size_of(limit), "units": limit.unit} | bounds
-    if is_quantity(limit):
-        options |= {"indices": nodes, "flat_indices": True}
-    return Held(limit, constraint_of(physics, limit, number), nodes.size, options, scenario, nodes)
-
-
-def _near_stall(physics, setup, limit, scenario, known):
-    """Return the nodes at which the start has settled and is near stall, or the nearest ones.
+    Those that are nearest are at least `FEWEST_NEAR`.
 
     In a gust that is faster than the rotor, the integration shows whether it recovers: held to its
     distance there, a heavy rotor lost 0.7 % with `rated` (turbine 3 of seed 77 of `make verify
     PART=turbines`).
     """
-    start = setup.start
+    scenario = physics.scenarios[number]
     table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
-    known = known | {"torque_coefficient_table": table.torque, "gains": start.gains}
+    known = on_start(physics, start)[number]
+    known |= {"torque_coefficient_table": table.torque}
+    known |= zip(limit.named_numbers, start.gains, strict=True)
     unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
     margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
     margin, still = (
@@ -137,9 +71,3 @@ def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
     rate of the torque alone may differ from one segment to the other.
     """
     return np.arange(scenario.node_times.size) if limit.is_of(RATES) else scenario.distinct_nodes
-
-
-def size_of(limit: Limit) -> float:
-    """Return the magnitude of a limit's bounds; 1 where they are none."""
-    ends = np.abs(np.hstack((limit.lower, limit.upper)))
-    return float(np.max(ends[np.isfinite(ends)], initial=0.0)) or 1.0

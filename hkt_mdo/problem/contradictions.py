@@ -27,8 +27,8 @@ def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float)
     """
     _refuse_next_to_zero(case, shape, mean)
     limits, standing = _bounds(case), SLOWEST_RATIO * fastest
-    _, largest = _radii(shape)
-    for name, reach, unit in (("tip_speed", 1.0, "m/s"), ("rotor_speed", largest, "rad/s")):
+    kinds = ("tip_speed", 1.0, "m/s"), ("rotor_speed", shape.radii[1], "rad/s")
+    for name, reach, unit in kinds:
         bound = limits.get(name)
         if bound is not None and bound * reach <= standing:
             problem = f"stops the rotor: in the flow of {fastest:.4g} m/s a tip speed ratio of "
@@ -49,7 +49,7 @@ def refuse_contradictions(case: Case, shape: Shape, mean: float, fastest: float)
 
 def _refuse_next_to_zero(case: Case, shape: Shape, mean: float) -> None:
     """Refuse a limit of power, load or torque that is next to nothing of a usual rotor's."""
-    about = case.fluid.density, _radii(shape)[0], mean
+    about = case.fluid.density, shape.radii[0], mean
     power = float(power_scale(*about))
     scales = {"W": power, "N": power / mean, "N*m": float(torque_scale(*about))}
     scales["Pa"] = 0.5 * case.fluid.density * mean**2
@@ -77,7 +77,7 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
     names = "power", "electrical_power", "rotor_speed", "tip_speed"
     power, electrical, speed, tip = (limits.get(name, np.inf) for name in names)
     torque = case.control.torque_limit or np.inf
-    smallest, largest = _radii(shape)
+    smallest, largest = shape.radii
     share = generator.largest_efficiency
     implied = [
         ("electrical_power", share * power, electrical, "W", "power"),
@@ -98,10 +98,3 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
 def _bounds(case: Case) -> dict[str, float]:
     """Return the upper bounds of the case's limits over time, in SI units, by name."""
     return {limit.name: limit.upper for limit in case.limits.given if limit.place == "time"}
-
-
-def _radii(shape: Shape) -> tuple[float, float]:
-    """Return the smallest and the largest radius of the disc, m."""
-    radius = shape.blade.rotor_radius
-    low, high = shape.radius_bounds or (radius, radius)
-    return float(low), float(high)

@@ -127,16 +127,11 @@ def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
         changes = np.abs(np.diff(ends)) > CHANGED * np.max(ends)
         longest = float(np.max(np.diff(scenario.edges)[changes], initial=0.0))
         if longest > SLOW:
-            problem = (
-                "changes within hours and the rotor within a second: in the mesh's segments of up "
-                f"to {longest:.3g} s a feedback law converges to false speeds"
-            )
+            problem = "changes within hours and the rotor within a second: in segments of up to "
+            problem += f"{longest:.3g} s a feedback law converges to false speeds"
             inflow = f"{{profile: {scenario.inflow.profile}, ...}}"
-            remedy = (
-                f"take the flow without its time, scenarios: [{{inflow: {inflow}, steady: true}}] "
-                "with the keys of this inflow, which takes seconds; "
-                "or give a resource in its place (docs/year.md), or control: {law: open_loop}"
-            )
+            remedy = f"take it without its time, scenarios: [{{inflow: {inflow}, steady: true}}], "
+            remedy += "or give a resource (docs/year.md), or control: {law: open_loop}"
             key = "inflow" if scenario.name == "phase" else f"scenarios.{scenario.group}.inflow"
             raise InputError(problem, remedy, key=key, value=scenario.inflow.profile)
 

@@ -8,6 +8,7 @@ rotor in motion.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,12 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
     that limits and objectives may take. The generator torque is that of a static law, else it
     balances the flow's.
     """
+    return [dict(each) for each in _quantities(physics, point)]
+
+
+@lru_cache(maxsize=8)  # every limit of a problem asks, and the checks of a run
+def _quantities(physics, point) -> list[dict]:
+    """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     for scenario, (speed, torque, *states) in pairs:
@@ -117,16 +124,15 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     `rotor` is one of those of the physics. The weight's stress is 0 where nothing asks for it.
     """
     mass, inertia = rotor.mass_and_inertia(blade)
-    stress = 0.0
-    if physics.asks_for("weight_stress"):
-        stress = float(rotor.weight_stress(blade, derivatives=False).values[0])
+    asked = physics.asks_for("weight_stress")
+    stress = rotor.weight_stress(blade, derivatives=False).values[0] if asked else 0.0
     return {
         "rotor_radius": blade.rotor_radius,
         "density": rotor.water_density,
         "inertia": float(inertia),
         "mass": float(mass),
         "blade_area": float(blade.area_weights @ blade.chord),
-        "weight_stress": stress,
+        "weight_stress": float(stress),
         "chord": blade.chord,
         "twist": blade.twist,
         "thickness": rotor.thickness_of(blade),

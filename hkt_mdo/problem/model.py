@@ -165,9 +165,7 @@ class Physics:
 
         As far as these are designed, and within their bounds.
         """
-        blade, bounds = self.blade, self.shape.radius_bounds
-        if bounds is not None:
-            blade = blade.with_rotor_radius(float(np.clip(radius, *bounds)))
+        blade = self.blade.with_rotor_radius(float(np.clip(radius, *self.shape.radii)))
         if not self.designs_hub or hub_inertia is None:
             return blade
         hub = float(np.clip(hub_inertia, *self.case.design.hub_inertia_bounds))

@@ -49,11 +49,11 @@ def in_operation(
     still = total - float(np.sum(lengths[kept]))
     text = (
         f"control.cut_out = {cut_out:g} m/s: standstill for {still:.4g} s of {total:.6g} s "
-        f"({100.0 * still / total:.3g} %), operation in {_count(count)}"
+        f"({100.0 * still / total:.3g} %), intervals of operation: {count}"
     )
     if not np.all(kept):
         text += (
-            f"; {_count(kept.size - count)} more, of {np.sum(lengths[~kept]):.3g} s together, "
+            f"; {kept.size - count} more, of {np.sum(lengths[~kept]):.3g} s together, "
             f"would be shorter than the {shortest:.3g} s that the rotor needs"
         )
     scenarios = (
@@ -66,7 +66,3 @@ def in_operation(
         for number, (begin, end) in enumerate(spans[kept], start=1)
     )
     return tuple(each.resolved() for each in scenarios), (text,)
-
-
-def _count(number: int) -> str:
-    return f"{number} interval{'s' * (number != 1)}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import openmdao.api as om
 
+from hkt_mdo.dynamics.limits import DistanceFromStall
 from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.problem.components import (
     AggregateComp,
@@ -13,16 +14,26 @@ from hkt_mdo.problem.components import (
     LoadComp,
     TorqueRateComp,
 )
-from hkt_mdo.problem.constraints import held_limits, is_quantity, source_of
+from hkt_mdo.problem.constraints import (
+    constraint_of,
+    is_quantity,
+    limited_nodes,
+    near_stall,
+    source_of,
+)
 from hkt_mdo.problem.equilibrium import equilibrium_group
-from hkt_mdo.problem.evaluation import epigraph, split
+from hkt_mdo.problem.evaluation import epigraph, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.wake import Follower
+from hkt_mdo.problem.wake import along_start
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
+from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.hydrodynamics import SOLVERS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
+
+PULSE = 0.002
+"""How much farther from its wake an open loop may be than its start, relatively."""
 
 
 def named(name: str, variant: str) -> str:
@@ -43,9 +54,9 @@ class OperationGroup(om.Group):
     ``limit_<name>.value``, the `INTEGRALS` and objective.
     """
 
-    def __init__(self, physics: Physics, setup: Setup, scales: Scales, wake: Follower):
+    def __init__(self, physics: Physics, setup: Setup, scales: Scales, band: Band | None):
         super().__init__()
-        self._physics, self._start, self._scales, self._wake = physics, setup, scales, wake
+        self._physics, self._start, self._scales, self._band = physics, setup, scales, band
 
     def setup(self):
         self._add_phases()
@@ -53,19 +64,57 @@ class OperationGroup(om.Group):
         self._add_rates()
         weights = {x.name: x.weight * x.node_weights for x in self._physics.scenarios}
         self._add_integrals("integrals", INTEGRALS, weights)
-        for held in held_limits(self._physics, self._start, self._scales):
-            if is_quantity(held.limit):
-                continue
-            variant = self._physics.variant(held.scenario) if held.scenario else ""
-            component = held.constraint.removesuffix(".value")
-            self._add_formula(component, held.limit, held.size, variant=variant)
-            for name in held.limit.series:
-                source, target = source_of(held.scenario, name), f"{component}.{name}"
-                self.connect(source, target, src_indices=held.nodes, flat_src_indices=True)
+        self._hold_limits()
         for scenario in self._physics.scenarios:
             if scenario.closed:
                 self._close_cycle(scenario)
         self._add_objective()
+
+    def _hold_limits(self):
+        """Hold the limits, scenario by scenario, then those of the design.
+
+        Under feedback with a torque curve also the distance from stall.
+        """
+        physics, setup = self._physics, self._start
+        for number, scenario in enumerate(physics.scenarios):
+            limits = [*physics.limits_in(scenario)]
+            if physics.law.is_feedback and physics.has_curve:
+                spline = TorqueSpline(setup.nodes)
+                limits.append(DistanceFromStall(law=physics.law_in(scenario), spline=spline))
+            for limit in limits:
+                if limit.constrains(physics.law):
+                    self._hold(limit, number)
+        known = on_start(physics, setup.start)[0]
+        for limit in physics.design_limits:
+            if limit.constrains(physics.law):
+                name = constraint_of(physics, limit)
+                bounds = {"lower": limit.lower, "upper": limit.upper}
+                self.add_constraint(name, **bounds, ref=limit.bounds_size or 1.0, units=limit.unit)
+                self._add_formula(name, limit, np.size(limit.value_of(known)))
+
+    def _hold(self, limit, number):
+        """Hold a limit over time in the number-th scenario."""
+        physics, setup = self._physics, self._start
+        scenario, ref, less = physics.scenarios[number], None, 0.0
+        nodes = limited_nodes(limit, scenario)
+        if isinstance(limit, DistanceFromStall):
+            nodes, ref = near_stall(physics, setup.start, limit, number), self._scales.torque
+        elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
+            ref = self._scales.torque
+        if np.isfinite(limit.upper):
+            less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
+        bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
+        options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit} | bounds
+        name = constraint_of(physics, limit, number)
+        if is_quantity(limit):
+            self.add_constraint(name, indices=nodes, flat_indices=True, **options)
+            return
+        self.add_constraint(name, **options)
+        self._add_formula(name, limit, nodes.size, variant=physics.variant(scenario))
+        for each in limit.series:
+            target = f"{name.removesuffix('.value')}.{each}"
+            source = source_of(scenario, each)
+            self.connect(source, target, src_indices=nodes, flat_src_indices=True)
 
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
@@ -88,7 +137,9 @@ class OperationGroup(om.Group):
                 self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=promoted)
                 continue
             if physics.remembers:
-                begin |= self._wake.along(each, speed)
+                begin |= along_start(physics, setup.start.blade, self._band, each, speed)
+            if physics.may_pulse:
+                self._hold_wake(each, begin["wake_factor"])
             add_phase(trajectory, parameters, *about)
             inputs += [(f"{each.name}.parameters:{name}", own) for name, own in promoted]
         if inputs:
@@ -104,8 +155,8 @@ class OperationGroup(om.Group):
         names = ["density", "inertia", "rotor_radius"]
         remembers = physics.remembers and not scenario.steady
         if remembers:
-            names += self._wake.band.outputs(())
-            options = {"band": self._wake.band, "tau1": physics.case.inflow_dynamics.tau1}
+            names += ["wake_induction_table", "place_induction_table", "torque_coefficient_band"]
+            options = {"band": self._band, "tau1": physics.case.inflow_dynamics.tau1}
         elif physics.has_curve:
             names.append("torque_coefficient_table")
             options = {"spline": TorqueSpline(setup.nodes)}
@@ -115,27 +166,38 @@ class OperationGroup(om.Group):
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
         units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        gains = {f"gain_{i}": unit for i, unit in enumerate(physics.law.gain_units)}
-        return options, units | gains
+        return options, units | {name: x for name, (x, _) in physics.law.named_gains.items()}
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""
         physics, setup = self._physics, self._start
         names, nodes = physics.load_names, np.asarray(setup.nodes, dtype=float)
         kind = "band" if physics.remembers else "table"
-        fed = ["rotor_radius", "density", *(f"{name}_{kind}" for name in names)]
+        fed = ["density", *(f"{name}_{kind}" for name in names)]
         for scenario in physics.scenarios if names else ():
             name, n = f"loads_{scenario.name}", scenario.node_times.size
-            model = self._wake.band if physics.remembers else TorqueSpline(nodes)
-            component = LoadComp(num_nodes=n, names=names, model=model)
+            model = self._band if physics.remembers else TorqueSpline(nodes)
+            component = LoadComp(n, names, model)
             variant = physics.variant(scenario)
             inputs = [(each, named(each, variant)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
-            for quantity in ("rotor_speed", "inflow_speed"):
+            for quantity in ("tip_speed_ratio", "inflow_speed"):
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.{quantity}")
             if physics.remembers:  # a wake in equilibrium is that of the rotor's own ratio
                 quantity = "tip_speed_ratio" if scenario.steady else "wake_ratio"
                 self.connect(f"{scenario.path}.{quantity}", f"{name}.wake_ratio")
+
+    def _hold_wake(self, scenario, factor):
+        """Hold the wake factor of an open loop to that of its start at the samples, (n_times,).
+
+        A rotor that pulses, alternately faster and slower than its wake, would capture more than
+        the best steady rotor, by a model that was not made for this.
+        """
+        nodes = scenario.distinct_nodes
+        factor = np.interp(scenario.node_times[nodes], scenario.samples, factor)
+        about = {"lower": factor - PULSE, "upper": factor + PULSE, "ref": PULSE}
+        name = f"{scenario.path}.wake_factor"
+        self.add_constraint(name, indices=nodes, flat_indices=True, **about)
 
     def _add_rates(self):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
@@ -146,19 +208,25 @@ class OperationGroup(om.Group):
             self.connect(f"{scenario.path}.control_torque", f"{name}.control_torque")
 
     def _close_cycle(self, scenario):
-        """Add the difference of a scenario's final and initial rotor speed."""
+        """Add the difference of a scenario's final and initial rotor speed, which must be zero."""
         name = f"{scenario.name}_gain_of_speed"
         change = om.ExecComp("change = final - initial", units="rad/s", has_diag_partials=True)
         self.add_subsystem(name, change)
         for end, index in (("initial", 0), ("final", -1)):
             source = f"{scenario.path}.rotor_speed"
             self.connect(source, f"{name}.{end}", src_indices=om.slicer[[index], 0])
+        about = {"equals": 0.0, "ref": self._scales.rotor_speed, "units": "rad/s"}
+        self.add_constraint(f"{name}.change", **about)
 
     def _add_formula(self, name, formula, size, outputs=(), variant=""):
-        """Add a formula and connect its inputs but those over time; `variant` of the turbine."""
-        component = FormulaComp(formula, size, self._physics.law.gain_units)
+        """Add a formula and connect its inputs but those over time; `variant` of the turbine.
+
+        `name` may have the ending of its output.
+        """
+        name = name.removesuffix(".value")
+        component = FormulaComp(formula, size)
         fixed = (each for each in formula.inputs if each not in formula.series)
-        inputs = ["gain_*" if each == "gains" else (each, named(each, variant)) for each in fixed]
+        inputs = [(each, named(each, variant)) for each in fixed]
         self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
 
     def _add_integrals(self, name, integrands, weights, **about):

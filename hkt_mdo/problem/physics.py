@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 
@@ -50,15 +49,17 @@ STATIONS = 120  # from which the loads of a blade change by less than a thousand
 
 
 def complete(case: Case) -> Case:
-    """Return a case whose time spans and segments are numbers, taken from its flows if need be."""
+    """Return a case whose time spans and segments are numbers, taken from its flows if need be.
+
+    Raises InputError for a flow that is none within its time span.
+    """
     phase = case.phase
-    done = None not in (phase.duration, phase.segments) and phase.final_speed != "auto"
-    if done and not case.scenarios:
-        return case
     span, year = phase.duration, case.inflow.length
     if span not in (None, year) and case.inflow.steady and not case.scenarios:
         raise InputError("is not 8766 h, a year", "leave it out", key="phase.duration", value=span)
     duration, segments = _span(case.inflow, phase.duration, phase.segments)
+    if not case.scenarios:
+        case.inflow.check(duration)
     final = phase.final_speed
     if final == "auto":
         rates = any(limit.is_of(RATES) for limit in case.all_limits)
@@ -66,23 +67,17 @@ def complete(case: Case) -> Case:
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
     for number, own in enumerate(case.scenarios):
-        given = own.duration or phase.duration, own.segments or phase.segments
-        with _in_scenario(number):
-            duration, segments = _span(own.inflow or case.inflow, *given)
+        inflow = own.inflow or case.inflow
+        try:
+            given = own.duration or phase.duration, own.segments or phase.segments
+            duration, segments = _span(inflow, *given)
+            inflow.check(duration)
+        except InputError as error:
+            error.key = f"scenarios[{number}].{error.key.removeprefix('phase.')}".rstrip(".")
+            raise
         scenarios.append(own.model_copy(update={"duration": duration, "segments": segments}))
     update = {"phase": phase.model_copy(update=found), "scenarios": tuple(scenarios)}
     return case.model_copy(update=update)
-
-
-@contextmanager
-def _in_scenario(number: int) -> Iterator[None]:
-    """Add the key of the scenario to an error in its flow."""
-    try:
-        yield
-    except InputError as error:
-        key = error.key.removeprefix("phase.")
-        error.key = f"scenarios[{number}].{key}" if key else f"scenarios[{number}]"
-        raise
 
 
 def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple[float, int]:
@@ -113,18 +108,17 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
     if not case.scenarios:
         return _scenarios(case, case.inflow, case.phase)
     found, total = [], sum(each.weight for each in case.scenarios)
-    for number, own in enumerate(case.scenarios):
+    for own in case.scenarios:
         mesh = {"duration": own.duration, "segments": own.segments}
         about = {"name": own.name, "density": own.density, "condition": own.condition}
         about["weight"] = own.weight / total * case.phase.duration / own.duration
         mesh, inflow = case.phase.model_copy(update=mesh), own.inflow or case.inflow
-        with _in_scenario(number):
-            found += _scenarios(case, inflow, mesh, steady=own.steady, **about)
+        found += _scenarios(case, inflow, mesh, steady=own.steady, **about)
     return found
 
 
 def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> list[Scenario]:
-    """Return the scenario of a flow, on a mesh that resolves it; refuse a flow that is none.
+    """Return the scenario of a flow, on a mesh that resolves it.
 
     Without time where it is steady or of a resource; two if its rotor turns backwards in reversed
     flow, the second of the same group.
@@ -133,9 +127,6 @@ def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> li
     if steady and case.control.chooses_torque:
         problem = "has no torque over time in a steady scenario"
         raise InputError(problem, "give control.unknown: speed", key="control.unknown")
-    for duration in (inflow.length, mesh.duration):
-        if duration is not None:
-            inflow.check(duration)
     if not steady:
         return [Scenario(inflow, mesh, **about).resolved()]
     found = [SteadyScenario.of(inflow, mesh, **about)]
@@ -182,8 +173,7 @@ def physics(case: Case) -> Physics:
     flows = {message: None for each in whole for message in each.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))
     limit = control.torque_limit
-    radius = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
-    most = MOST_TORQUE * float(torque_scale(case.fluid.density, radius, fastest))
+    most = MOST_TORQUE * float(torque_scale(case.fluid.density, shape.radii[1], fastest))
     if limit is not None and limit > most:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
@@ -283,8 +273,7 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
             raise InputError(problem, remedy, key="limits.cavitation")
         require_suction(polars)
     key = "site.hub_depth" if asked.depth is None else "limits.cavitation.depth"
-    tip = max(shape.blade.rotor_radius, *(shape.radius_bounds or (0.0,)))
-    if depth is not None and depth <= tip:
+    if depth is not None and depth <= (tip := shape.radii[1]):
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
     computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
@@ -349,21 +338,16 @@ def _with_chord_bounds(case: Case, blade: Blade) -> Case:
 def _shape(case: Case, turbine: Turbine) -> Shape:
     """Return the design variables of a case's blade."""
     design, blade, flow = case.design, turbine.blade, Hydrodynamics(turbine.polar)
-    cosine = np.cos(blade.cone)
     if design.hub_inertia_bounds is not None:
         hub = float(np.clip(case.rotor.hub_inertia, *design.hub_inertia_bounds))
         blade = replace(blade, hub_inertia=hub)
-    radius_bounds = None
-    if design.radius_bounds is not None:
-        radius_bounds = tuple(float(bound * cosine) for bound in design.radius_bounds)
+    radius_bounds = design.radius_bounds
+    if radius_bounds is not None:
+        radius_bounds = tuple(float(bound * np.cos(blade.cone)) for bound in radius_bounds)
     if design.blade == "fixed":
-        bounds = design.set_angle_bounds
-        return Shape.fixed(
-            blade,
-            np.deg2rad(case.rotor.set_angle or 0.0),
-            None if bounds is None else tuple(np.deg2rad(bounds)),
-            radius_bounds,
-        )
+        angle, bounds = np.deg2rad(case.rotor.set_angle or 0.0), design.set_angle_bounds
+        bounds = None if bounds is None else tuple(np.deg2rad(bounds))
+        return Shape.fixed(blade, angle, bounds, radius_bounds)
     points = {"chord": design.chord_points, "twist": design.twist_points}
     bounds = {"chord": design.chord_bounds, "twist": tuple(np.deg2rad(design.twist_bounds))}
     if design.thickness_points:

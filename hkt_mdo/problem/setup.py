@@ -142,14 +142,10 @@ def _coefficients(physics, blade, ratios):
 def _graded(low, high, spacing, lowest, highest):
     """Return nodes equally spaced from low to high; beyond, spacing grows by a quarter a step."""
     inner = np.linspace(low, high, int(np.ceil((high - low) / spacing)) + 1)
-
-    def outward(edge, end):
-        steps, place, step = [], edge, spacing
-        while abs(place - edge) < abs(end - edge):
-            step = min(1.25 * step, 8.0 * spacing)
-            place += np.copysign(step, end - edge)
-            steps.append(place)
-        return steps
-
-    nodes = np.array([*reversed(outward(low, lowest)), *inner, *outward(high, highest)])
+    away = spacing * np.cumsum(np.minimum(1.25 ** np.arange(1, 100), 8.0))
+    below, above = (
+        edge + way * away[: np.searchsorted(away, abs(end - edge)) + 1]
+        for edge, end, way in ((low, lowest, -1.0), (high, highest, 1.0))
+    )
+    nodes = np.concatenate((below[::-1], inner, above))
     return nodes[nodes > 0.02]

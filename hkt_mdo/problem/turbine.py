@@ -92,7 +92,8 @@ class _Section(NamedTuple):
     """One section: polars by Reynolds number, thickness, area over chord squared, and outline.
 
     wall is that of a hollow section, None for a solid one. area, moments None: of outline and wall.
-    name is what the polars are called, and shape the outline: empty where another one's is taken.
+    name is what the polars are called, shape the outline: empty where another one's is taken;
+    called is the section's name in tables.
     """
 
     polars: PolarFamily
@@ -103,6 +104,7 @@ class _Section(NamedTuple):
     moments: SecondMoments | None = None
     name: str = ""
     shape: str = ""
+    called: str = ""
 
 
 def build_turbine(
@@ -153,29 +155,30 @@ def build_turbine(
     blade = Blade(*shape, hub_radius, tip_radius, count, float(cone))
     named, notes = _named_sections(rotor, table)
     rotor, chosen = _with_reynolds(rotor, named)
-    messages = (*messages, *notes, *chosen)
-    about = {"sections": tuple(named.values()), "reynolds_number": rotor.reynolds_number}
-    about |= {"doubts": table.doubts, "reach": reach}
     if design is not None and design.thickness_points:
-        polar, area, structure = _by_thickness(rotor, design, named)
+        sections, blended, blends = list(_in_order(named).values()), (), ()
+        polar, area, structure = _by_thickness(rotor, design, sections)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
         blade = replace(blade, thickness=thickness)
-        about |= _shapes([named[name] for name in _in_order(named)])
-        return Turbine(blade, polar, area, thickness, structure, (*read, *messages), **about)
-    sections, blended, blends = _sections(rotor, table, named)
-    sections = [x._replace(area=x.area or material_section(x.outline, x.wall)[0]) for x in sections]
-    families, thickness, area, *_ = zip(*sections, strict=True)
-    if rotor.reynolds == "local":
-        families = families if len(families) > 1 else families * stations.size
-        polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
     else:
-        one = all(family is families[0] for family in families)
-        polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
-        polar = polar[0] if one else polar
-    area, thickness = map(_together, (area, thickness))
-    structure = _structure(rotor, sections)
-    about |= _shapes(sections) | {"messages": (*read, *messages, *blended), "blends": blends}
-    return Turbine(blade, polar, area, thickness, structure, **about)
+        sections, blended, blends = _sections(rotor, table, named)
+        areas = [x.area or material_section(x.outline, x.wall)[0] for x in sections]
+        sections = [x._replace(area=own) for x, own in zip(sections, areas, strict=True)]
+        area, thickness = _together(areas), _together([each.thickness for each in sections])
+        families = [each.polars for each in sections]
+        if rotor.reynolds == "local":
+            families = families if len(families) > 1 else families * stations.size
+            polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
+        else:
+            one = all(family is families[0] for family in families)
+            polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
+            polar = polar[0] if one else polar
+        structure = _structure(rotor, sections)
+    outlines = tuple(each.outline for each in sections)
+    walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
+    about = polar, area, thickness, structure, (*read, *messages, *notes, *chosen, *blended)
+    known = tuple(named.values()), rotor.reynolds_number, table.doubts, reach
+    return Turbine(blade, *about, outlines, walls, blends, *known)
 
 
 def _blade_table(rotor: Rotor) -> tuple[BladeTable, float, float]:
@@ -217,40 +220,40 @@ def _radius(rotor: Rotor, own: float | None) -> float:
     return radius
 
 
-def _stations(rotor, table, tip, hub) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return the radii of the stations (m), and messages about them."""
-    low, high = table.r[0] / tip, table.r[-1] / tip
+def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the radii of the stations, m, and messages about them."""
+    low, high, hub = np.array([table.r[0], table.r[-1], hub_radius]) / tip_radius
     if rotor.stations is None and rotor.station_count is None:
-        own = table.interior(hub)
+        own = table.interior(hub_radius)
         if own.size < 3:
-            problem = f"has {own.size} rows between hub (r/R = {hub / tip:.4g}) and tip"
+            problem = f"has {own.size} rows between hub (r/R = {hub:.4g}) and tip"
             remedy = "give rotor.station_count, such as 10, or at least 3 rows there"
             raise InputError(problem, remedy, file=rotor.blade)
         text = f"{table.r.size - own.size} of {table.r.size} rows lie at hub or tip, where there is"
         left_out = own.size < table.r.size
         notes = [f"{text} no load; the other rows are the stations"] if left_out else []
-        if low > hub / tip + OUTBOARD:
-            text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub / tip:.4g}: the load falls"
+        if low > hub + OUTBOARD:
+            text = f"rows begin at r/R = {low:.4g}, the hub ends at {hub:.4g}: the load falls"
             text += " to zero between them"
             notes.append(f"{text}; with rotor.station_count the first row is continued to the hub")
         return own, tuple(notes)
     if rotor.stations is None:
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
-        fraction = hub / tip + (1.0 - hub / tip) * 0.5 * (1.0 - np.cos(angle))
+        fraction = hub + (1.0 - hub) * 0.5 * (1.0 - np.cos(angle))
     else:
         fraction = np.array(rotor.stations)
-        if fraction[0] * tip <= hub:
-            problem = f"lies on or within the hub, whose radius is {hub:.6g} m"
+        if fraction[0] * tip_radius <= hub_radius:
+            problem = f"lies on or within the hub, whose radius is {hub_radius:.6g} m"
             remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
             raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
     if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):
-        return fraction * tip, ()
+        return fraction * tip_radius, ()
     if rotor.stations is not None:
         reach = f"but rotor.stations reach {fraction[0]:g} … {fraction[-1]:g}"
         problem = f"blade covers r/R = {low:g} … {high:g} {reach}"
         raise InputError(problem, "change them or extend the file", file=rotor.blade)
     text = f"the file covers r/R = {low:.4g} to {high:.4g}: chord, twist and section continue"
-    return fraction * tip, (f"{text} unchanged to hub and tip",)
+    return fraction * tip_radius, (f"{text} unchanged to hub and tip",)
 
 
 def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
@@ -265,18 +268,13 @@ def _at_stations(table: BladeTable, r: np.ndarray) -> BladeTable:
 
 def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tuple]:
     """Return the one section of the blade, or that of every station; messages; and the blends."""
-    called = {
-        entry.name or str(number + 1): entry.name or Path(entry.outline or entry.polar).stem
-        for number, entry in enumerate(rotor.sections)
-    }
     if len(named) == 1:
-        ((name, section),) = named.items()
-        name = called.get(name, name or Path(rotor.polar or POLAR).stem)
+        (section,) = named.values()
         sections, notes = _of_thickness(rotor, table.thickness, section)
-        return sections, notes, ((name, name, 0.0),) * len(sections)
+        return sections, notes, ((section.called, section.called, 0.0),) * len(sections)
     pairs, messages = _pairs(rotor, table, named)
     mixed = [_mixed(named[inner], named[outer], share) for inner, outer, share in pairs]
-    blends = ((called.get(a, a), called.get(b, b), share) for a, b, share in pairs)
+    blends = ((named[a].called, named[b].called, share) for a, b, share in pairs)
     own, told = np.array([each.thickness for each in mixed]), table.thickness
     if table.section and told is not None and np.max(np.abs(own - told)) > OTHER:
         spans = (f"{100.0 * np.min(x):.3g} to {100.0 * np.max(x):.3g} %" for x in (told, own))
@@ -304,16 +302,15 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
     return _alike(sections), (note,)
 
 
-def _by_thickness(rotor, design, named):
-    """Return polars, area and structure over the thickness; refuse sections without an order."""
-    if len(named) < 2:
+def _by_thickness(rotor, design, sections):
+    """Return polars, area and structure over the thickness of sections from thin to thick."""
+    if len(sections) < 2:
         problem, remedy = "needs several sections, of different thickness", "give rotor.sections"
         raise InputError(problem, remedy, key="design.thickness_points")
     if rotor.reynolds == "local":
         problem = "is designed, which local Reynolds numbers do not allow"
         remedy = "give rotor.reynolds: invariant, or leave out design.thickness_points"
         raise InputError(problem, remedy, key="design.thickness_points")
-    sections = [named[name] for name in _in_order(named)]
     thickness = np.array([each.thickness for each in sections])
     low, high = float(thickness[0]), float(thickness[-1])
     bounds = design.thickness_bounds or (low, high)
@@ -323,8 +320,8 @@ def _by_thickness(rotor, design, named):
         raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
     bounds = tuple(float(each) for each in np.clip(bounds, low, high))
     polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
-    structure, area = _structure(rotor, sections, thickness), _together(x.area for x in sections)
-    area = structure.area if area is None else over_thickness(thickness, area)
+    structure, area = _structure(rotor, sections, thickness), [each.area for each in sections]
+    area = structure.area if None in area else over_thickness(thickness, area)
     return ByThickness.of(thickness, polars, bounds), area, structure
 
 
@@ -333,21 +330,14 @@ def _starting_thickness(rotor, table, named) -> np.ndarray:
     if table.thickness is not None:
         return table.thickness
     if table.section is None:
-        ends = [named[name].thickness for name in _in_order(named)]
-        return np.full(table.r.size, 0.5 * (ends[0] + ends[-1]))
+        given = [each.thickness for each in named.values()]
+        return np.full(table.r.size, 0.5 * (min(given) + max(given)))
     return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
 
 
 def _together(values):
-    """Return values of sections as one array; of one section its value, None where they are."""
-    first, *others = values
-    return np.array([first, *others]) if others and first is not None else first
-
-
-def _shapes(sections) -> dict[str, tuple]:
-    """Return the outlines and walls of a `Turbine`."""
-    walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
-    return {"outlines": tuple(each.outline for each in sections), "walls": walls}
+    """Return values of sections as an array; of one section its value."""
+    return np.array(values) if len(values) > 1 else values[0]
 
 
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
@@ -356,18 +346,14 @@ def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickn
     Solid sections have the area of their outline, which is blended between stations; hollow or
     given ones that of the mass, over chord squared, which is linear between stations.
     """
-    material, outlines = rotor.blade_material, [each.outline for each in sections]
-    wall = _together(each.wall for each in sections)
-    about = material.density, material.modulus, wall
-    if thickness is not None:
-        structure = StructureByThickness.of(thickness, outlines, *about)
-    else:
-        structure = Structure.of(outlines if len(outlines) > 1 else outlines[0], *about)
-    moments = sections[0].moments and zip(*(each.moments for each in sections), strict=True)
-    moments = moments and SecondMoments(*map(_together, moments))
-    given = moments or wall is not None or any(each.area is not None for each in rotor.sections)
-    area = _together(each.area for each in sections)
-    return structure.with_section(area, moments) if given and area is not None else structure
+    material, hollow = rotor.blade_material, sections[0].wall is not None
+    walls, given = [each.wall for each in sections] if hollow else None, None
+    if hollow or sections[0].moments or any(each.area is not None for each in rotor.sections):
+        numbers = [(each.area, *(each.moments or ())) for each in sections]
+        given = numbers if sections[0].area is not None else None
+    outlines = [each.outline for each in sections]
+    about = outlines, material.density, material.modulus, walls, given
+    return Structure.of(*about) if thickness is None else StructureByThickness.of(thickness, *about)
 
 
 def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
@@ -402,21 +388,22 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
             raise InputError(problem, remedy, key=f"rotor.sections[{number}]", value=entry.polar)
         outline = None if entry.outline is None else Outline.from_file(entry.outline)
         shape = entry.outline or rotor.outline or ""
-        parts = from_file(entry.polar), outline, entry.thickness, entry, entry.polar, shape
+        names = entry.polar, shape, entry.name or Path(entry.outline or entry.polar).stem
+        parts = from_file(entry.polar), outline, entry.thickness, entry, *names
         named[entry.name or str(number + 1)] = parts
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = Outline(*each.outline) if each.outline else None
             shape = rotor.outline or (rotor.blade if outline else "")
-            polars = PolarFamily.from_tables(each.polars)
-            named[each.name] = polars, outline, each.thickness, None, each.name, shape
+            parts = PolarFamily.from_tables(each.polars), outline, each.thickness, None
+            named[each.name] = *parts, each.name, shape, each.name
         several = sorted({name for pair in table.section or () for name in pair[:2]})
         if not named and several:
             problem = f"names the sections {', '.join(several[:8])}, which nothing describes"
             remedy = "give rotor.sections, one for each, or rotor.polar for all of them"
             raise InputError(problem, remedy, file=rotor.blade)
     polar, shape = rotor.polar or POLAR, rotor.outline or ("" if rotor.polar else OUTLINE)
-    named = named or {"": (from_file(polar), None, None, None, polar, shape)}
+    named = named or {"": (from_file(polar), None, None, None, polar, shape, Path(polar).stem)}
     sections = [_section(rotor, *parts) for parts in named.values()]
     notes = [note for each in sections for note in each.polars.messages]
     other = f"{Path(rotor.outline or OUTLINE).stem}, stretched to the thickness"
@@ -440,7 +427,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     return dict(zip(named, _alike(sections), strict=True)), tuple(dict.fromkeys(notes))
 
 
-def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Section:
+def _section(rotor, polars, outline, thickness, entry, *names) -> _Section:
     """Return a section with the wall, area and second moments that the case gives, if any.
 
     One without an outline has the rotor's, stretched to its thickness.
@@ -451,7 +438,7 @@ def _section(rotor, polars, outline, thickness, entry, name="", shape="") -> _Se
         own = own.stretched(thickness / own.thickness)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
     moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
-    return _Section(polars, thickness, area, own, wall or rotor.wall, moments, name, shape)
+    return _Section(polars, thickness, area, own, wall or rotor.wall, moments, *names)
 
 
 def _alike(sections) -> list[_Section]:
@@ -509,25 +496,25 @@ def _pairs(rotor, table, named):
         problem = f"has neither thickness nor section of its rows, but there are {len(named)}"
         remedy = "add a column t_over_c or section"
         raise InputError(f"{problem} sections", remedy, file=rotor.blade)
-    by_thickness = _in_order(named)
-    values = np.array([named[name].thickness for name in by_thickness])
+    ordered = _in_order(named)
+    names, values = list(ordered), np.array([each.thickness for each in ordered.values()])
     beyond = (table.thickness < values[0] - 1e-3) | (table.thickness > values[-1] + 1e-3)
     text = f"{np.count_nonzero(beyond)} stations are thinner or thicker than every section "
     text += f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)
     places = zip(inner, place, strict=True)
-    pairs = [(by_thickness[i], by_thickness[i + 1], float(at - i)) for i, at in places]
+    pairs = [(names[i], names[i + 1], float(at - i)) for i, at in places]
     return pairs, (text,) if np.any(beyond) else ()
 
 
-def _in_order(named) -> list[str]:
-    """Return the names of sections from the thinnest to the thickest."""
-    names = sorted(named, key=lambda name: named[name].thickness)
-    if np.any(np.diff([named[name].thickness for name in names]) <= 0.0):
+def _in_order(named) -> dict[str, _Section]:
+    """Return sections from the thinnest to the thickest; refuse some that have no order."""
+    ordered = dict(sorted(named.items(), key=lambda pair: pair[1].thickness))
+    if len({each.thickness for each in named.values()}) < len(named):
         problem, remedy = "has two sections of one thickness", "keep one of them"
         raise InputError(problem, remedy, key="rotor.sections")
-    return names
+    return ordered
 
 
 def _invariant(family: PolarFamily, number: float | None) -> Polar:

@@ -97,32 +97,21 @@ Results = Sequence[Labelled]
 # ---- results and their names
 
 
-def labels(solutions: Sequence[Solution]) -> list[str]:
-    """Return what results are called beside one another; "" for a single one.
-
-    Parameters
-    ----------
-    solutions : sequence of Solution
-        The results.
-
-    Returns
-    -------
-    list of str
-        Names of the cases, of the folders where those are equal, and numbers where these are, too.
-    """
-    if len(solutions) == 1:
-        return [""]
-    for name in (lambda each: each.name, lambda each: each.folder.resolve().name):
-        names = [printable(name(each)) for each in solutions]
-        if len(set(names)) == len(names):
-            return names
-    return [f"{index}: {name}" for index, name in enumerate(names, 1)]
-
-
 def labelled(solutions: Solutions) -> list[Labelled]:
-    """Return results with their names."""
+    """Return results with what they are called beside one another.
+
+    That are the names of the cases, those of the folders where these are equal, with numbers where
+    those are, too.
+    """
     several = [solutions] if isinstance(solutions, Solution) else list(solutions)
-    return list(map(Labelled, several, labels(several), range(len(several))))
+    if len(several) == 1:
+        return [Labelled(several[0], "")]
+    names = [printable(each.name) for each in several]
+    if len({*names}) < len(names):
+        names = [printable(each.folder.resolve().name) for each in several]
+    if len({*names}) < len(names):
+        names = [f"{number}: {name}" for number, name in enumerate(names, 1)]
+    return list(map(Labelled, several, names, range(len(several))))
 
 
 def by_scenario(results: Results) -> list[Labelled]:
@@ -174,12 +163,10 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
     found: dict[tuple[str, float], list[str]] = {}
     results = _alone(results)
     for solution, label, _ in results:
-        levels: dict[str, float] = {}
-        for each in LIMITED_BY.get(quantity, (quantity,)):
-            levels |= solution.limit_levels(each)
-        for limit in (each for each in solution.limits if each.name in levels):
+        limits = map(solution.limit_levels, LIMITED_BY.get(quantity, (quantity,)))
+        for limit, level in chain.from_iterable(limits):
             words = f"{limit_words(limit.name)} limit {measured(limit.end, limit.unit or '', 4)}"
-            found.setdefault((words, levels[limit.name]), []).append(label)
+            found.setdefault((words, level), []).append(label)
     named = {}
     for (words, level), names in found.items():
         apart = [] if len(names) == len(results) else list(filter(None, dict.fromkeys(names)))
@@ -220,7 +207,7 @@ def over_flow(results: Results, quantity: str) -> Panel:
     """Return a quantity over the flow speed: mean, 90 % of the instants, steady operation."""
     column = QUANTITIES[quantity].column
     panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
-    panel.from_zero = panel.across_from_zero = panel.left = True  # curves are low on the left
+    panel.from_zero = panel.across_from_zero = True
     for each in results:
         solution, label, table = each.solution, each.label, each.table
         if column not in table:
@@ -320,7 +307,7 @@ def envelope(results: Results, quantity: str, over: str) -> Panel:
     x, column = QUANTITIES[over].column, QUANTITIES[quantity].column
     across = "time (s)" if over == "time" else "inflow speed (m/s)"
     panel, scale = _panel_of(results, quantity, across)
-    panel.left = panel.from_zero = panel.across_from_zero = over != "time"
+    panel.from_zero = panel.across_from_zero = over != "time"
     for each in results:
         tables = [one.table for one in _alone([each], over)]
         parts = [(table[x], scale * table[column]) for table in tables if column in table]
@@ -376,7 +363,7 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
 
 def over_radius(results: Results, column: str) -> Panel:
     """Return a column of the blade over the radius, with the bounds of the design."""
-    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True, left=True)
+    panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True)
     panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
     if panel.curves:
         values = np.concatenate([each.y for each in panel.curves])

@@ -6,7 +6,6 @@ A figure has the panels of a chart (`hkt_mdo.results.charts`) for which a result
 import base64
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
@@ -93,29 +92,3 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
         else:
             drawn[name] = figure_of(several, name)
     return Figures({name: each for name, each in drawn.items() if each})
-
-
-def save_figures(
-    solutions: Solutions, folder: str | Path, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Write the figures of results, as `figures` draws them.
-
-    Parameters
-    ----------
-    solutions : Solution or sequence of Solution
-        Results, which are drawn together.
-    folder : str or Path
-        Where to, made if need be.
-    formats : sequence of str
-        Endings of the files that Matplotlib knows.
-
-    Returns
-    -------
-    list of Path
-
-    Raises
-    ------
-    InputError
-        If a format is not known, when nothing has been written, or a file cannot be written.
-    """
-    return style.save(figures(solutions), folder, formats)

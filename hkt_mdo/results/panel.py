@@ -75,14 +75,15 @@ class Panel:
     from_zero: bool = False
     """Whether the vertical axis begins at zero, if no value is below."""
     across_from_zero: bool = False
-    left: bool = False
-    """Whether the first level has its name on the left."""
     log: bool = False
     log_across: bool = False
     in_scale: bool = False
 
     @property
     def placed_levels(self) -> Iterator[tuple[str, float, bool]]:
-        """Name and value of each level, and whether its name stands on the left."""
+        """Name and value of each level, and whether its name stands on the left.
+
+        The first one does on an axis from zero, on whose left curves are low.
+        """
         for number, (name, level) in enumerate(self.levels.items()):
-            yield name, level, (number + self.left) % 2 == 1
+            yield name, level, (number + self.across_from_zero) % 2 == 1

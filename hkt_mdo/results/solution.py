@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import html
 import os.path
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +28,7 @@ from hkt_mdo.results.words import Row, measured, printable
 if TYPE_CHECKING:
     from hkt_mdo.results.design import Design
 
-__all__ = ["TABLES", "ScenarioTables", "Solution"]
+__all__ = ["TABLES", "Solution"]
 
 MAX_BYTES, MAX_CSV_BYTES = 16 * 1024**2, 64 * 1024**2
 """Largest summary and largest table that are read."""
@@ -43,42 +43,16 @@ TABLES: dict[str, dict[str, Sequence[Any]]] = {
 }
 """Unit (None: dimensionless) and description of each column of each table of a result."""
 
-_ASKED = {QUANTITIES[name].column for name in (*LOADS, *RATES)}
-_MAYBE = {
-    "trajectory": _ASKED,
-    "simulation": _ASKED,
-    "loads": {"stress_Pa", "flapwise_moment_Nm", "cavitation"},
-    "coefficients": {"thrust_coefficient", "start_thrust_coefficient"},
-}
+_MAYBE = {"flapwise_moment_Nm", "thrust_coefficient", "start_thrust_coefficient"}
+_MAYBE |= {QUANTITIES[name].column for name in (*LOADS, *RATES)}
 """Columns that are there only if they are known of the rotor; older results lack them."""
 
 
+Table = dict[str, np.ndarray]
 _OF_SCENARIOS = ("trajectory", "simulation", "loads", "year")
 _OF_RESULT = ("coefficients", "convergence")
 _ONLY = "phase"
 """Name of the scenario of an older result, and of one that did not come to its end."""
-
-
-@dataclass(frozen=True, eq=False)
-class ScenarioTables:
-    """The tables of one scenario, column[n_rows] by name; empty where the run did not reach them.
-
-    Attributes
-    ----------
-    trajectory : dict of ndarray
-        The optimized trajectory at the collocation nodes.
-    simulation : dict of ndarray
-        The independent integration of the same design.
-    loads : dict of ndarray
-        Loads along the blade at the times of the largest stress and of the largest suction.
-    year : dict of ndarray
-        Power curve and energy by bins of the flow speed, of a steady scenario.
-    """
-
-    trajectory: dict[str, np.ndarray]
-    simulation: dict[str, np.ndarray]
-    loads: dict[str, np.ndarray]
-    year: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,8 +71,8 @@ class Solution:
         The case that was run, every default written out.
     summary : Summary
         Figures of merit: attributes, or values by the keys of ``summary.json``.
-    tables : dict of ScenarioTables
-        Tables over time and along the blade, by scenario.
+    tables : dict of dict
+        Tables over time and along the blade by their names, by scenario.
     coefficients, convergence : dict of ndarray
         Tables of the whole result: column[n_rows] by name; `TABLES` has units and meanings.
     """
@@ -106,9 +80,9 @@ class Solution:
     folder: Path
     case: Case
     summary: Summary
-    tables: dict[str, ScenarioTables]
-    coefficients: dict[str, np.ndarray]
-    convergence: dict[str, np.ndarray]
+    tables: dict[str, dict[str, Table]]
+    coefficients: Table
+    convergence: Table
 
     @classmethod
     def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
@@ -144,8 +118,7 @@ class Solution:
         names, tables = tuple(summary.scenarios or (_ONLY,)), {}
         for name in names:
             suffix = f"_{name}" if len(names) > 1 else ""
-            found = (_read_table(folder, table, suffix) for table in _OF_SCENARIOS)
-            tables[name] = ScenarioTables(*found)
+            tables[name] = {each: _read_table(folder, each, suffix) for each in _OF_SCENARIOS}
         whole = (_read_table(folder, name) for name in _OF_RESULT)
         return cls(folder, case, summary, tables, *whole)
 
@@ -191,34 +164,34 @@ class Solution:
         """The results of all scenarios, each alone."""
         return tuple(self.scenario(name) for name in self.tables)
 
-    def _only(self) -> ScenarioTables:
-        """Return the tables of the only scenario."""
+    def _only(self, table: str) -> Table:
+        """Return a table of the only scenario."""
         first = next(iter(self.tables))
         if len(self.tables) > 1:
             problem = f"has several scenarios: {', '.join(self.tables)}"
             remedy = f"choose one, such as solution.scenario({first!r}), or --scenario {first}"
             raise InputError(problem, remedy, file=self.folder)
-        return self.tables[first]
+        return self.tables[first].get(table, {})
 
     @property
-    def trajectory(self) -> dict[str, np.ndarray]:
+    def trajectory(self) -> Table:
         """The optimized trajectory at the collocation nodes, of the only scenario."""
-        return self._only().trajectory
+        return self._only("trajectory")
 
     @property
-    def simulation(self) -> dict[str, np.ndarray]:
+    def simulation(self) -> Table:
         """The independent integration of the same design, of the only scenario."""
-        return self._only().simulation
+        return self._only("simulation")
 
     @property
-    def loads(self) -> dict[str, np.ndarray]:
+    def loads(self) -> Table:
         """Loads along the blade at the times of the largest ones, of the only scenario."""
-        return self._only().loads
+        return self._only("loads")
 
     @property
-    def year(self) -> dict[str, np.ndarray]:
+    def year(self) -> Table:
         """Power curve and energy of a year by bins of the flow speed, of the only scenario."""
-        return self._only().year
+        return self._only("year")
 
     @property
     def steady(self) -> bool:
@@ -238,7 +211,7 @@ class Solution:
         InputError
             If the run did not finish, or a file that the case names is missing or broken.
         """
-        if self.summary.chord_m is None or not all(x.trajectory for x in self.tables.values()):
+        if self.summary.chord_m is None or not all(x["trajectory"] for x in self.tables.values()):
             remedy = "run the case again, or resume it"
             raise InputError("holds no finished design", remedy, file=self.folder)
         from hkt_mdo.results.design import Design
@@ -306,7 +279,7 @@ class Solution:
         known = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
         return {"density": density} | {k: x for k, x in known.items() if x is not None}
 
-    def limit_shares(self) -> dict[str, np.ndarray]:
+    def limit_shares(self) -> Table:
         """Return how much of each limit is used, (n_times,), by its name: 1 is the limit.
 
         Of `simulation`, else of `trajectory`. A limit is left out if the table lacks its
@@ -319,18 +292,17 @@ class Solution:
             each.name: each.share(known) for each in self.limits if known.keys() >= set(each.inputs)
         }
 
-    def limit_levels(self, quantity: str) -> dict[str, float]:
-        """Return the values of a quantity or load at which limits of it are met, by their names.
+    def limit_levels(self, quantity: str) -> Iterator[tuple[Limit, float]]:
+        """Yield limits of a quantity or load, and the value of it at which each is met.
 
-        Those of limits that are proportional to it, as the tip speed's is to `rotor_speed`.
+        Those that are proportional to it, as the tip speed is to `rotor_speed`.
         """
-        levels, known = {}, self._scalars
+        known = self._scalars
         for each in self.limits:
             if quantity in each.inputs and {quantity, *known} >= set(each.inputs):
                 one, two = (each.value_of(known | {quantity: x}) for x in (1.0, 2.0))
                 if one > 0.0 and two == 2.0 * one:
-                    levels[each.name] = float(each.end / one)
-        return levels
+                    yield each, float(each.end / one)
 
     @property
     def failed_checks(self) -> tuple[str, ...]:
@@ -348,12 +320,12 @@ class Solution:
         }
 
     @property
-    def blade(self) -> dict[str, np.ndarray]:
+    def blade(self) -> Table:
         """Chord and twist of the blade and of the blade at the start, column[n_stations]."""
         columns = {name: getattr(self.summary, name) for name in BLADE}
         return {name: np.array(values) for name, values in columns.items() if values is not None}
 
-    def table(self, name: str, scenario: str | None = None) -> dict[str, np.ndarray]:
+    def table(self, name: str, scenario: str | None = None) -> Table:
         """Return a table.
 
         Parameters
@@ -377,7 +349,7 @@ class Solution:
         if name not in TABLES:
             raise InputError("unknown table", f"known: {', '.join(TABLES)}", value=name)
         one = self if scenario is None else self.scenario(scenario)
-        table: dict[str, np.ndarray] = getattr(one, name)
+        table: Table = getattr(one, name)
         if not table:
             raise InputError(f"has no {name}", "let the run finish", file=self.folder)
         return table
@@ -461,16 +433,15 @@ def _package(name: str) -> Any:
     return needed(name, f"install it with: pip install {name}")
 
 
-def _read_table(folder: Path, name: str, suffix: str = "") -> dict[str, np.ndarray]:
+def _read_table(folder: Path, name: str, suffix: str = "") -> Table:
     """Return a table of `TABLES`, which may hold nan and inf; empty without file or rows.
 
     `suffix`: what the name of the file has besides that of the table.
     """
-    path, maybe = folder / f"{name}{suffix}.csv", _MAYBE.get(name, set())
+    path, columns = folder / f"{name}{suffix}.csv", tuple(TABLES[name])
     if not path.exists():
         return {}
-    columns = tuple(TABLES[name])
-    required = [column for column in columns if column not in maybe]
+    required = [column for column in columns if column not in _MAYBE]
     text = read_text(path, "table of a result", MAX_CSV_BYTES)
     table = Csv(text, path, ",".join(required), columns)
     table.check(required, "table of a result")

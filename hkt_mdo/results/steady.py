@@ -129,7 +129,7 @@ def rated_point(solution: Solution) -> tuple[float, float] | None:
     tuple of float or None
         None where no steady curve is known, or no limit of the power is met within it.
     """
-    levels = [*solution.limit_levels("generator_power").values()]
+    levels = [level for _, level in solution.limit_levels("generator_power")]
     curve = steady_curve(solution)
     if not (levels and curve):
         return None

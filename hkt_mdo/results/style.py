@@ -142,7 +142,11 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
     elif panel.from_zero and all(np.nanmin(x) > -0.01 * np.nanmax(x) for x in values if x.size):
         ax.set_ylim(bottom=0.0)
     elif not panel.log and not bars:
-        _widen(ax)
+        # at least 1 % of the value, so that a constant is a straight line
+        low, high = ax.get_ylim()
+        middle = 0.5 * (low + high)
+        half = max(0.5 * (high - low), 0.005 * abs(middle))
+        ax.set_ylim(middle - half, middle + half)
     if panel.across_from_zero:
         ax.set_xlim(left=0.0)
     for name, value, left in panel.placed_levels:
@@ -241,14 +245,6 @@ def legend(axes: Sequence[Axes]) -> int:
     look = {"fontsize": FONT_SIZE, "frameon": False, "borderaxespad": 0.2}
     axes[0].legend(list(entries.values()), list(entries), **place, **look)
     return -(-len(entries) // columns)
-
-
-def _widen(ax: Axes) -> None:
-    """Give the vertical axis at least 1 % of the value, so that a constant is a straight line."""
-    low, high = ax.get_ylim()
-    middle = 0.5 * (low + high)
-    half = max(0.5 * (high - low), 0.005 * abs(middle))
-    ax.set_ylim(middle - half, middle + half)
 
 
 _OPTIONS: dict[str, dict[str, Any]] = {

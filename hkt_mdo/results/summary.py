@@ -18,19 +18,8 @@ from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.problem.point import StartRecord
-from hkt_mdo.results.words import (
-    Row,
-    amounts,
-    bends_far,
-    joined,
-    limit_words,
-    measured,
-    per_cent,
-    printable,
-    tip_deflection,
-    water_inertia,
-    weight_moment,
-)
+from hkt_mdo.results.rows import bending, bends_far, water_inertia
+from hkt_mdo.results.words import Row, amounts, joined, limit_words, measured, per_cent, printable
 
 VERSION = 1
 """Version of `summary.json`; a summary without one is older, and is read too."""
@@ -56,6 +45,9 @@ ALWAYS = 0.999
 
 CAPS = "control_torque", "power", "electrical_power"
 """Limits that decide a gain alone where they always bind."""
+
+WHERE = "time_s", "flow_m_s", "r_m", "scenario"
+"""Fields of an entry that tell when and where a value occurs."""
 
 FAST = 14.1
 """Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
@@ -98,10 +90,21 @@ class CheckEntry(_Entry):
 
 
 class LoadEntry(_Entry):
-    """The largest value of a load, a speed or a power along the integration, when and where."""
+    """The largest value of a load or of what a limit is on, when and where.
+
+    Of a limit it is the value closest to the bound `limit`, the smallest of a `lower` one, with
+    whether that is reached. Of a limit over time also in which share of the time it binds, and its
+    worth, by how much the objective (J) would grow with a limit one per cent larger.
+    """
 
     value: _Number = None
     unit: str = ""
+    limit: _Number = None
+    """None: there is no limit."""
+    lower: bool = False
+    binding: bool | None = None
+    share_of_time: _Number = None
+    worth: _Number = None
     time_s: _Number = None
     r_m: _Number = None
     """Where along the blade, if it is a load along the blade."""
@@ -119,25 +122,6 @@ class LoadEntry(_Entry):
             "" if self.r_m is None else f"r = {self.r_m:.3f} m",
             "" if self.scenario is None else f"in {self.scenario}",
         )
-
-    def row(self, name: str) -> Row:
-        """Return the entry as a row; `name` is that of the load."""
-        return Row(_largest(name), self.value, self.unit, self.place)
-
-
-class LimitEntry(LoadEntry):
-    """A limit: the value closest to it, the limit, and whether it is reached.
-
-    That is the largest value, or the smallest of a `lower` limit. Of a limit over time: when, in
-    which share of the time the limit binds, and its worth, by how much the objective (J) would grow
-    with a limit one per cent larger.
-    """
-
-    limit: _Number = None
-    lower: bool = False
-    binding: bool | None = None
-    share_of_time: _Number = None
-    worth: _Number = None
 
     @property
     def margin(self) -> str:
@@ -157,11 +141,12 @@ class LimitEntry(LoadEntry):
             "" if worth is None else f"1 % more would {verb} {measured(abs(worth), 'J', 3)}",
         )
 
-    def row(self, name: str, load: LoadEntry | None = None) -> Row:
-        """Return the entry as a row; the load of that name, if there is one, knows the place."""
+    def row(self, name: str) -> Row:
+        """Return the entry as a row; `name` is that of the load or the limit."""
         limit = f"{'at least' if self.lower else 'limit'} {measured(self.limit, self.unit)}"
-        note = joined(limit, self.margin, (load or self).place)
-        return Row(_largest(name, self.lower), self.value, self.unit, note)
+        note = joined("" if self.limit is None else limit, self.margin, self.place)
+        label = f"{'smallest' if self.lower else 'largest'} {limit_words(name)}"
+        return Row(label, self.value, self.unit, note)
 
 
 class MemoryEntry(_Entry):
@@ -378,11 +363,29 @@ class Achieved(_Entry):
     tip_speed_ratio: Span | None = None
     operation: OperationEntry | None = None
     """Intervals of operation; None where the machine never stands still."""
-    limits: dict[str, LimitEntry] | None = None
+    limits: dict[str, LoadEntry] | None = None
     loads: dict[str, LoadEntry] | None = None
     """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
     the hub and the suction of the sections are known, cavitation; shaft power of the generator,
     rotor speed and tip speed."""
+
+    def at_limits(self) -> dict[str, tuple[str, LoadEntry]]:
+        """Return name and entry of each limit and of each load without one, by words for them.
+
+        A limit has the place of its load. A load whose largest value is that of another scenario
+        than the limit's is an entry of its own.
+        """
+        limits, loads, found = self.limits or {}, self.loads or {}, {}
+        for name in limits | loads:
+            load, words = loads.get(name), limit_words(name)
+            limit = limits.get(name, load)
+            found[words] = name, limit
+            if load and load.scenario != limit.scenario:
+                found[f"{words} of all"] = name, load
+            elif load:
+                where = {x: getattr(load, x) for x in WHERE}
+                found[words] = name, limit.model_copy(update=where)
+        return found
 
 
 class ScenarioEntry(Achieved):
@@ -739,15 +742,7 @@ class Summary(Achieved, Mapping[str, Any]):
     def _operation(self, case: Case) -> Iterator[Row]:
         """Yield the rows of operation, limits and loads, and of the blade's bending."""
         yield from _in_operation(self, case, case.phase.duration, apart="control_torque")
-        if self.tip_deflection_m is not None:
-            yield tip_deflection(self.tip_deflection_m, self.tip_radius_m)
-        if self.weight_moment_Nm is not None:
-            yield weight_moment(self.weight_moment_Nm)
-
-
-def _largest(name: str, lower: bool = False) -> str:
-    """Return the label of the largest value of a limit or a load, the smallest of a lower limit."""
-    return f"{'smallest' if lower else 'largest'} {limit_words(name)}"
+        yield from bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
 
 
 def _in_operation(
@@ -757,25 +752,10 @@ def _in_operation(
     yield from of.year.rows() if of.year else ()
     if of.operation is not None:
         yield of.operation.row(duration)
-    for words, (name, load, limit) in at_limits(of).items():
-        row = limit.row(words, load) if limit else load.row(words)
+    for words, (name, entry) in of.at_limits().items():
         if name != apart:
-            yield replace(row, note=joined(row.note, "" if limit else unasked(name, load, case)))
-
-
-def at_limits(of: Summary | ScenarioEntry) -> dict[str, tuple[str, Any, Any]]:
-    """Return name, largest load and limit by words for them, None for what there is not.
-
-    A load whose largest value is that of another scenario than the limit's has a place of its own.
-    """
-    limits, loads, found = of.limits or {}, of.loads or {}, {}
-    for name in limits | loads:
-        load, limit, words = loads.get(name), limits.get(name), limit_words(name)
-        elsewhere = load and limit and load.scenario != limit.scenario
-        found[words] = name, None if elsewhere else load, limit
-        if elsewhere:
-            found[f"{words} of all"] = name, load, None
-    return found
+            row = entry.row(words)
+            yield replace(row, note=joined(row.note, unasked(name, entry, case)))
 
 
 def unasked(name: str, load: LoadEntry, case: Case) -> str:

@@ -1,12 +1,12 @@
 """The charts of a sweep, Pareto front and map, and its figures, with parallel coordinates."""
 
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import style
@@ -87,27 +87,23 @@ def plot_parallel(table: SweepTable, ax: Axes) -> Axes:
 _OUTCOMES = "objective", "mass_kg", "thrust_N", "stress_Pa"
 
 
-def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png",)) -> list[Path]:
+def sweep_figures(table: SweepTable) -> dict[str, Figure]:
     """Draw front, map and parallel coordinates of a sweep, as far as it has their data.
 
     Parameters
     ----------
     table : SweepTable
         The table of the sweep.
-    folder : pathlib.Path
-        Where to.
-    formats : sequence of str
-        File formats, such as png or pdf.
 
     Returns
     -------
-    list of pathlib.Path
-        The files.
+    dict of matplotlib.figure.Figure
+        By name.
 
     Raises
     ------
     InputError
-        If no run is verified, or a format is unknown.
+        If no run is verified.
     """
     if not table.verified.any():
         raise InputError("has no verified run to draw", "see its column message", file=table.folder)
@@ -118,4 +114,4 @@ def save_figures(table: SweepTable, folder: Path, formats: Sequence[str] = ("png
     titles = {"front": "Pareto front", "map": "objective over two keys"}
     for name, panel in sweep_charts(table).items():
         figures[name] = style.figure_of_panels([panel], 6.2, 3.1, f"{case}: {titles[name]}")
-    return style.save(figures, folder, formats)
+    return figures

@@ -1,26 +1,17 @@
 """Rows of a report, and quantities as people read them: kilojoules, kilowatts, rpm beside rad/s."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import timedelta
 from itertools import groupby, zip_longest
 from operator import itemgetter
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
-BENT = 0.1  # deflection of a tip over the radius above which its loads do not hold
 PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
 _SMALL = "m", "s"
-_IDLE = (
-    *("start", "phase", "scale", "gaps", "spikes", "uneven"),
-    *("turbulence_intensity", "reversal", "availability", "array_losses", "electrical_losses"),
-    *("speed_uncertainty", "reversed_polar"),
-)
-"""Keys of a flow that are not shown if they have their defaults."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +54,12 @@ class Row:
 def texts(rows: Iterable[Row]) -> dict[str, str]:
     """Return the texts of rows by their labels."""
     return {row.label: row.text for row in rows}
+
+
+def aligned(columns: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[Any]]]:
+    """Return cells by their labels as rows, one cell a column; "" where there is none."""
+    names = dict.fromkeys(label for column in columns for label in column)
+    return [(name, [column.get(name, "") for column in columns]) for name in names]
 
 
 def joined(*texts: str) -> str:
@@ -156,53 +153,3 @@ def powers(values: Any) -> str:
     ends = (f"{end:.1e}".split("e") for end in (np.min(values), np.max(values)))
     texts = (f"{digits.removesuffix('.0')}e{int(power)}" for digits, power in ends)
     return " to ".join(dict.fromkeys(texts))
-
-
-def duration(seconds: float) -> str:
-    """Return a time in s, and in hours, minutes and seconds where it is long."""
-    clock = f" ({timedelta(seconds=round(seconds))})" if seconds >= 120.0 else ""
-    return f"{seconds:g} s{clock}"
-
-
-def flow_words(section: Any) -> str:
-    """Return the kind of a flow and the values that make it, without those that change nothing."""
-    if section.profile == "sum":
-        return " + ".join(flow_words(part) for part in section.parts)
-    words = []
-    for name, field in type(section).model_fields.items():
-        value, usual = getattr(section, name), field.default
-        if name == "file" and value is not None:
-            words.insert(0, Path(value).name)
-        elif name == "constituents":
-            words += [part.name or duration(part.period) for part in value]
-        elif name != "profile" and value is not None and (name not in _IDLE or value != usual):
-            unit = plain_unit(type(section).unit_of(name))
-            words.append(f"{name.replace('_', ' ')} {measured(value, '', 4)} {unit}".rstrip())
-    return f"{section.profile}: {', '.join(words)}"
-
-
-def water_inertia(estimates: tuple[float, float], inertia: float, model: str) -> Row:
-    """Return the row of the water's inertia, two estimates beside that of the rotor (kg m²)."""
-    shares = measured(tuple(100.0 * each / inertia for each in estimates), "%", 3)
-    counted = "not counted in it" if model == "none" else f"as {model} counted in it"
-    note = f"as plates to ellipses, {shares} of the inertia, {counted}"
-    return Row("inertia of water", estimates, "kg*m**2", note, 3)
-
-
-def weight_moment(moment: float) -> Row:
-    """Return the row of the moment of a blade's weight in water at the hub's radius (N*m)."""
-    note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
-    return Row("weight in water", abs(moment), "N*m", note, 3)
-
-
-def bends_far(deflection: float | None, radius: float | None) -> Iterator[str]:
-    """Yield that a tip's deflection (m) is out of a beam's range, where it is."""
-    if deflection and radius and deflection > BENT * radius:
-        share = f"{per_cent(deflection, radius, 3) or 'over 10000 %'} of the radius"
-        yield f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %"
-
-
-def tip_deflection(deflection: float, radius: float | None) -> Row:
-    """Return the row of a tip's deflection (m), a share of the radius (m) where that is known."""
-    share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""
-    return Row("largest tip deflection", deflection, "m", joined(share, "as a linear beam"), 4)

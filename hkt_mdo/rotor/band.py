@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.loads import radius_slope
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -23,30 +22,6 @@ BEYOND = 0.1
 """Share of the range of a table's tip speed ratios by which the wake's may be beyond them."""
 PLACE = 0.7
 """r/R of the induction that decides the wake's time constant."""
-
-
-TORQUE_TABLE = "Q / (0.5 rho V^2 pi R^3) at the nodes"
-
-
-def load_table(name, shape, where=""):
-    """Return shape, units and description of a load's table, as OpenMDAO takes them.
-
-    Parameters
-    ----------
-    name : str
-        Name of the load.
-    shape : tuple of int
-        Shape of the table.
-    where : str
-        Where the load is that of the table, in words.
-
-    Returns
-    -------
-    dict
-        With the keys shape, units and desc.
-    """
-    about = {"units": QUANTITIES[name].per_pressure, "desc": f"{name} / (0.5 rho v^2){where}"}
-    return {"shape": shape, **about}
 
 
 def place_shares(places):
@@ -142,7 +117,7 @@ class Band:
         return cls(nodes, weights, place_shares(places), share, direction)
 
     def outputs(self, names):
-        """Return shape and description of each table of `solve`, as OpenMDAO takes them.
+        """Return the shape of each table of `solve`.
 
         Parameters
         ----------
@@ -151,18 +126,13 @@ class Band:
 
         Returns
         -------
-        dict of dict
-            By the names of the tables: shape, units and description.
+        dict of tuple of int
+            By the names of the tables.
         """
-        one, whole = self.nodes.shape, (self.nodes.size * FACTORS.size,)
-        behind = " about the wake's tip speed ratios"
-        return {
-            "torque_coefficient_table": {"shape": one, "desc": TORQUE_TABLE},
-            "wake_induction_table": {"shape": one, "desc": "mean axial induction in equilibrium"},
-            "place_induction_table": {"shape": one, "desc": f"axial induction at {PLACE} R"},
-            "torque_coefficient_band": {"shape": whole, "desc": f"torque coefficient{behind}"},
-            **{f"{name}_band": load_table(name, whole, behind) for name in names},
-        }
+        over_nodes = "torque_coefficient_table", "wake_induction_table", "place_induction_table"
+        bands = (f"{name}_band" for name in ("torque_coefficient", *names))
+        whole = (self.nodes.size * FACTORS.size,)
+        return dict.fromkeys(over_nodes, self.nodes.shape) | dict.fromkeys(bands, whole)
 
     @cached_property
     def spline(self):

@@ -430,9 +430,9 @@ def _solve(
 ):  # fmt: skip
     """Solve all stations at all points. Arrays are station-major, so that writes are in order.
 
-    Station j has the polar section[j] or, where mixture is not empty, the polars from section[j] on
-    times the weights mixture[0, j, i], whose derivatives by the other variable are mixture[1, j,
-    i]; mixture[:, j, 0] where all points have the same.
+    Station j has the polars from section[j] on times the weights mixture[0, j, i], whose
+    derivatives by the other variable are mixture[1, j, i]; mixture[:, j, 0] where all points have
+    the same.
 
     Raises
     ------
@@ -451,12 +451,12 @@ def _solve(
     knots, n_knots = np.empty((7, MOST_KNOTS)), 0
     mixed, by_followed = np.empty_like(polars[0]), (0.0, 0.0)
     for j in range(n_stations):
-        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
-        polar = mixed if n_mixed else station_polars[0]
+        station_polars = polars[section[j] : section[j] + n_mixed]
+        polar = mixed if n_mixed > 1 else station_polars[0]
         station = chord[j], twist[j], r[j], hub_radius, tip_radius, blade_count, polar
         for i in range(n_points):
             lambda_r = tip_speed_ratio[i] * r[j] / tip_radius
-            if n_mixed and i <= last:
+            if n_mixed > 1 and i <= last:
                 _mix(station_polars, mixture[0, j, i], mixed)
             if last > 0:
                 n_knots = _curve(lambda_r, station, knots)
@@ -465,7 +465,7 @@ def _solve(
             phi, terms = _first_root(lambda_r, knots, n_knots, station)
             branch[j, i] = _store(phi, terms, lambda_r, chord[j], twist[j], (j, i), state)
             if with_derivatives and branch[j, i] >= 0:
-                if n_mixed:
+                if n_mixed > 1:
                     slopes = mixture[1, j, min(i, last)]
                     by_followed = _mixed_force(phi, twist[j], station_polars, slopes)
                 out = derivatives[:, :, j, i]
@@ -481,13 +481,11 @@ def _forces(phi, twist, polars, section, weights):
     of its mixture. All but the polars may be complex.
     """
     n_mixed, last = weights.shape[2], weights.shape[1] - 1
-    one = np.ones(1, dtype=weights.dtype)
     found = np.empty((2, *phi.shape), dtype=phi.dtype)
     for j in range(phi.shape[1]):
-        station_polars = polars[section[j] : section[j] + max(n_mixed, 1)]
+        station_polars = polars[section[j] : section[j] + n_mixed]
         for i in range(phi.shape[0]):
-            own = weights[j, min(i, last)] if n_mixed else one
-            force = _mixed_force(phi[i, j], twist[j], station_polars, own)
+            force = _mixed_force(phi[i, j], twist[j], station_polars, weights[j, min(i, last)])
             found[0, i, j], found[1, i, j] = force
     return found
 
@@ -526,7 +524,8 @@ def station_polars(polar, n_stations):
 
 def _arguments(blade, polar, blade_ratio=()):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
-    stations, mixture = station_polars(polar, blade.r.size), np.empty((2, 0, 0, 0))
+    stations = station_polars(polar, blade.r.size)
+    mixture = np.repeat([1.0, 0.0], len(stations)).reshape(2, -1, 1, 1)  # of one polar each
     if isinstance(polar, LocalReynolds | ByThickness):
         mixture = polar.mixture(blade, blade_ratio)
     places = {family: i * len(family) for i, family in enumerate(dict.fromkeys(stations))}

@@ -7,7 +7,6 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.band import TORQUE_TABLE, load_table
 from hkt_mdo.rotor.bem import STEP
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -173,7 +172,7 @@ class TablesComp(BladeComp):
     Inputs are those of `BladeComp`, and tip_speed_ratio[n_nodes] if the nodes vary. Outputs are
     torque_coefficient_table[n_nodes], if torque is asked for, and for each load a
     <load>_table[n_nodes], its smooth largest value along the blade (`Load.envelope`) over the
-    dynamic pressure 0.5 rho v².
+    dynamic pressure 0.5 rho v²; and, if asked for, weight_stress (Pa) of `LoadModel.weight_stress`.
 
     Parameters
     ----------
@@ -189,12 +188,16 @@ class TablesComp(BladeComp):
         Loads with a table, some of the rotor's `load_names`.
     band : Band or None
         With it, the tables are those of `Band.solve`.
+    weight : bool
+        Whether the stress by the weight in water is computed, where the nodes do not vary.
     """
 
-    def __init__(self, rotor, blade, nodes, *, vary=False, torque=True, loads=(), band=None):
+    def __init__(
+        self, rotor, blade, nodes, *, vary=False, torque=True, loads=(), band=None, weight=False
+    ):
         super().__init__(rotor, blade)
         self._nodes, self._vary, self._torque = nodes, vary, torque
-        self._loads, self._band = loads, band
+        self._loads, self._band, self._weight = loads, band, weight
 
     def setup(self):
         super().setup()
@@ -202,20 +205,19 @@ class TablesComp(BladeComp):
         rows = np.arange(self._nodes.size)
         if self._vary:
             self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
-        for name, about in self._described().items():
-            self.add_output(name, **about)
+        names = *["torque_coefficient"] * self._torque, *self._loads
+        shapes = dict.fromkeys([f"{name}_table" for name in names], self._nodes.shape)
+        if self._band is not None:
+            shapes = self._band.outputs(self._loads)
+        shapes |= dict.fromkeys(["weight_stress"] * self._weight, (1,))
+        for name, shape in shapes.items():
+            load = QUANTITIES.get(name.rpartition("_")[0])
+            units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
+            text = f"{name.replace('_', ' ')} of the blade"
+            self.add_output(name, shape=shape, units=units, desc=text)
             self.declare_partials(name, self.inputs_of_blade)
             if self._vary:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
-
-    def _described(self):
-        """Return the metadata of each table."""
-        if self._band is not None:
-            return self._band.outputs(self._loads)
-        shape = self._nodes.shape
-        tables = {f"{name}_table": load_table(name, shape) for name in self._loads}
-        torque = {"torque_coefficient_table": {"shape": shape, "desc": TORQUE_TABLE}}
-        return torque | tables if self._torque else tables
 
     def _tables(self, inputs):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
@@ -228,9 +230,10 @@ class TablesComp(BladeComp):
 
     def _solve(self, blade, ratio):
         """Return the tables of a blade over tip speed ratios."""
-        rotor, loads, tables = self._rotor, self._loads, {}
+        rotor, loads = self._rotor, self._loads
+        tables = {"weight_stress": rotor.weight_stress(blade)} if self._weight else {}
         if self._band is not None:
-            return self._band.solve(rotor, blade, loads, derivatives=True)
+            return tables | self._band.solve(rotor, blade, loads, derivatives=True)
         flow = rotor.sections(blade, ratio, derivatives=True)
         if self._torque:
             found = rotor.coefficients(blade, ratio, True, flow)
@@ -298,29 +301,6 @@ class InertiaComp(BladeComp):
             partials["inertia", name] = np.imag(moved.inertia) / STEP
 
 
-class WeightComp(BladeComp):
-    """Largest stress in a blade by its weight in water; see `LoadModel.weight_stress`.
-
-    Inputs are those of `BladeComp`, output weight_stress (Pa).
-    """
-
-    def setup(self):
-        super().setup()
-        self.add_output("weight_stress", units="Pa", desc="largest stress by the weight in water")
-        self.declare_partials("*", "*")
-
-    def compute(self, inputs, outputs):
-        outputs["weight_stress"] = self._solve(inputs).values
-
-    def compute_partials(self, inputs, partials):
-        found = self._solve(inputs)
-        for name in self.inputs_of_blade:
-            partials["weight_stress", name] = getattr(found, f"by_{name}")
-
-    def _solve(self, inputs):
-        return self._rotor.weight_stress(self.blade_of(inputs))
-
-
 class BladeGroup(om.Group):
     """The blades of a rotor: mass, inertia and tables over the tip speed ratio from their shape.
 
@@ -340,7 +320,7 @@ class BladeGroup(om.Group):
     shape : Shape or None
         The shape of the blade, if it is designed by control points.
     **tables : dict
-        `nodes`, `vary`, `torque`, `loads` and `band` of `TablesComp`.
+        `nodes`, `vary`, `torque`, `loads`, `band` and `weight` of `TablesComp`.
     """
 
     def __init__(self, rotor: RotorModel, blade: Blade, shape: Shape | None = None, **tables):
@@ -356,5 +336,5 @@ class BladeGroup(om.Group):
                 self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
-        if tables.get("torque", True) or tables.get("loads") or tables.get("band"):
+        if tables.get("torque", True) or any(map(tables.get, ("loads", "band", "weight"))):
             self.add_subsystem("tables", TablesComp(rotor, blade, **tables), promotes=["*"])

@@ -193,11 +193,16 @@ class Hydrodynamics:
         InputError
             Where a polar has no suction.
         """
-        if self.follows_thickness:
-            return self.polar.suction_at(angle_of_attack, *thickness)
-        polars = (self.polar,) if isinstance(self.polar, Polar) else self.polar
+        own = self.polar.sections if self.follows_thickness else self.polar
+        polars = (own,) if isinstance(own, Polar) else own
         require_suction(polars)
-        return curves_at(stacked(polars, "suction"), angle_of_attack, (np.arange(len(polars)),))
+        curves, each = stacked(polars, "suction"), (np.arange(len(polars)),)
+        if not self.follows_thickness:
+            return curves_at(curves, angle_of_attack, each)
+        suction, by_angle = curves_at(curves, angle_of_attack[..., None], each)
+        weights, slopes = self.polar.weights(*thickness)
+        pairs = (weights, suction), (weights, by_angle), (slopes, suction)
+        return tuple(np.sum(weight * value, axis=-1) for weight, value in pairs)
 
     def best_sections(self, blade, tip_speed_ratio, bounds):
         """Return the best section of every station; see `hkt_mdo.rotor.best_section`.

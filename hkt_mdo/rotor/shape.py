@@ -141,6 +141,17 @@ class Shape:
         return cls(blade, offsets, bases, bounds, radius_bounds)
 
     @property
+    def radii(self):
+        """Smallest and largest radius of the disc; equal where it is not designed.
+
+        Returns
+        -------
+        tuple of float
+            In m.
+        """
+        return self.radius_bounds or 2 * (self.blade.rotor_radius,)
+
+    @property
     def designs_chord(self):
         """Whether the chord is designed.
 

@@ -138,13 +138,11 @@ def best_operation(blade, rotor):
         Tip speed ratio and power coefficient of the peak.
     """
     ratios = np.linspace(1.0, 20.0, 200)
-    power = rotor.coefficients(blade, ratios).power
 
     def at(ratio):
         return SteadyOptimum(blade, float(ratio), _power(blade, rotor, ratio))
 
-    peak = int(np.argmax(power))
-    return _bracketed(at, ratios[max(peak - 1, 0) : peak + 2])
+    return _peak(at, ratios, rotor.coefficients(blade, ratios).power)
 
 
 def best_set_angle(shape, blade, rotor):
@@ -169,8 +167,7 @@ def best_set_angle(shape, blade, rotor):
         return best_operation(shape.at({"twist": [angle]}, blade.rotor_radius), rotor)
 
     angles = np.linspace(*shape.bounds["twist"], 25)
-    peak = int(np.argmax([at(angle).power_coefficient for angle in angles]))
-    return _bracketed(at, angles[max(peak - 1, 0) : peak + 2])
+    return _peak(at, angles, [at(angle).power_coefficient for angle in angles])
 
 
 def _power(blade, rotor, ratio):
@@ -290,6 +287,12 @@ def _newton_step(slope, bend, room, radius):
     length = np.linalg.norm(step, axis=0)
     step *= np.minimum(1.0, radius / np.maximum(length, 1e-300))
     return np.clip(step, *room)
+
+
+def _peak(optimum, places, powers):
+    """Return the best optimum next to the place with the largest power coefficient."""
+    at = int(np.argmax(powers))
+    return _bracketed(optimum, places[max(at - 1, 0) : at + 2])
 
 
 def _bracketed(optimum, near):

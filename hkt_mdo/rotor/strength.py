@@ -4,7 +4,7 @@ A section has the axes x along its chord, from the leading to the trailing edge,
 towards the upper (suction) side, both from the centroid of its material; see docs/rotor_model.md.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from hkt_mdo.compiled import compiled
-from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.thickness import over_thickness
 
 PLACES = 64  # about; with them the largest stress is within 1e-3 of that between all places
@@ -58,12 +58,13 @@ class Structure:
     n_stations: int | None = None
 
     @classmethod
-    def of(cls, outlines, density, modulus=None, wall=None):
+    def of(cls, outlines, density, modulus=None, wall=None, given=None):
         """Return the structure of a blade with one `Outline`, or one for each station.
 
         Between stations the outlines are blended (`Outline.blend`). wall is the thickness of the
         wall of hollow sections over the chord, one or one a station, linear between; the hollow
-        itself carries and weighs nothing.
+        itself carries and weighs nothing. Numbers that are given, as measured or computed, stand in
+        for those of outline and wall, and are linear between stations.
 
         Parameters
         ----------
@@ -75,64 +76,27 @@ class Structure:
             Young's modulus of the material (Pa).
         wall : float or array_like of shape (n_stations,), optional
             Thickness of a hollow section's wall over the chord; None: solid.
+        given : array_like of shape (n_outlines, 1 or 4), optional
+            Area over chord squared, or area and `SecondMoments`.
 
         Returns
         -------
         Structure
             Of the sections.
         """
-        same = isinstance(outlines, Outline)
-        if same and np.ndim(wall) == 0:
-            n, sections = None, [material_section(outlines, wall)]
-        else:
-            n = np.size(wall) if same else len(outlines)
-            stations = [outlines] * n if same else outlines
-            walls = None if wall is None else np.broadcast_to(wall, n)
-            sections = []
-            for weights in place_weights(n):
-                first = min(int(np.argmax(weights > 0.0)), n - 2)
-                outline = stations[first].blend(stations[first + 1], weights[first + 1])
-                own = None if wall is None else weights @ walls
-                sections.append(material_section(outline, own))
-        numbers = np.array([(area, *moments) for area, moments, _ in sections]).T
+        outlines = [outlines] if isinstance(outlines, Outline) else outlines
+        n, sections = len(outlines), []
+        weights = place_weights(n)
+        for row in weights:
+            first, last = np.flatnonzero(row)[[0, -1]]
+            outline = outlines[first].blend(outlines[last], row[last])
+            own = None if wall is None else row @ np.broadcast_to(wall, n)
+            sections.append(material_section(outline, own))
+        numbers = np.array([(area, *moments) for area, moments, _ in sections])
+        if given is not None:
+            numbers[:, : np.shape(given)[1]] = weights @ given
         points = _governing([points for _, _, points in sections])
-        return cls(*numbers, points, float(density), modulus, n)
-
-    def with_section(self, area, second_moments=None):
-        """Return the structure with another area and `SecondMoments`, as measured or computed.
-
-        Each number, over chord squared or its fourth power, is one or one a station, linear
-        between; without second moments, they stay. The points of the outline stay. Raises
-        ValueError where the numbers of stations differ.
-
-        Parameters
-        ----------
-        area : float or array_like
-            Over chord squared, one or one a station.
-        second_moments : SecondMoments, optional
-            Each one number or one a station, over chord to the fourth power.
-
-        Returns
-        -------
-        Structure
-            The changed structure.
-
-        Raises
-        ------
-        ValueError
-            Where the numbers of stations differ.
-        """
-        given = {"area": area} | (second_moments._asdict() if second_moments else {})
-        given = {name: np.atleast_1d(np.asarray(numbers, float)) for name, numbers in given.items()}
-        counts = {numbers.size for numbers in given.values() if numbers.size > 1}
-        counts |= {self.n_stations} if self.n_stations else set()
-        if len(counts) > 1:
-            raise ValueError(f"sections are given at different numbers of stations: {counts}")
-        spread = {
-            name: numbers if numbers.size == 1 else place_weights(numbers.size) @ numbers
-            for name, numbers in given.items()
-        }
-        return replace(self, **spread, n_stations=counts.pop() if counts else None)
+        return cls(*numbers.T, points, float(density), modulus, n if n > 1 else None)
 
     def bending(self, weak, strong, chord, change=None, tension=0.0):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
@@ -228,7 +192,7 @@ class StructureByThickness:
     modulus: float | None = None
 
     @classmethod
-    def of(cls, thickness, outlines, density, modulus=None, wall=None):
+    def of(cls, thickness, outlines, density, modulus=None, wall=None, given=None):
         """Return the structure of sections of a thickness[n_sections], which increases.
 
         Outlines between them are splines through theirs, at equal fractions of the chord, as are
@@ -246,6 +210,8 @@ class StructureByThickness:
             Young's modulus of the material (Pa).
         wall : array_like of shape (n_sections,), optional
             Walls over the chord; None: solid sections.
+        given : array_like of shape (n_sections, 1 or 4), optional
+            As `Structure.of` takes it.
 
         Returns
         -------
@@ -264,6 +230,8 @@ class StructureByThickness:
             for (x, upper, lower), own in zip(along, walls, strict=True)
         ]
         numbers = np.array([(area, *moments) for area, moments, _ in sections])
+        if given is not None:
+            numbers[:, : np.shape(given)[1]] = over_thickness(thickness, given)(at)
         points = _governing([points for _, _, points in sections], same=True)
         table = np.hstack((numbers, points.reshape(at.size, -1)))
         return cls(thickness, CubicSpline(at, table), float(density), modulus)
@@ -284,30 +252,6 @@ class StructureByThickness:
             The area, or its rate.
         """
         return self.numbers(thickness, order)[..., 0]
-
-    def with_section(self, area, second_moments=None):
-        """Return the structure with another area and `SecondMoments` of the sections.
-
-        As `Structure.with_section`, with values[n_sections] at the sections' thickness.
-
-        Parameters
-        ----------
-        area : ndarray of shape (n_sections,)
-            Over chord squared.
-        second_moments : SecondMoments, optional
-            Of shape (n_sections,) each, over chord to the fourth power.
-
-        Returns
-        -------
-        StructureByThickness
-            The changed structure.
-        """
-        at = self.numbers.x
-        table = self.numbers(at)
-        table[:, 0] = over_thickness(self.thickness, area)(at)
-        if second_moments is not None:
-            table[:, 1:4] = over_thickness(self.thickness, np.transpose(second_moments))(at)
-        return replace(self, numbers=CubicSpline(at, table))
 
     def at(self, thickness, order=0):
         """Return the `Structure` of places with a thickness[n_places], or its rate by it.
@@ -461,22 +405,12 @@ def material_section(outline, wall=None):
     points : ndarray of shape (n, 2)
         Those of the outline from the centroid, over the chord.
     """
-    area, centroid, moments = outline.area, np.array(outline.centroid), outline.second_moments
-    hollow = None if wall is None else outline.hollowed(wall)
-    if hollow is not None:
-        apart = np.array(hollow.centroid) - centroid
-        shift = -hollow.area / (area - hollow.area) * apart  # of the centroid
-        whole = _about(area, moments, shift)
-        inner = _about(hollow.area, hollow.second_moments, apart - shift)
-        area, moments = area - hollow.area, SecondMoments(*np.subtract(whole, inner))
-        centroid = centroid + shift
-    return area, moments, np.column_stack((outline.x, outline.y)) - centroid
-
-
-def _about(area, moments, apart):
-    """Return second moments about an axis at a distance (x, y) from the centroid."""
-    x, y = apart
-    return moments.xx + area * y * y, moments.yy + area * x * x, moments.xy + area * x * y
+    material, hollow = outline, None if wall is None else outline.hollowed(wall)
+    if hollow is not None:  # once round the outline, and back round the hollow
+        outer, inner = outline.upper_first, hollow.upper_first[::-1]
+        material = Outline(*np.concatenate((outer, outer[:1], inner, inner[:1])).T)
+    points = np.column_stack((outline.x, outline.y)) - material.centroid
+    return material.area, material.second_moments, points
 
 
 def _governing(shapes, same=False):

@@ -9,8 +9,6 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar, mixture
-from hkt_mdo.rotor.angle_curves import curves_at, stacked
-from hkt_mdo.rotor.suction import require_suction
 
 BETWEEN = 9  # thicknesses between two sections at which the drag is checked
 
@@ -157,36 +155,3 @@ class ByThickness:
             One polar for each thickness.
         """
         return tuple(mixture(self.sections, weights) for weights in self.weights(thickness)[0])
-
-    def suction_at(self, angle_of_attack, thickness):
-        """Return -Cp min of both surfaces, its slopes by the angle (per rad) and by the thickness.
-
-        Each is [2, n_points, n_stations] for angle_of_attack[n_points, n_stations] (rad) and
-        thickness[n_stations]. Raises InputError where a section has no suction.
-
-        Parameters
-        ----------
-        angle_of_attack : ndarray of shape (n_points, n_stations)
-            Angle of attack (rad).
-        thickness : ndarray of shape (n_stations,)
-            Thickness over chord.
-
-        Returns
-        -------
-        suction, by_angle, by_thickness : ndarray of shape (2, n_points, n_stations)
-            -Cp min of both surfaces, its slopes per rad and by the thickness.
-
-        Raises
-        ------
-        InputError
-            Where a section has no suction.
-        """
-        require_suction(self.sections)
-        curves, each = stacked(self.sections, "suction"), np.arange(len(self.sections))
-        suction, by_angle = curves_at(curves, angle_of_attack[..., None], (each,))
-        weights, slopes = self.weights(thickness)
-        return (
-            np.sum(weights * suction, axis=-1),
-            np.sum(weights * by_angle, axis=-1),
-            np.sum(slopes * suction, axis=-1),
-        )

@@ -18,21 +18,8 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
-from hkt_mdo.results.words import (
-    Row,
-    amounts,
-    bends_far,
-    duration,
-    flow_words,
-    joined,
-    measured,
-    number,
-    per_cent,
-    powers,
-    tip_deflection,
-    water_inertia,
-    weight_moment,
-)
+from hkt_mdo.results.rows import bending, bends_far, duration, flow_words, water_inertia
+from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
@@ -499,13 +486,11 @@ def _limits(found: Findings) -> Rows:
         name = f"{flow.name}: " * (len(found.flows) > 1)
         for row in _of_scenario(found, limits, found.at_start[flow.name]):
             yield replace(row, label=name + row.label)
-    rotor, blade = found.physics.rotor, found.start.blade
+    rotor, blade, bent = found.physics.rotor, found.start.blade, None
     if found.running and not rotor.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
-        yield tip_deflection(bent, blade.tip_radius)
-        yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
-    if rotor.structure:
-        yield weight_moment(rotor.weight_moment(blade))
+    yield from bending(bent, blade.tip_radius, rotor.structure and rotor.weight_moment(blade))
+    yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
 
 
 def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:

@@ -25,26 +25,21 @@ QUIETEST = 1e-4
 """Smallest spectral density that is drawn, over the largest."""
 
 
-def check_charts(found: Findings) -> dict[str, list[Panel]]:
-    """Return the charts of a check by their names; of several scenarios, one of each flow."""
-    polar = polar_panels([*_polar_curves(found)])
-    met = np.rad2deg([found.stations.met.min(), found.stations.met.max()])
-    for panel in polar:
-        panel.spans.append(Span(*met, "met in this flow", GREY))
-    several = len(found.flows) > 1
-    flows = {f"inflow_{each.name}" if several else "inflow": each for each in found.flows}
-    return {
-        "blade": _blade_panels(found),
-        "polar": polar,
-        **{name: [*_flow_panels(flow, found.rated_speed)] for name, flow in flows.items()},
-        "coefficients": [_power_panel(found)],
-    }
-
-
 def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
-    """Write the figures of a check as PNG into a folder, and return their paths."""
-    figures = {}
-    for name, panels in check_charts(report.findings).items():
+    """Write the figures of a check as PNG into a folder, and return their paths.
+
+    Of several scenarios there is one of each flow.
+    """
+    found, figures = report.findings, {}
+    charts = {"blade": _blade_panels(found), "polar": polar_panels([*_polar_curves(found)])}
+    met = np.rad2deg([found.stations.met.min(), found.stations.met.max()])
+    for panel in charts["polar"]:
+        panel.spans.append(Span(*met, "met in this flow", GREY))
+    for flow in found.flows:
+        name = f"inflow_{flow.name}" if len(found.flows) > 1 else "inflow"
+        charts[name] = [*_flow_panels(flow, found.rated_speed)]
+    charts["coefficients"] = [_power_panel(found)]
+    for name, panels in charts.items():
         width, height = SIZES.get(name, (6.8, 2.6))
         title = f"{report.name}: {name.replace('_', ' ')}"
         figures[name] = style.figure_of_panels(panels, width, height, title)
@@ -63,8 +58,7 @@ def _blade_panels(found: Findings) -> list[Panel]:
         ("twist (deg)", 180.0 / np.pi, blade.twist, given.twist, control.get("twist")),
         ("thickness (% of the chord)", 100.0, thickness, None, None),
     ):
-        marks = dict(zip(("hub", "tip"), ends, strict=True))
-        panel = Panel(title, across, from_zero=True, marks=marks)
+        panel = Panel(title, across, from_zero=True, marks={"hub": ends[0], "tip": ends[1]})
         name = "blade at the start, its stations"
         panel.curves.append(Curve(blade.r, scale * values, name, COLORS[0], 0, "marked"))
         if points is not None and points.size < blade.r.size:
@@ -111,30 +105,14 @@ def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
         panel.levels["torque limit is met"] = rated_speed
     yield panel
     if flow.deviation > 1e-9 * flow.mean and not flow.steady:
-        yield spectrum_panel(*power_spectrum(flow.speed, float(flow.time[1])), flow.cutoff)
-
-
-def spectrum_panel(frequency: np.ndarray, density: np.ndarray, cutoff: float) -> Panel:
-    """Return the power spectral density of a flow, where it is not negligible, and its cutoff.
-
-    Parameters
-    ----------
-    frequency, density : numpy.ndarray, shape (n_frequencies,)
-        Hz and m²/s.
-    cutoff : float
-        Highest frequency of the flow, Hz; 0: none.
-
-    Returns
-    -------
-    Panel
-    """
-    loud = density > QUIETEST * np.max(density)
-    last = max(frequency[loud][-1], cutoff)
-    panel = Panel("spectral density (m²/s)", "frequency (Hz)", log=True, log_across=True)
-    shown = np.where(loud, density, np.nan)[frequency <= last]
-    panel.curves.append(Curve(frequency[frequency <= last], shown, "", COLORS[0]))
-    panel.marks = {"cutoff": cutoff} if cutoff else {}
-    return panel
+        frequency, density = power_spectrum(flow.speed, float(flow.time[1]))
+        loud = density > QUIETEST * np.max(density)
+        shown = frequency <= max(frequency[loud][-1], flow.cutoff)
+        values = np.where(loud, density, np.nan)[shown]
+        panel = Panel("spectral density (m²/s)", "frequency (Hz)", log=True, log_across=True)
+        panel.curves.append(Curve(frequency[shown], values, "", COLORS[0]))
+        panel.marks = {"cutoff": flow.cutoff} if flow.cutoff else {}
+        yield panel
 
 
 def power_spectrum(speed: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:

@@ -121,9 +121,9 @@ def _call(task: bytes) -> Any:
 
 def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) -> None:
     """Refuse workers of another version, of several threads, or that do not see a folder."""
-    told = client.run(_introduce, folder, workers=list(threads), on_error="return")
+    introduced = client.run(_introduce, folder, workers=list(threads), on_error="return")
     ours, same = versions(), "start workers in the same environment as this program"
-    for name, found in told.items():
+    for name, found in introduced.items():
         if isinstance(found, OSError):  # it has died meanwhile
             continue
         worker = f"the worker {name}"

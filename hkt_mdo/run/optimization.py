@@ -33,7 +33,7 @@ def solve(state: RunState, physics: Physics, setup: Setup, driver: om.Driver) ->
     physics, setup
         The problem and its start.
     driver
-        Whose progress the state is told.
+        That reports its progress to the state.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.build import make_driver, point_of
+from hkt_mdo.problem.build import MANY_SEGMENTS, make_driver, point_of
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
@@ -90,11 +90,24 @@ class Pass:
     state : RunState
     task : Task
     result : Optimized
+    exact : bool
+        Whether its integrations have their torque by direct BEM, however long they are.
     """
 
     state: RunState
     task: Task
     result: Optimized
+    exact: bool = False
+
+    @property
+    def approximate(self) -> bool:
+        """Whether the integrations have their torque by a spline, not by direct BEM.
+
+        They are long then, and the torque depends on the tip speed ratio alone.
+        """
+        physics = self.physics
+        exact = self.exact or physics.remembers or physics.rotor.follows_reynolds
+        return not exact and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
     @property
     def physics(self) -> Physics:
@@ -125,7 +138,7 @@ class Pass:
     @cached_property
     def verifications(self) -> tuple[Verification, ...]:
         """The integration of the end in each scenario."""
-        return verify(self.result)
+        return verify(self.result, self.approximate)
 
     @cached_property
     def division(self) -> Division:
@@ -164,10 +177,11 @@ class Pass:
     @cached_property
     def end(self) -> Checked:
         """The result of the run if nothing follows, with its checks."""
-        result = self.result
+        result, verifications = self.result, ()
         if self.converged:
             result = replace(result, mesh_error=self.division.error)
-        return checked(self.state, self.task.start, result, self.verifications)
+            verifications = () if self.approximate else self.verifications
+        return checked(self.state, self.task.start, result, verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -255,7 +269,7 @@ def other_branch(this: Pass) -> Task | None:
     A better one counts only if the torque does not jump there, where no optimization converges
     (`river25` with open loop).
     """
-    if this.runs_away or this.task.first_passed is not None:
+    if this.runs_away or this.approximate or this.task.first_passed is not None:
         return None
     physics, first = this.state.first, this.task.start
     start = start_on_other_branch(first)
@@ -313,6 +327,9 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
         driver = make_driver(task.physics, state, most, refined=task.name == "refine")
         this = Pass(state, task, solve(state, task.physics, task.setup, driver))
         following = next_task(this)
+        if following is None and this.approximate:
+            this = replace(this, exact=True)
+            following = next_task(this)
         state.note_pass(this.entry(time.perf_counter() - began, following))
         if following is None or following.start is not task.start:
             ends.append(this.end)

@@ -14,25 +14,17 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import dump
-from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, Described
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
 from hkt_mdo.results.summary import VERSION, Summary
 from hkt_mdo.rotor.strength import place_weights
-from hkt_mdo.run import loads
+from hkt_mdo.run import loads, verification
 from hkt_mdo.run import year as a_year
 from hkt_mdo.run.checks import RESOLVED, Checked, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.memory import stability, stability_of
-from hkt_mdo.run.verification import (
-    SteadyVerification,
-    design_and_result,
-    simulated_objective,
-    start_against_friction,
-    total,
-)
 
 # relative distance from its bound within which a limit counts as binding; that of a load, of whose
 # values along the blade the optimization has a smooth largest that is up to as much above them
@@ -79,38 +71,44 @@ def summarize(
     shadow_prices
         Those of `hkt_mdo.run.shadow_prices`.
     """
-    physics, outcome, gains = finished.physics, finished.result.outcome, finished.start.gains
-    stations = list(_beyond_polars(finished))
-    warned, noted = ([text for x, text in stations if x == kind] for kind in ("warning", "note"))
+    physics, result, start = finished.physics, finished.result, finished.start
+    design, blade, outcome = _design(finished), result.point.blade, result.outcome
+    ratios = design["tip_speed_ratio"]
+    working = max(float(ratios["min"]), SLOWEST_RATIO), float(ratios["max"])
+    stations = Stations(blade, physics.rotor.as_built(blade).polar, working)
+    messages = list(stations.messages("found blade"))
+    warned, noted = ([text for x, text in messages if x == kind] for kind in ("warning", "note"))
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
-    if len(scenarios) > 1 and finished.physics.objective.is_rate:
-        _decide(finished.physics, scenarios)
+    if len(scenarios) > 1 and physics.objective.is_rate:
+        _decide(physics, scenarios)
+    packages = {name: [*metadata.distributions(name=name)] for name in PACKAGES}
+    memory = stability_of(result) if physics.remembers else stability(finished.verifications)
     values = {
         "version": VERSION,
-        "case": finished.physics.case.name,
+        "case": physics.case.name,
         "success": finished.passed,
         "message": message or "converged and verified",
         "package": outcome.package,
         "optimizer": outcome.optimizer,
         "iterations": outcome.iterations,
         **_energies(finished),
-        **_controller(finished),
-        **_blade(finished),
+        **design,
         **_extremes(finished, scenarios, shadow_prices or {}),
-        **_memory(finished),
+        "memory": memory and memory.model_dump(),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
-        "branches": [*_branches(finished.start)],
-        "starts": [vars(record) for record in finished.start.starts],
+        "branches": [*_branches(start)],
+        "starts": [vars(record) for record in start.starts],
         "start_breaks": list(start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
-        "surrogate_nodes": int(finished.result.curve.size),
+        "surrogate_nodes": int(result.curve.size),
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
-        "notes": _notes(finished, noted),
-        "doubts": [*physics.warnings, *physics.law.held(gains), *warned],
-        "versions": _versions(),
+        "notes": [*physics.messages, *start.messages, *noted, *_notes(finished)],
+        "doubts": [*physics.warnings, *physics.law.held(start.gains), *warned],
+        "versions": {"python": platform.python_version()}
+        | {name: found[0].version for name, found in packages.items() if found},
     }
     return Summary.parse(to_json(values))
 
@@ -128,7 +126,7 @@ def _energies(finished):
     physics, verifications = finished.physics, finished.verifications
     taken = "generator_energy", "friction_energy", "kinetic_energy_change"
     names, turning = {*ENERGIES, *taken}, _turning(verifications)
-    sums = {name: total(verifications, attrgetter(f"simulation.{name}")) for name in names}
+    sums = {x: verification.total(verifications, attrgetter(f"simulation.{x}")) for x in names}
     simulated = {key: sums[name] if turning else None for name, key in ENERGIES.items()}
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
@@ -144,7 +142,7 @@ def _energies(finished):
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
-            "simulated": simulated_objective(verifications),
+            "simulated": verification.simulated_objective(verifications),
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
@@ -156,27 +154,24 @@ def _energies(finished):
     }
 
 
-def _controller(finished):
-    """Return gains, tip speed ratios and the largest torque, and the rotor's best operation."""
-    blade, gains = finished.result.point.blade, finished.result.point.gains.tolist()
-    peak, known = finished.physics.rotor.best_operation(blade), finished.verifications
+def _design(finished):
+    """Return gains and largest torque, the rotor's best operation, and its blade and the case's."""
+    physics, blade = finished.physics, finished.result.point.blade
+    gains, known = finished.result.point.gains.tolist(), finished.verifications
+    peak, shape = physics.rotor.best_operation(blade), physics.shape
+    set_angle = None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
+    if shape.designs_set_angle:
+        set_angle = np.rad2deg(shape.control(blade)["twist"][0])
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
-        "gain_units": list(finished.physics.law.gain_units),
+        "gain_units": list(physics.law.gain_units),
         "tip_speed_ratio": _ratios(known),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
         "control_torque_max_Nm": max(np.max(x.simulated["control_torque"]) for x in known),
-    }
-
-
-def _blade(finished):
-    """Return the blade of a result and that of the case."""
-    physics, blade = finished.physics, finished.result.point.blade
-    return {
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
-        "set_angle_deg": _set_angle(physics, blade),
+        "set_angle_deg": set_angle,
         "inertia_kg_m2": finished.result.inertia,
         "hub_inertia_kg_m2": blade.hub_inertia,
         "water_inertia_kg_m2": [*physics.rotor.water_inertias(blade).values()],
@@ -216,7 +211,7 @@ def _extremes(finished, scenarios, shadow_prices):
         for load, entry in scenario["loads"].items():
             if load not in found or entry["value"] > found[load]["value"]:
                 found[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
-    whole = design_and_result(finished.verifications)
+    whole = verification.design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
             limits[limit.name] = _entry(limit, whole)
@@ -234,13 +229,6 @@ def _extremes(finished, scenarios, shadow_prices):
     }
 
 
-def _memory(finished):
-    """Return the stability of the loop if the wake has memory, where the rotor turns."""
-    remembers = finished.physics.remembers
-    found = stability_of(finished.result) if remembers else stability(finished.verifications)
-    return {} if found is None else {"memory": found.model_dump()}
-
-
 def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = verifications[0].scenario, finished.physics.start_objective
@@ -251,8 +239,10 @@ def _scenario(finished, verifications):
         power = sum(each.objective(objective) for each in verifications) / duration
     speeds = [each.inflow_speed for each in simulations]
     limits = _over_time(finished, verifications)
+    several = [(each.rotor, each.simulated) for each in verifications]
+    largest = loads.placed(finished.result.point.blade, several)
     year = None
-    if isinstance(scenario, SteadyScenario) and isinstance(scenario.resource, Resource):
+    if isinstance(getattr(scenario, "resource", None), Resource):
         year = a_year.entry(verifications, limits).model_dump()
     return {
         "share": finished.physics.shares[scenario.group],
@@ -264,11 +254,11 @@ def _scenario(finished, verifications):
         **sums,
         "mean_power_W": power,
         "ceiling_W": finished.physics.ceilings.get(scenario.group),
-        "inflow_speed": _span(np.concatenate(speeds), _mean(verifications, speeds)),
+        "inflow_speed": _span(speeds, _mean(verifications, speeds)),
         "tip_speed_ratio": _ratios(verifications),
         "operation": _operation(finished, verifications, power),
         "limits": limits,
-        "loads": _loads(verifications),
+        "loads": {name: x.model_dump(exclude_unset=True) for name, x in largest.items()},
         "steady": scenario.steady,
         "year": year,
     }
@@ -285,12 +275,7 @@ def _decide(physics, scenarios):
 
 
 def _turning(verifications):
-    return all(verification.simulation.stopped_at is None for verification in verifications)
-
-
-def _nodes(verifications, quantity):
-    """Return a quantity at the nodes of all verifications."""
-    return np.concatenate([verification.trajectory[quantity] for verification in verifications])
+    return all(each.simulation.stopped_at is None for each in verifications)
 
 
 def _mean(verifications, values):
@@ -305,21 +290,22 @@ def _mean(verifications, values):
 def _ratios(verifications):
     """Return the range of the tip speed ratio at the nodes, and its mean over time."""
     simulated = [each.simulated["tip_speed_ratio"] for each in verifications]
-    return _span(_nodes(verifications, "tip_speed_ratio"), _mean(verifications, simulated))
+    nodes = [each.trajectory["tip_speed_ratio"] for each in verifications]
+    return _span(nodes, _mean(verifications, simulated))
 
 
-def _span(values, mean):
-    return {"min": np.min(values), "max": np.max(values), "mean": mean}
+def _span(parts, mean):
+    return {"min": min(map(np.min, parts)), "max": max(map(np.max, parts)), "mean": mean}
 
 
 def _operation(finished, verifications, power):
     """Return the intervals of operation; None where a machine never stands still."""
-    spans = np.array([verification.scenario.edges[[0, -1]] for verification in verifications])
+    spans = np.array([each.scenario.edges[[0, -1]] for each in verifications])
     still = verifications[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
     steady = verifications[0].scenario.steady
     if finished.physics.case.control.cut_out is None or still <= 0.0 or steady:
         return None
-    speeds = np.array([verification.trajectory["rotor_speed"][0] for verification in verifications])
+    speeds = np.array([each.trajectory["rotor_speed"][0] for each in verifications])
     return {
         "intervals_s": spans,
         "standstill_s": still,
@@ -328,72 +314,49 @@ def _operation(finished, verifications, power):
     }
 
 
-def _unstable(verifications):
-    """Yield a note if an open loop needs a controller of its speed."""
+def _notes(finished):
+    """Yield notes on the stations that loads need, and on the operation."""
+    physics, verifications = finished.physics, finished.verifications
+    if all(each.resolved for each in verifications):
+        changes = {}
+        for name in physics.load_names:
+            most, own = (
+                max(np.max(getattr(each, known)[name]) for each in verifications)
+                for known in ("resolved", "simulated")
+            )
+            changes[name] = most / own - 1.0
+        if max(map(abs, changes.values())) > RESOLVED:
+            text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
+            yield (
+                f"loads are held on {physics.blade.r.size} stations; the same blade with "
+                f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
+            )
     if stiffness := max(getattr(each.controller, "stiffness", 0.0) for each in verifications):
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
             "difference from the speed that was found"
         )
-
-
-def _notes(finished, noted):
-    """Return the notes about files, blade and operation, with others that are `noted`."""
-    physics = finished.physics
-    start, _ = start_against_friction(finished.verifications[0].plant, physics.scenarios)
-    return [
-        *physics.messages,
-        *finished.start.messages,
-        *noted,
-        *_unresolved(physics, finished.verifications),
-        *_unstable(finished.verifications),
-        *([start] if start else []),
-        *(PULSES,) * physics.may_pulse,
-    ]
-
-
-def _beyond_polars(finished):
-    """Return severity and text of messages on stations that the polars' tables do not cover."""
-    blade = finished.result.point.blade
-    ratios = _nodes(finished.verifications, "tip_speed_ratio")
-    working = max(float(np.min(ratios)), SLOWEST_RATIO), float(np.max(ratios))
-    stations = Stations(blade, finished.physics.rotor.as_built(blade).polar, working)
-    return stations.messages("found blade")
-
-
-def _unresolved(physics, verifications):
-    """Yield a note if the loads are larger on a blade of many stations."""
-    if not all(each.resolved for each in verifications):
-        return
-    changes = {}
-    for name in physics.load_names:
-        most, own = (
-            max(np.max(getattr(each, known)[name]) for each in verifications)
-            for known in ("resolved", "simulated")
-        )
-        changes[name] = most / own - 1.0
-    if max(map(abs, changes.values())) > RESOLVED:
-        text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
-        yield (
-            f"loads are held on {physics.blade.r.size} stations; the same blade with "
-            f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
-        )
+    start, _ = verification.start_against_friction(verifications[0].plant, physics.scenarios)
+    if start:
+        yield start
+    if physics.may_pulse:
+        yield PULSES
 
 
 def _over_time(finished, verifications, several=False):
     """Return the entries of limits over time by their names; of several, with the scenario."""
     pairs = {}
-    for verification in verifications:
-        for limit in finished.physics.limits_in(verification.scenario):
+    for each in verifications:
+        for limit in finished.physics.limits_in(each.scenario):
             if np.isfinite(limit.end):
-                pairs.setdefault(limit.name, []).append((limit, verification))
-    return {name: _limit(each, several) for name, each in pairs.items()}
+                pairs.setdefault(limit.name, []).append((limit, each))
+    return {name: _limit(own, several) for name, own in pairs.items()}
 
 
 def _entry(limit, known):
     """Return the value of a limit that is closest to its bound, the bound, and whether it binds."""
-    values, shares = np.ravel(limit.told(known)), limit.share(known)
+    values, shares = np.ravel(limit.reported(known)), limit.share(known)
     about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
     binding = bool(np.max(shares) >= _least(limit))
     return {"value": float(values[np.argmax(shares)]), "binding": binding} | about
@@ -410,37 +373,15 @@ def _limit(pairs, several):
     With its time and the share of the time in which it binds; `pairs` has limit and verification.
     """
     found, binding = [], []
-    for limit, verification in pairs:
-        known, shares = verification.simulated, limit.share(verification.simulated)
-        about = loads.place(known, np.argmax(shares))
-        about |= {"scenario": verification.scenario.group} if several else {}
-        for each in (known, verification.at_nodes):
-            found.append((np.max(limit.share(each)), _entry(limit, each) | about))
+    for limit, run in pairs:
+        shares = limit.share(run.simulated)
+        about = loads.place(run.simulated, np.argmax(shares))
+        about |= {"scenario": run.scenario.group} if several else {}
+        for known in (run.simulated, run.at_nodes):
+            found.append((np.max(limit.share(known)), _entry(limit, known) | about))
         binding.append(np.where(shares >= _least(limit), 1.0, 0.0))
-    share = _mean([verification for _, verification in pairs], binding)
+    share = _mean([run for _, run in pairs], binding)
     return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
-
-
-def _loads(verifications):
-    """Return the largest loads along some integrations, when and where along the blade."""
-    several = [(each.rotor, each.simulated) for each in verifications]
-    found = loads.placed(verifications[0].plant.blade, several)
-    return {name: entry.model_dump(exclude_unset=True) for name, entry in found.items()}
-
-
-def _set_angle(physics, blade):
-    """Return the set angle, deg: as found or as given; None where a designed twist contains it."""
-    shape = physics.shape
-    if shape.designs_set_angle:
-        return float(np.rad2deg(shape.control(blade)["twist"][0]))
-    return None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
-
-
-def _versions():
-    """Return the versions of Python and of the installed packages."""
-    found = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
-    versions = {name: each.version for name, each in found.items() if each is not None}
-    return {"python": platform.python_version()} | versions
 
 
 def write_tables(out: Path, finished: Checked) -> None:
@@ -458,9 +399,8 @@ def write_tables(out: Path, finished: Checked) -> None:
     headers |= {x: Described(x, *about, "time", "trajectory").column for x, about in states}
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
-        simulated = [verification.simulated for verification in verifications]
-        nodes = [verification.at_nodes for verification in verifications]
-        for name, values in (("trajectory", nodes), ("simulation", simulated)):
+        for name, known in (("trajectory", "at_nodes"), ("simulation", "simulated")):
+            values = [getattr(each, known) for each in verifications]
             table = {
                 column: np.concatenate([each[quantity] for each in values])
                 for quantity, column in headers.items()
@@ -472,7 +412,7 @@ def write_tables(out: Path, finished: Checked) -> None:
             write_csv(out / f"{name}{suffix}.csv", table, rows)
         span = loads.over_span(blade, [(each.rotor, each.simulated) for each in verifications])
         _write_loads(out / f"loads{suffix}.csv", blade, span)
-        if isinstance(verifications[0], SteadyVerification):
+        if verifications[0].scenario.steady:
             bins = a_year.table(verifications)
             write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
     _write_blade(out / "blade.csv", physics, blade)

@@ -49,7 +49,7 @@ def run_sweep(
     sweep: Sweep | str | Path,
     out: str | Path,
     jobs: int | None = None,
-    told: Callable[[Status], None] = lambda status: None,
+    report: Callable[[Status], None] = lambda status: None,
     *,
     scheduler: str | None = None,
     extensions: Iterable[Extension] = (),
@@ -62,7 +62,7 @@ def run_sweep(
     in a folder named after the content of its case. A result of an equal case, with the files and
     the source code that are there now, is used again, so that a sweep goes on after any kill.
 
-    `jobs` and `scheduler` are those of `in_processes`; told(status) is called whenever a run ends;
+    `jobs` and `scheduler` are those of `in_processes`; report(status) is called when a run ends;
     `most`: run no more points than these; `run`: what runs a case, called as `run_case`.
     """
     extensions = tuple(extensions)
@@ -75,7 +75,7 @@ def run_sweep(
     with locked(out):
         (out / RUNS).mkdir(exist_ok=True)
         write_text(out / SWEEP, sweep.to_yaml())
-        plan = _Plan(sweep, out, extensions, run, told, most or sweep.size)
+        plan = _Plan(sweep, out, extensions, run, report, most or sweep.size)
         try:
             in_processes(plan.tasks(), jobs, plan.ended, scheduler, out)
         finally:
@@ -86,9 +86,9 @@ def run_sweep(
 class _Plan:
     """The points of a sweep, what of them is done, and what is to be run next."""
 
-    def __init__(self, sweep, out, extensions, run, told, total) -> None:
+    def __init__(self, sweep, out, extensions, run, report, total) -> None:
         self.sweep, self.out, self.extensions = sweep, out, extensions
-        self.run, self.told, self.total = run, told, total
+        self.run, self.report, self.total = run, report, total
         self.points: list[tuple[Row, str]] = []  # values of the keys, and the run's name
         self.rows: dict[str, Row] = {}  # by the run's name
         self.places: dict[str, np.ndarray] = {}  # on the axes, each from 0 to 1, by the run's name
@@ -157,7 +157,7 @@ class _Plan:
         if self.computed:
             each = (time.monotonic() - self.began) / self.computed
             left = each * max(0, self.total - self.reused - self.computed)
-        self.told(Status(self.total, self.reused, self.computed, self.failed, left, self.older))
+        self.report(Status(self.total, self.reused, self.computed, self.failed, left, self.older))
 
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""

@@ -19,6 +19,7 @@ from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, Limit, settled
 from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import (
+    SLOWEST_RATIO,
     FeedbackTorque,
     IntegrationError,
     Plant,
@@ -42,6 +43,8 @@ from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.loads import resolved
 from hkt_mdo.solve.driver_base import Outcome
 
+TABULATED = np.linspace(SLOWEST_RATIO, 25.0, 2500)
+"""Tip speed ratios of a torque by a spline."""
 SHORTER, LEAST_SHARE = 0.9, 1e-3  # of the time to where a motion ends, and of the whole, at least
 
 
@@ -292,16 +295,18 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
     return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
 
 
-def verify(result: Optimized) -> tuple[Verification, ...]:
+def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
     With the wake of the case; if it has memory, with filters at all stations, and again with the
-    two of the optimization.
+    two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
+    to choose a remedy.
     """
     physics, verifications = result.physics, []
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         rotor, mesh = physics.rotor_in(scenario), scenario.mesh
         plant = plant_of(physics, scenario, result.point.blade)
+        plant = plant.tabulated(TABULATED)[0] if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is

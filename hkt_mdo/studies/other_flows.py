@@ -20,14 +20,14 @@ from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import LimitEntry, unasked
+from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import placed
 from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
-from hkt_mdo.studies.uncertainty import Sensor, flow_given, fly_noisy
+from hkt_mdo.studies.uncertainty import Sensor, flow_given, noisy_runs
 
 FIELDS = "value", "unit", "limit", "share", "kept", "time_s", "r_m"
 MOST_SEEDS = 10_000
@@ -35,7 +35,7 @@ STALLED = 0.5  # tip speed ratio over the least of the design, below which a rot
 RUN_AWAY = 1.2  # speed over that without memory, above which the wake lets the rotor run away
 
 
-class Told(LimitEntry):
+class Extreme(LoadEntry):
     """The largest value of a limit, or of a load without one, in a simulation."""
 
     share: float | None = None
@@ -68,14 +68,14 @@ class Told(LimitEntry):
         return Row(limit_words(name), value, unit, joined(note, self.place))
 
 
-def _told(limit: Limit, known: dict[str, Any]) -> Told:
+def _extreme(limit: Limit, known: dict[str, Any]) -> Extreme:
     """Return the report of a limit, from the quantities of a trajectory."""
-    value, over = limit.told(known), limit.excess(known)
+    value, over = limit.reported(known), limit.excess(known)
     kept, caps = bool(np.max(over) <= most_between(limit)), limit.caps_series
     free = kept and not caps and limit.lower <= 0.0  # as a torque that is not limited
     at = int(np.argmax(value if free or (caps and kept) else over))
     most, time = float(value[at]), float(known["time"][at])
-    found = Told(value=most, unit=limit.unit or "", time_s=time)
+    found = Extreme(value=most, unit=limit.unit or "", time_s=time)
     if free:
         return found
     low = not caps or most < limit.lower
@@ -165,11 +165,11 @@ class Run:
         design, inflow, quiet = self.design, self.inflow, self.simulation
         if not design.law.is_feedback:
             return ["open loop reads no sensor: the noise changes nothing"]
-        behind, noisy = "none", fly_noisy(design, inflow, sensor, repeats, seed)
+        behind, noisy = "none", noisy_runs(design, inflow, sensor, repeats, seed)
         if sensor.cutoff:
             behind = f"second-order Butterworth low-pass of {sensor.cutoff:g} Hz (--filter-cutoff)"
             if noisy.stalled and quiet.stopped_at is None:
-                if fly_noisy(design, inflow, replace(sensor, snr=np.inf), 1, seed).stalled:
+                if noisy_runs(design, inflow, replace(sensor, snr=np.inf), 1, seed).stalled:
                     behind += ", whose delay stops the rotor without any noise"
         energy = noisy.energy[np.isfinite(noisy.energy)]  # NaN: the rotor stopped
         told = "no run reached the end"
@@ -211,12 +211,12 @@ class Run:
         return joined(self.scenario, "" if self.seed is None else f"seed {self.seed}")
 
     @cached_property
-    def told(self) -> dict[str, Told]:
+    def extremes(self) -> dict[str, Extreme]:
         """Largest value of each limit over time by its name, then of the loads without a limit.
 
         Returns
         -------
-        dict of Told
+        dict of Extreme
             Each has ``value`` and ``unit`` (SI), ``time_s`` and, along the blade, ``r_m``; of a
             limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
             or runs away is an entry with the instant as its value.
@@ -225,29 +225,29 @@ class Run:
         about = physics.rotor, plant, self.simulation, self.design.controller
         known = SimulatedDesign(physics, *about).simulated
         limits = physics.limits_in(physics.scenarios[0])
-        found = {each.name: _told(each, known) for each in limits if not each.bounded}
+        found = {each.name: _extreme(each, known) for each in limits if not each.bounded}
         for name, load in placed(plant.blade, [(physics.rotor, known)]).items():
             remark = unasked(name, load, physics.case) or "not limited"
-            own = found.get(name, Told(**load.model_dump(), remark=remark))
+            own = found.get(name, Extreme(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
         if (stopped := self.simulation.stopped_at) is not None:
             remark = "generates no more: the simulation ends there"
-            found["rotor stops"] = Told(value=stopped, unit="s", kept=False, remark=remark)
+            found["rotor stops"] = Extreme(value=stopped, unit="s", kept=False, remark=remark)
         ratio, designed = known["tip_speed_ratio"], self.design.solution.summary.tip_speed_ratio
         slow = ratio < STALLED * ((designed and designed.min) or 0.0)
         if stopped is None and np.any(slow):
             time = float(known["time"][np.argmax(slow)])
             remark = "below half of the least tip speed ratio of the design's own flow"
-            found["rotor stalls"] = Told(value=time, unit="s", kept=False, remark=remark)
+            found["rotor stalls"] = Extreme(value=time, unit="s", kept=False, remark=remark)
         fast = known["inflow_speed"] > (physics.law.cut_out or np.inf)
         if np.any(fast):
             time = float(known["time"][np.argmax(fast)])
             share = 100.0 * np.trapezoid(1.0 * fast, known["time"]) / np.ptp(known["time"])
             remark = f"for {share:.3g} % of the time: the simulation does not stop the machine"
-            found["flow above the cut-out"] = Told(value=time, unit="s", remark=remark)
+            found["flow above the cut-out"] = Extreme(value=time, unit="s", remark=remark)
         if (away := self.runs_away) is not None:
             remark = "more than 20 % faster than without memory until then"
-            found["rotor runs away"] = Told(value=away, unit="s", kept=False, remark=remark)
+            found["rotor runs away"] = Extreme(value=away, unit="s", kept=False, remark=remark)
         return found
 
     @cached_property
@@ -330,7 +330,7 @@ class Run:
         str
             One line.
         """
-        told = ((limit_words(name), x) for name, x in self.told.items() if x.share is not None)
+        told = ((limit_words(name), x) for name, x in self.extremes.items() if x.share is not None)
         return joined(
             *(f"{n} {100.0 * x.share:.2f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
         )
@@ -362,7 +362,7 @@ def runs_of(
     Returns
     -------
     list of Run
-        Each is simulated when its `simulation`, `told` or `energies` is first asked for.
+        Each is simulated when its `simulation`, `extremes` or `energies` is first asked for.
 
     Raises
     ------
@@ -457,7 +457,7 @@ def _seeds(text: str) -> tuple[int | None, ...]:
     return tuple(dict.fromkeys(seed for span in spans for seed in span))
 
 
-def largest(runs: Sequence[Run]) -> dict[str, Told]:
+def largest(runs: Sequence[Run]) -> dict[str, Extreme]:
     """Return the largest value of each limit and load over several runs.
 
     Parameters
@@ -467,14 +467,14 @@ def largest(runs: Sequence[Run]) -> dict[str, Told]:
 
     Returns
     -------
-    dict of Told
+    dict of Extreme
         By the names of limits and loads; of several runs, with the name of the run. Where a load is
         limited in some of them only, ``NAME without limit`` is that of the others.
     """
-    found: dict[str, Told] = {}
-    limited = {name for run in runs for name, x in run.told.items() if x.limit is not None}
+    found: dict[str, Extreme] = {}
+    limited = {name for run in runs for name, x in run.extremes.items() if x.limit is not None}
     for run in runs:
-        for name, entry in run.told.items():
+        for name, entry in run.extremes.items():
             key = f"{name} without limit" if name in limited and entry.limit is None else name
             both = entry.model_copy(update={"scenario": run.name or None}), found.get(key, entry)
             found[key] = max(both, key=lambda x: x.share or x.value)
@@ -496,8 +496,8 @@ def records(runs: Iterable[Run]) -> list[dict[str, Any]]:
     """
     found = []
     for run in runs:
-        energies = {name: Told(value=x, unit="J") for name, x in run.energies.items()}
-        for name, entry in (energies | run.told).items():
+        energies = {name: Extreme(value=x, unit="J") for name, x in run.energies.items()}
+        for name, entry in (energies | run.extremes).items():
             where = {"scenario": run.scenario, "seed": run.seed, "quantity": name}
             found.append(where | {field: getattr(entry, field) for field in FIELDS})
     return found

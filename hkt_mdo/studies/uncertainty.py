@@ -125,7 +125,7 @@ class Ensemble:
         return int(np.sum(np.isfinite(self.stopped_at)))
 
 
-def fly_noisy(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
+def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, seed: int) -> Ensemble:
     """Run a feedback design in a flow under a noisy sensor, many times at once.
 
     Between samples the speed is integrated by the classical Runge-Kutta method. The plant's torque

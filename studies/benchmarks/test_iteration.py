@@ -26,7 +26,7 @@ LIMITS = (
 class BareHydrodynamics(om.ExplicitComponent):
     """The least that closes the phase: torque and power fall linearly with speed, no blade."""
 
-    def __init__(self, num_nodes, spline):
+    def __init__(self, num_nodes, _, spline):
         super().__init__()
         self.num_nodes, self.spline = num_nodes, spline
 
@@ -88,8 +88,9 @@ def test_over_the_bare_phase(benchmark, full, in_turns, monkeypatch):
         "openmdao": iteration(built(prepared), openmdao=True),
     }
     bare = start_of(case_of(segments=segments, design="{blade: fixed}"), cold=True)
-    monkeypatch.setattr(rotor_ode, "CoefficientComp", BareHydrodynamics)
-    monkeypatch.setattr(rotor_ode, "TorqueComp", lambda _: om.Group())
+    monkeypatch.setattr(rotor_ode, "CurveComp", BareHydrodynamics)
+    for name in ("RatioComp", "TorqueComp"):
+        monkeypatch.setattr(rotor_ode, name, lambda _: om.Group())
     monkeypatch.setattr(
         components,
         "TablesComp",

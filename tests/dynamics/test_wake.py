@@ -213,17 +213,15 @@ def test_time_constant_follows_the_induction_at_seven_tenths(paper):
 def test_eliminated_filters_are_those_of_the_full_system(n):
     """The whole matrix of the same slopes, inverted: corrections and filtered errors are equal."""
     random, steps, m = np.random.default_rng(n), 4, 6
-    dense, chain = random.normal(size=(steps, 5, n, n)), random.normal(size=(steps, 5, n, m))
-    by_first = random.normal(size=(2, steps, 5, m))
-    slow, fast = random.uniform(0.5, 2.0, (steps, 5, 1)), random.uniform(0.1, 0.5, (steps, 5, m))
+    dense, by_last = random.normal(size=(steps, 5, n, n)), random.normal(size=(steps, 5, n, m))
+    chain, by_first = random.normal(size=(steps, 5, 2, 2, m)), random.normal(size=(steps, 5, 2, m))
     full = np.zeros((steps, 5, n + 2 * m, n + 2 * m))
-    x, z = np.arange(n, n + m), np.arange(n + m, n + 2 * m)
-    full[..., :n, :n], full[..., :n, n + m :] = dense, chain
-    full[..., x, 0], full[..., z, 0] = by_first
-    full[..., x, x], full[..., z, z], full[..., z, x] = -1.0 / slow, -1.0 / fast, 1.0 / fast
+    full[..., :n, :n], full[..., :n, n + m :], place = dense, by_last, np.arange(n, n + 2 * m)
+    full[..., place, 0], place = by_first.reshape(steps, 5, -1), place.reshape(2, m)
+    full[..., place[:, None], place] = chain
     step = random.uniform(0.1, 0.5, (steps, 1))
     whole = StageSystem(step, Slopes.without_chains(full))
-    parts = StageSystem(step, Slopes(dense, chain, *by_first, slow, fast))
+    parts = StageSystem(step, Slopes(dense, by_last, chain, by_first))
     miss = random.normal(size=(steps, 5, n + 2 * m))
     np.testing.assert_allclose(parts.correction(miss), whole.correction(miss), atol=1e-11)
     np.testing.assert_allclose(parts.filtered(miss[:, 0]), whole.filtered(miss[:, 0]), atol=1e-12)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from hkt_mdo.dynamics.formulas import slope
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
@@ -67,8 +68,9 @@ def test_a_law_has_a_torque_where_the_rotor_stands_or_turns_back(law, gains):
     speed, gains = np.array([-45.9, -1e-9, 0.0, STILL, 2.0 * STILL]), np.array(gains)
     torque = law.torque(speed, gains)
     assert np.all(np.isfinite(torque))
-    slopes = law.torque_by_speed(speed, gains), *law.torque_by_gain(speed, gains)
-    assert np.all(np.isfinite(slopes))
+    known = {"speed": speed, "gains": gains}
+    slopes = [slope(law.torque, known, name, diagonal=name == "speed") for name in known]
+    assert np.all(np.isfinite(np.column_stack(slopes)))
     if isinstance(law, PowerLawFeedback | CurveFeedback):
         assert np.all(torque[:4] == torque[3])
         assert np.all(slopes[0][:3] == 0.0)
@@ -101,7 +103,7 @@ def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
         expected = reached * torques[end] * (np.array(beyond) / KNOTS[end]) ** exponent
         np.testing.assert_allclose(law.torque(np.array(beyond), gains), expected, rtol=1e-11)
         for place in KNOTS[end] * np.array([1.0, np.exp(BEND if end else -BEND)]):
-            slopes = law.torque_by_speed(place * (1.0 + np.array([-1e-7, 1e-7])), gains)
+            slopes = law.slopes(place * (1.0 + np.array([-1e-7, 1e-7])), 1.5, gains)[0, 0]
             assert slopes[0] == pytest.approx(slopes[1], rel=1e-4)
 
 

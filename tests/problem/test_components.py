@@ -71,7 +71,7 @@ def test_distance_from_stall(law, gains):
     limit = DistanceFromStall(law=law, spline=spline)
     rest = law.at_rest(np.linspace(300.0, 650.0, N), np.linspace(1.4, 1.6, N))
     problem = checked(
-        FormulaComp(formula=limit, size=N, gain_units=law.gain_units),
+        FormulaComp(formula=limit, size=N),
         rotor_speed=speed,
         inflow_speed=flow,
         torque_coefficient_table=TABLE,

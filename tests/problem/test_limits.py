@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import complete, physics
-from hkt_mdo.results.summary import LimitEntry
+from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.summary import _entry
 from tests.conftest import NINE, checked
@@ -44,10 +44,10 @@ def test_a_rate_is_limited_whether_the_torque_rises_or_falls():
     limit = TorqueRateLimit(bound=500.0)
     known = {"torque_rate": np.array([-600.0, -500.0, 0.0, 450.0])}
     np.testing.assert_allclose(limit.excess(known), [0.2, 0.0, -1.0, -0.1], atol=1e-15)
-    np.testing.assert_array_equal(limit.told(known), [600.0, 500.0, 0.0, 450.0])
+    np.testing.assert_array_equal(limit.reported(known), [600.0, 500.0, 0.0, 450.0])
     assert limit.place == "time"
     power = {"generator_power": np.array([-9e3, 4e3])}
-    np.testing.assert_array_equal(PowerLimit(bound=5e3).told(power), [-9e3, 4e3])
+    np.testing.assert_array_equal(PowerLimit(bound=5e3).reported(power), [-9e3, 4e3])
 
 
 @pytest.mark.parametrize("transcription", ["gauss-lobatto", "radau"])
@@ -148,7 +148,7 @@ def test_a_limit_with_a_lower_bound_alone_is_reported():
 
     ratios = {"tip_speed_ratio": np.array([10.0, 7.5, 5.0])}
     np.testing.assert_allclose(Least().share(ratios), [0.0, 0.5, 1.0])
-    entry = LimitEntry.model_validate(_entry(Least(), ratios))
+    entry = LoadEntry.model_validate(_entry(Least(), ratios))
     assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding"
     assert entry.row("least_ratio").label == "smallest least ratio"
 

@@ -5,7 +5,7 @@ import pytest
 
 from hkt_mdo import build_problem, load_case
 from hkt_mdo.dynamics.formulas import slope
-from hkt_mdo.dynamics.rotor_ode import RememberingComp
+from hkt_mdo.dynamics.rotor_ode import CurveComp, FilterComp, WakeComp
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.problem.components import LoadComp
 from hkt_mdo.rotor.band import FACTORS, Band
@@ -32,7 +32,7 @@ def test_partials_are_exact(tau1, monkeypatch):
     case["inflow_dynamics"] = {"model": "oye", "tau1": tau1}
     problem = build_problem(load_case(case, SHORT), improve=False)
     problem.run_model()
-    kinds, checked = (RememberingComp, TablesComp, LoadComp), set()
+    kinds, checked = (CurveComp, FilterComp, WakeComp, TablesComp, LoadComp), set()
     for part in problem.model.system_iter(recurse=True):
         if not isinstance(part, kinds):
             continue
@@ -76,10 +76,10 @@ def test_the_integrated_two_filters_are_those_of_the_tables():
     ratio = np.array([1.05, 0.95]) * wake_ratio  # both at nodes of the tables
     speed, behind = ratio * flow / radius, wake_ratio * flow / radius
     rest = mean.wake.at_rest(behind, flow)
-    whole = mean.station_torques(behind, flow, rest)[:, 0]
+    whole = mean.torque(behind, flow, rest)
     np.testing.assert_allclose(whole, plant.torque(behind, flow), rtol=3e-5)
     value = band.curve(tables["torque_coefficient_band"])(ratio, wake_ratio)
-    torque = mean.station_torques(speed, flow, rest)[:, 0]
+    torque = mean.torque(speed, flow, rest)
     expected = torque_scale(1000.0, radius, flow) * value
     np.testing.assert_allclose(torque, expected, rtol=3e-5)
     steady = band.spline.curve(tables["wake_induction_table"])(ratio)

@@ -101,7 +101,7 @@ def test_short_intervals_are_standstill_too():
     (told,) = [each for each in found.messages if "cut_out" in each]
     still = 60.0 - 20.0 * (1.0 - 2.0 * share)
     assert f"standstill for {still:.4g} s of 60 s" in told
-    assert f"in 1 interval; 1 interval more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in told
+    assert f"operation: 1; 1 more, of {2.0 * (1.0 - 2.0 * share):.3g} s together" in told
 
 
 def test_the_name_of_an_interval_is_that_of_no_other_scenario():

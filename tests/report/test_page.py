@@ -202,7 +202,7 @@ def test_an_unfinished_result_is_reported(folders, tmp_path):
     changes = dict.fromkeys(("checks", "chord_m", "optimizer", "iterations", "versions"))
     changes |= {"success": False, "message": "interrupted"}
     summary = solution.summary.model_copy(update=changes)
-    tables = {name: replace(x, loads={}, simulation={}) for name, x in solution.tables.items()}
+    tables = {name: {"trajectory": x["trajectory"]} for name, x in solution.tables.items()}
     half = replace(solution, summary=summary, tables=tables, coefficients={}, convergence={})
     text = hkt_mdo.report(half, tmp_path / "half.html").read_text("utf-8")
     assert "the run did not come to its end" in text

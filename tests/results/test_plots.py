@@ -14,7 +14,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
-from hkt_mdo.results.figures import figure_of, figures, save_figures
+from hkt_mdo.results.figures import figure_of, figures
 from hkt_mdo.results.panel import COLORS, Curve, Panel
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution
@@ -224,7 +224,7 @@ def test_figures_are_of_what_there_is(both, tmp_path, missing, names) -> None:
         for solution in both:
             (solution.folder / f"{name}.csv").unlink()
     one, other = (Solution.load(solution.folder) for solution in both)
-    written = save_figures(one, tmp_path / "one")
+    written = style.save(figures(one), tmp_path / "one")
     assert [path.name for path in written] == [f"{name}.png" for name in names]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
     assert tuple(figures([one, other])) == names
@@ -233,7 +233,7 @@ def test_figures_are_of_what_there_is(both, tmp_path, missing, names) -> None:
 
 def test_unknown_formats_and_figures_are_refused(solution, tmp_path) -> None:
     with pytest.raises(InputError, match=r"unknown format of figures; known: .*pdf"):
-        save_figures(solution, tmp_path / "figures", ("png", "docx"))
+        style.save(figures(solution), tmp_path / "figures", ("png", "docx"))
     assert not (tmp_path / "figures").exists()
     assert list(solution.plot("convergence")) == ["convergence"]
     with pytest.raises(InputError, match="unknown figure; known: blade"):

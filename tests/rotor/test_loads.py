@@ -307,8 +307,8 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
     blade, model = replace(blade, cone=cone), model_of(polar)
     if hollow:
         wall = np.linspace(0.05, 0.01, blade.r.size)
-        outline = Outline.from_file("naca63815")
-        model = model_of(polar, structure=Structure.of(outline, METAL, wall=wall))
+        outlines = [Outline.from_file("naca63815")] * wall.size
+        model = model_of(polar, structure=Structure.of(outlines, METAL, wall=wall))
     found = model.loads(blade, RATIO, derivatives=True)
     unit = np.eye(blade.r.size)
     steps = {"tip_speed_ratio": [{"ratio": 1.0}], "rotor_radius": [{"radius": 1.0}]}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.strength import PLACES, POINT_ERROR, Structure, norm, place_weights
 
 HEIGHT = 0.2
@@ -162,10 +162,9 @@ def test_stretched_sections_along_the_span_have_powers_of_the_thickness(naca):
 
 
 def test_given_second_moments_stand_in_for_those_of_the_outline(naca):
-    given = SecondMoments(np.array([2e-4, 1e-4]), 5e-3, 0.0)
-    found = Structure.of(naca, 1000.0).with_section(0.05, given)
+    given = [(0.05, 2e-4, 5e-3, 0.0), (0.05, 1e-4, 5e-3, 0.0)]
+    found = Structure.of([naca, naca], 1000.0, given=given)
     assert found.xx == pytest.approx(np.linspace(2e-4, 1e-4, found.xx.size))
-    assert (found.area, found.yy, found.xy) == (0.05, 5e-3, 0.0)
-    assert found.points.shape[0] == 1
-    with pytest.raises(ValueError, match="stations"):
-        found.with_section(np.array([0.05, 0.06, 0.07]), given)
+    for name, number in (("area", 0.05), ("yy", 5e-3), ("xy", 0.0)):
+        assert getattr(found, name) == pytest.approx(number, rel=1e-14)
+    np.testing.assert_array_equal(found.points[0], Structure.of(naca, 1000.0).points[0])

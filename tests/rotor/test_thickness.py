@@ -78,7 +78,7 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
     for mine, its in zip(*parts, strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
     angle = np.deg2rad(np.linspace(-5.0, 12.0, 30)).reshape(6, 5)
-    mine = family.suction_at(angle, same.thickness[:5])
+    mine = Hydrodynamics(family).suction(angle, same.thickness[:5])
     its = Hydrodynamics(sections[place]).suction(angle)
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)

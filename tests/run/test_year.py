@@ -115,7 +115,7 @@ def test_a_years_design_is_simulated_in_a_record_as_long_as_that_is(year, tmp_pa
     # through gusts above the cut-out of mean speeds too, which is told
     stopped = replace(year, case=year.case.with_overrides(f"control.cut_out={0.9 * flow}"))
     (found,) = runs_of(stopped, {"profile": "record", "file": str(path)})
-    assert "for 100 % of the time" in found.told["flow above the cut-out"].remark
+    assert "for 100 % of the time" in found.extremes["flow above the cut-out"].remark
 
 
 @pytest.mark.slow
@@ -285,7 +285,7 @@ def test_a_limit_holds_at_the_ends_of_the_flow_and_the_error_of_its_bins_is_told
     assert told.flow_m_s == pytest.approx(1.7, rel=1e-5)
     assert told.value == pytest.approx(6800.0, rel=1e-4)
     design, sine = found.design(), SineInflow()
-    most = Run(design, sine).told["power"]
+    most = Run(design, sine).extremes["power"]
     assert most.kept
     assert most.value == pytest.approx(6800.0, rel=2e-3)
     flow = sine.speed_at(60.0 * (np.arange(2000) + 0.5) / 2000)

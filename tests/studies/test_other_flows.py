@@ -18,7 +18,7 @@ from hkt_mdo.dynamics.limits import Limit, ThrustLimit, TorqueLimit, TorqueRateL
 from hkt_mdo.dynamics.simulation import RecordedTorque, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import parse
-from hkt_mdo.results.solution import ScenarioTables, Solution
+from hkt_mdo.results.solution import Solution
 from hkt_mdo.studies.other_flows import Run, largest, runs_of
 from hkt_mdo.studies.uncertainty import flow_given
 from tests.conftest import NINE
@@ -55,7 +55,7 @@ def test_under_a_square_law_loads_grow_with_the_square_of_the_flow(free):
     The distance travelled by the water takes the place of time, so the ratios are the same after
     the same distance.
     """
-    slow, fast = (Run(free, ConstantInflow(speed=speed)).told for speed in (0.8, 1.6))
+    slow, fast = (Run(free, ConstantInflow(speed=speed)).extremes for speed in (0.8, 1.6))
     powers = {"rotor_speed": 1, "tip_speed": 1, "thrust": 2, "root_moment": 2, "stress": 2}
     for name, power in (powers | {"control_torque": 2, "power": 3}).items():
         assert fast[name].value == pytest.approx(2.0**power * slow[name].value, rel=1e-6), name
@@ -64,9 +64,9 @@ def test_under_a_square_law_loads_grow_with_the_square_of_the_flow(free):
 
 def test_a_limit_is_kept_up_to_its_bound(quadratic):
     flow = ConstantInflow(speed=1.5)
-    thrust = Run(quadratic, flow).told["thrust"].value
+    thrust = Run(quadratic, flow).extremes["thrust"].value
     for share, kept in ((0.5, True), (0.9999, True), (1.001, False), (2.0, False)):
-        told = Run(limited(quadratic, ThrustLimit(bound=thrust / share)), flow).told["thrust"]
+        told = Run(limited(quadratic, ThrustLimit(bound=thrust / share)), flow).extremes["thrust"]
         assert (told.value, told.kept) == (pytest.approx(thrust, rel=1e-12), kept)
         assert told.share == pytest.approx(share, rel=1e-12)
         text = told.row("thrust").text
@@ -79,11 +79,11 @@ def test_a_limit_from_below_and_one_of_both_signs(quadratic):
     run = quadratic.simulate(flow)
     slowest, at = run.rotor_speed.min(), np.argmin(run.rotor_speed)
     for least, kept in ((0.5 * slowest, True), (1.1 * slowest, False)):
-        told = Run(limited(quadratic, SlowestRotor(least=least)), flow).told["slowest_rotor"]
+        told = Run(limited(quadratic, SlowestRotor(least=least)), flow).extremes["slowest_rotor"]
         assert (told.limit, told.kept, told.value) == (least, kept, pytest.approx(slowest))
         assert told.time_s == run.time[at]
         assert told.share == pytest.approx(2.0 - slowest / least)
-    told = Run(limited(quadratic, TorqueRateLimit(bound=1.0)), flow).told["torque_rate"]
+    told = Run(limited(quadratic, TorqueRateLimit(bound=1.0)), flow).extremes["torque_rate"]
     rate = np.gradient(run.control_torque, run.time)
     assert told.value == pytest.approx(np.max(np.abs(rate)), rel=0.05)
     assert told.share == pytest.approx(told.value)
@@ -93,7 +93,7 @@ def test_a_limit_from_below_and_one_of_both_signs(quadratic):
 def test_time_above_the_cut_out_is_a_share_of_time(quadratic):
     law = quadratic.physics.law.model_copy(update={"cut_out": 1.5 + 1e-9})
     design = replace(quadratic, physics=replace(quadratic.physics, law=law))
-    told = Run(design, GustInflow(width=6.0)).told["flow above the cut-out"]
+    told = Run(design, GustInflow(width=6.0)).extremes["flow above the cut-out"]
     assert float(told.remark.split()[1]) == pytest.approx(10.0, abs=0.2)  # 6 s of 60 s
 
 
@@ -103,7 +103,7 @@ def test_a_torque_that_drives_the_rotor_is_reported(open_loop):
         heavy = replace(open_loop, plant=replace(open_loop.plant, inertia=1e6))
         heavy = limited(heavy, TorqueLimit(bound=bound))
         heavy.__dict__["controller"] = _driving
-        told = Run(heavy, SineInflow()).told["control_torque"]
+        told = Run(heavy, SineInflow()).extremes["control_torque"]
         assert (told.value, told.limit, told.kept) == (-5.0, 0.0, False)
 
 
@@ -131,7 +131,7 @@ def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
     table = dict.fromkeys(open_loop.solution.trajectory, np.ones(180)) | {"time_s": time}
     table |= {"inflow_speed_m_s": np.full(180, 1.5), "rotor_speed_rad_s": np.full(180, speed)}
     table |= {"control_torque_Nm": np.full(180, torque)}
-    tables = {"phase": ScenarioTables(table, {}, {})}
+    tables = {"phase": {"trajectory": table}}
     unstable = replace(open_loop.solution, tables=tables).design()
     held = unstable.simulate(flow, 0.99 * speed)
     assert unstable.controller.stiffness > 0.0
@@ -150,9 +150,9 @@ def test_in_the_flow_of_the_run_it_agrees_with_the_run(quadratic, open_loop):
         loads = summary.loads
         assert run.energies["energy"] == pytest.approx(summary.simulated_energy_J, rel=1e-7)
         for name, entry in (loads | summary.limits).items():
-            assert run.told[name].value == pytest.approx(entry.value, rel=2e-4), name
-            assert run.told[name].r_m == (loads[name].r_m if name in loads else None)
-        torque = run.told["control_torque"]
+            assert run.extremes[name].value == pytest.approx(entry.value, rel=2e-4), name
+            assert run.extremes[name].r_m == (loads[name].r_m if name in loads else None)
+        torque = run.extremes["control_torque"]
         assert (torque.limit, torque.kept) == (700.0, True)
 
 
@@ -217,8 +217,8 @@ def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
     blade, pressure = plant.blade, 0.5 * plant.density * simulated.inflow_speed**2
     spans = 0.5 * blade.blade_count * (blade.edges[2:] - blade.edges[:-2])
     thrust = pressure * (seen.normal_load @ spans)
-    assert run.told["thrust"].value == pytest.approx(np.max(thrust), rel=1e-12)
-    assert run.told["thrust"].time_s == pytest.approx(simulated.time[np.argmax(thrust)])
+    assert run.extremes["thrust"].value == pytest.approx(np.max(thrust), rel=1e-12)
+    assert run.extremes["thrust"].time_s == pytest.approx(simulated.time[np.argmax(thrust)])
     torque = pressure * (seen.tangential_load @ (spans * blade.r))
     np.testing.assert_allclose(simulated.hydrodynamic_torque, torque, rtol=1e-10)
 
@@ -262,7 +262,7 @@ def test_seeds_are_simulated_one_by_one_and_written(folder, tmp_path, capsys):
         (alone,) = runs_of(Solution.load(folder), parse(flow, "flow"))
         assert told["energy"]["value"] == pytest.approx(alone.energies["energy"], rel=1e-12)
         assert f"seed {seed}, without noise: {alone.outcome}; limits: {alone.verdicts}" in printed
-        for name, entry in alone.told.items():
+        for name, entry in alone.extremes.items():
             assert told[name]["value"] == pytest.approx(entry.value, rel=1e-12), name
     worst = max(runs, key=lambda seed: runs[seed]["thrust"]["share"])
     row = re.search("thrust  .*?root", printed, re.DOTALL)[0]

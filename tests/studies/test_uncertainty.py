@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.studies.uncertainty import Sensor, _advanced, flow_named, fly_noisy
+from hkt_mdo.studies.uncertainty import Sensor, _advanced, flow_named, noisy_runs
 from studies.robust_study import replace_turbine
 from studies.verification.study import _fly
 
@@ -32,7 +32,7 @@ def test_a_fast_quiet_sensor_is_no_sensor(name, cutoff, request):
     """Without noise and with a filter far above the flow's frequency, the loop is ideal."""
     design = request.getfixturevalue(name)
     flow, sensor = paper_flow(design, "A"), Sensor(snr=np.inf, rate=1000.0, cutoff=cutoff)
-    noisy = fly_noisy(design, flow, sensor, repeats=1, seed=0)
+    noisy = noisy_runs(design, flow, sensor, repeats=1, seed=0)
     assert noisy.noise_deviation == 0.0
     assert noisy.energy[0] == pytest.approx(design.simulate(flow).energy, rel=1e-5)
     assert noisy.torque_error < 1e-6
@@ -50,11 +50,11 @@ def test_the_studies_fly_designs_of_open_loop_and_by_a_table(quadratic, open_loo
 def test_a_law_with_states_is_sampled_too(tracking):
     """A held torque makes the loop unstable where kp T / J > 2."""
     flow = paper_flow(tracking, "B")
-    sampled = fly_noisy(tracking, flow, Sensor(np.inf, rate=100.0, cutoff=None), 1, 0)
+    sampled = noisy_runs(tracking, flow, Sensor(np.inf, rate=100.0, cutoff=None), 1, 0)
     assert tracking.gains[-2] / tracking.plant.inertia / 100.0 < 1.5
     assert sampled.energy[0] == pytest.approx(tracking.simulate(flow).energy, rel=1e-3)
     assert tracking.gains[-2] / tracking.plant.inertia / 50.0 > 2.0
-    slow = fly_noisy(tracking, flow, Sensor(np.inf, rate=50.0, cutoff=None), 1, 0)
+    slow = noisy_runs(tracking, flow, Sensor(np.inf, rate=50.0, cutoff=None), 1, 0)
     chatter = np.std(np.diff(slow.control_torque))
     assert chatter > 100.0 * np.std(np.diff(sampled.control_torque))
 
@@ -67,10 +67,10 @@ def test_the_flow_is_estimated_from_speeds_and_torques_that_were_read(tracking):
     flow, sensor = paper_flow(tracking, "B"), Sensor(np.inf, rate=500.0, cutoff=None)
     exact = estimating.simulate(flow)
     assert exact.energy == pytest.approx(tracking.simulate(flow).energy, rel=1e-6)
-    quiet = fly_noisy(estimating, flow, sensor, 1, 0).energy[0]
+    quiet = noisy_runs(estimating, flow, sensor, 1, 0).energy[0]
     assert quiet == pytest.approx(exact.energy, rel=1e-4)
     loud = replace(sensor, snr=30.0, reference="total")
-    told, estimated = (fly_noisy(each, flow, loud, 2, 1).energy for each in (tracking, estimating))
+    told, estimated = (noisy_runs(each, flow, loud, 2, 1).energy for each in (tracking, estimating))
     assert np.all(estimated < told)
 
 
@@ -91,7 +91,7 @@ def test_a_steady_rotor_stays_steady(quadratic):
     """The filter starts in steady state at w(0): in a constant flow it brings no transient."""
     flow = ConstantInflow(speed=float(quadratic.physics.inflow.speed_at(0.0)))
     start = quadratic.simulate(flow)
-    noisy = fly_noisy(quadratic, flow, Sensor(snr=np.inf), repeats=1, seed=0)
+    noisy = noisy_runs(quadratic, flow, Sensor(snr=np.inf), repeats=1, seed=0)
     np.testing.assert_allclose(noisy.rotor_speed, start.rotor_speed[-1], rtol=2e-3)
 
 
@@ -104,7 +104,7 @@ def test_deviation_is_20_dB_below_the_signal():
 def test_the_seed_decides_the_noise(quadratic):
     inflow = SineInflow(scale=1.1)
     sensor = Sensor(rate=20.0)
-    one, same, other = (fly_noisy(quadratic, inflow, sensor, 3, seed).energy for seed in (1, 1, 2))
+    one, same, other = (noisy_runs(quadratic, inflow, sensor, 3, seed).energy for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert np.all(one != other)
     assert np.ptp(one) > 0.0
@@ -112,7 +112,7 @@ def test_the_seed_decides_the_noise(quadratic):
 
 def test_stalled_repeats_are_counted_apart(quadratic):
     """A tenth of the whole speed as noise at 10 Hz stalls this design in every repeat."""
-    run = fly_noisy(quadratic, quadratic.physics.inflow, Sensor(20.0, "total", 10.0), 4, seed=1)
+    run = noisy_runs(quadratic, quadratic.physics.inflow, Sensor(20.0, "total", 10.0), 4, seed=1)
     assert run.stalled == 4
     assert np.all(np.isnan(run.energy))
     assert np.all((run.stopped_at > 0.0) & (run.stopped_at <= 60.0))
@@ -127,7 +127,7 @@ def test_replayed_open_loop_stops_in_flows_b_and_c_but_not_in_a(open_loop):
 
 def test_wrong_questions_are_refused(quadratic, open_loop):
     with pytest.raises(InputError, match="reads no sensor"):
-        fly_noisy(open_loop, open_loop.physics.inflow, Sensor(), 1, 0)
+        noisy_runs(open_loop, open_loop.physics.inflow, Sensor(), 1, 0)
     with pytest.raises(InputError, match=r"^--flow A: changes a sine, .* is constant; give"):
         flow_named("A", ConstantInflow(speed=1.3))
     with pytest.raises(InputError, match="unknown"):
@@ -140,6 +140,6 @@ def test_a_law_of_constant_power_stalls_under_noise_too(quadratic):
     asked = replace(quadratic, physics=physics(case), gains=np.array([5000.0, -1.0]))
     flow = asked.physics.inflow
     assert asked.simulate(flow).stopped_at is not None
-    noisy = fly_noisy(asked, flow, Sensor(snr=20.0, reference="total", cutoff=None), 3, seed=1)
+    noisy = noisy_runs(asked, flow, Sensor(snr=20.0, reference="total", cutoff=None), 3, seed=1)
     assert noisy.stalled == 3
     assert np.all(noisy.stopped_at < 60.0)
