@@ -7,7 +7,7 @@ import pytest
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.build import assemble
-from hkt_mdo.problem.evaluation import broken_limits, objective_at, on_start
+from hkt_mdo.problem.evaluation import broken_limits, excesses, objective_at, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
@@ -79,7 +79,7 @@ def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
     case, found = world(**{limit: value}), start(**{limit: value})
     assert found.excess < 1e-4
     # a schedule may jump from one side of the largest torque to the other, and sections may stall
-    assert broken_limits(case, found, 4e-3) == []
+    assert all(over < 4e-3 for over, _ in excesses(case, found).values())
     (bound,) = (each for each in case.limits if each.name == limit)
     (known,) = on_start(case, found)
     # the norm that stands for the largest value along the blade is up to one per cent above it
