@@ -11,20 +11,18 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import SLOWED
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation
+from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-
-if TYPE_CHECKING:  # Dymos and BEM wait until they are used
-    from hkt_mdo.dynamics.simulation import Plant
-    from hkt_mdo.problem.model import Physics
-    from hkt_mdo.rotor.blade import Blade
-    from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip speed ratio; nodes
 
@@ -63,7 +61,6 @@ class QuasiSteady:
     @classmethod
     def of(cls, physics: Physics, blade: Blade, curve: Callable) -> QuasiSteady:
         """Return the operation of a blade, with a curve of its torque, in all flows of a case."""
-        from hkt_mdo.dynamics.simulation import Plant
 
         def coefficients(_blade, _polar, ratio):
             return SimpleNamespace(torque=curve(ratio))
@@ -83,8 +80,6 @@ class QuasiSteady:
         -------
         Operation
         """
-        from hkt_mdo.dynamics.equilibrium import FeedbackTorque, equilibria
-
         controller = FeedbackTorque(self.law, gains)
         speed, running, _ = equilibria(self.plant, controller, self.inflow_speed)
         return replace(self.held(speed), running=bool(np.all(running)))

@@ -45,7 +45,7 @@ class TurbineGroup(om.Group):
     - energy (J) captured in all scenarios together, over the case's duration, generator_energy (J)
       and electrical_energy (J); and objective, that of the case in its unit
     - ``traj.<scenario>.timeseries.<quantity>``[n_times, 1]: time, rotor_speed, control_torque, …;
-      ``loads_<scenario>.<load>``[n_times, 1] of each load that a limit of the case takes. The
+      ``loads_<scenario>.<load>``[n_times] of each load that a limit of the case takes. The
       scenario of a case with one flow is ``phase``.
     """
 

@@ -76,7 +76,7 @@ def test_scenarios_with_memory_in_other_water_fouled_and_steady():
         ratio = problem.get_val(f"{path}.tip_speed_ratio").ravel()[:1]
         pressure = 0.5 * rotor.water_density * 1.2**2
         load = rotor.loads(world.blade, ratio, names=("thrust",))["thrust"].exact[0, 0]
-        assert problem.get_val(loads)[0, 0] == pytest.approx(pressure * load, rel=1e-3)
+        assert problem.get_val(loads)[0] == pytest.approx(pressure * load, rel=1e-3)
         torque = pressure * np.pi * 1.4**3 * rotor.coefficients(world.blade, ratio).torque
         assert problem.get_val(f"{path}.hydrodynamic_torque").ravel()[:1] == pytest.approx(
             torque, rel=1e-3
