@@ -73,7 +73,7 @@ def test_workers_that_die_lose_nothing(scheduler, tmp_path):
     deaths = Counter(filter(None, map(stand_in.death, range(601, 701))))
     assert set(deaths) == {*stand_in.DEATHS}
     states = []
-    how = {"told": states.append, "scheduler": scheduler, "run": stand_in.run}
+    how = {"report": states.append, "scheduler": scheduler, "run": stand_in.run}
     rows = run_sweep(sweep, tmp_path / "out", **how)
     assert [row["objective"] for row in rows] == [float(x) for x in range(601, 701)]
     assert {row["state"] for row in rows} == {"verified"}
