@@ -36,6 +36,11 @@ GROWTH = 4.0  # of the first step of a window over the last one before it, with 
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 
 
+def by_curve(curve):
+    """Return a solver for a `Plant` whose torque coefficient is a curve over tip speed ratios."""
+    return lambda _blade, _polar, ratio, *_: SimpleNamespace(torque=curve(ratio))
+
+
 @dataclass(frozen=True, eq=False)
 class Plant:
     """The rotor as it is built, in water: blade, section, inertia (kg*m**2) and density (kg/m**3).
@@ -72,11 +77,8 @@ class Plant:
         number. A long integration evaluates the spline a hundred times faster than BEM.
         """
         curve = CubicSpline(ratios, self.coefficient(ratios))
-
-        def coefficients(_blade, _polar, ratio, *_):
-            return SimpleNamespace(torque=curve(np.minimum(ratio, ratios[-1])))
-
-        return replace(self, coefficients=coefficients), curve
+        solver = by_curve(lambda ratio: curve(np.minimum(ratio, ratios[-1])))
+        return replace(self, coefficients=solver), curve
 
     def torque(self, speed, inflow_speed, filters=None):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).

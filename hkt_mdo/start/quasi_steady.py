@@ -10,14 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 
 import numpy as np
 
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, by_curve
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation
 from hkt_mdo.rotor.blade import Blade
@@ -61,11 +60,8 @@ class QuasiSteady:
     @classmethod
     def of(cls, physics: Physics, blade: Blade, curve: Callable) -> QuasiSteady:
         """Return the operation of a blade, with a curve of its torque, in all flows of a case."""
-
-        def coefficients(_blade, _polar, ratio):
-            return SimpleNamespace(torque=curve(ratio))
-
-        plant = Plant(blade, (), np.nan, physics.density, coefficients, physics.case.generator)
+        about = physics.density, by_curve(curve), physics.case.generator
+        plant = Plant(blade, (), np.nan, *about)
         return cls(plant, physics.law, *sampled_flow(physics))
 
     def operate(self, gains) -> Operation:

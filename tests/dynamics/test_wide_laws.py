@@ -10,7 +10,7 @@ from hkt_mdo.dynamics.formulas import slope
 from hkt_mdo.dynamics.generator import Generator
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.dynamics.simulation import Plant, by_curve
 from hkt_mdo.dynamics.wide_laws import (
     BEND,
     STEEPEST,
@@ -41,8 +41,8 @@ SPLINE = TorqueSpline(np.linspace(2.0, 18.0, 161))
 def quasi_steady(table, law):
     weights = np.full(TIME.size, TIME[1])
     weights[[0, -1]] *= 0.5
-    curve, blade = SPLINE.curve(table), SimpleNamespace(rotor_radius=1.4)
-    plant = Plant(blade, (), 0.0, 1000.0, lambda *at: SimpleNamespace(torque=curve(at[2])))
+    blade = SimpleNamespace(rotor_radius=1.4)
+    plant = Plant(blade, (), 0.0, 1000.0, by_curve(SPLINE.curve(table)))
     return QuasiSteady(plant, law, FLOW, weights)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.simulation import Plant
+from hkt_mdo.dynamics.simulation import Plant, by_curve
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
@@ -26,8 +26,8 @@ RUBS = Generator(shaft_friction=40.0, shaft_friction_slope=5.0)
 
 
 def quasi_steady(table, law, shaft=LOSSLESS):
-    curve, blade = SPLINE.curve(table), SimpleNamespace(rotor_radius=RADIUS)
-    plant = Plant(blade, (), 0.0, DENSITY, lambda *at: SimpleNamespace(torque=curve(at[2])), shaft)
+    blade = SimpleNamespace(rotor_radius=RADIUS)
+    plant = Plant(blade, (), 0.0, DENSITY, by_curve(SPLINE.curve(table)), shaft)
     return QuasiSteady(plant, law, FLOW, WEIGHTS)
 
 
