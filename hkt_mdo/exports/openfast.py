@@ -16,11 +16,11 @@ from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.exports.solids import Airfoil, airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.results.design import Design
+from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.loads import ATMOSPHERIC, VAPOUR
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, place_weights
 from hkt_mdo.sections import Quantity, Section
 
@@ -190,15 +190,16 @@ def reynolds_numbers(design: Design) -> list[float]:
         case; without that, one of the operation.
     """
     turbine, physics, blade = design.turbine, design.physics, design.blade
-    if isinstance(physics.rotor.polar, LocalReynolds):
-        return np.exp(physics.rotor.polar.log_reynolds).tolist()
+    polar: Any = physics.rotor.polar
+    if polar.follows_reynolds:
+        return np.exp(polar.log_reynolds).tolist()
     known = np.unique(np.concatenate([each.polars.reynolds for each in turbine.sections]))
     known = known[np.isfinite(known)]
     number = known[0] if known.size == 1 else turbine.reynolds_number
     if number is None:
         best = physics.rotor.best_operation(blade).tip_speed_ratio
         flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)
-        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow
+        speed = bem.sections(blade, polar, best).relative_speed[0] * flow
         number = np.median(speed * blade.chord) / physics.case.fluid.kinematic_viscosity
     return [float(number)]
 

@@ -144,8 +144,8 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om
         barrier=barrier / segments,
         # under a law the equation of motion hinders every long step (turbine 12 of `make verify
         # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
-        cautious=physics.rotor.several_sections and not law.is_feedback,
-        memory=steps if segments > MANY_SEGMENTS and not physics.rotor.several_sections else None,
+        cautious=physics.rotor.polar.several and not law.is_feedback,
+        memory=steps if segments > MANY_SEGMENTS and not physics.rotor.polar.several else None,
         progress=progress,
     )
 

@@ -153,7 +153,7 @@ class Physics:
 
         A local Reynolds number depends on the speed of the flow too, which the curve does not have.
         """
-        return self.case.hydrodynamics.torque == "curve" and not self.rotor.follows_reynolds
+        return self.case.hydrodynamics.torque == "curve" and not self.rotor.polar.follows_reynolds
 
     @property
     def designs_hub(self) -> bool:

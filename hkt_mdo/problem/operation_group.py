@@ -29,7 +29,7 @@ from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.wake import along_start
 from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
 from hkt_mdo.rotor.band import Band
-from hkt_mdo.rotor.hydrodynamics import SOLVERS
+from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 PULSE = 0.002

@@ -16,6 +16,7 @@ from hkt_mdo.files.shipped import shipped_names, shipped_rotor
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.polars import ByStation, Polars
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, material_section
 from hkt_mdo.rotor.thickness import ByThickness, over_thickness
@@ -37,7 +38,7 @@ class Turbine(NamedTuple):
     """
 
     blade: Blade
-    polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
+    polar: Polars
     section_area: float | np.ndarray | CubicSpline
     """Area of the section's material over chord squared."""
     thickness: float | np.ndarray
@@ -167,12 +168,12 @@ def build_turbine(
         area, thickness = _together(areas), _together([each.thickness for each in sections])
         families = [each.polars for each in sections]
         if rotor.reynolds == "local":
-            families = families if len(families) > 1 else families * stations.size
             polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
         else:
-            one = all(family is families[0] for family in families)
-            polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
-            polar = polar[0] if one else polar
+            polars = {each: _invariant(each, rotor.reynolds_number) for each in families}
+            polar, *others = polars.values()
+            if others:
+                polar = ByStation.of(polars[each] for each in families)
         structure = _structure(rotor, sections)
     outlines = tuple(each.outline for each in sections)
     walls = tuple(0.5 if each.wall is None else each.wall for each in sections)

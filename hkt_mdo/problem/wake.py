@@ -21,7 +21,7 @@ def band_of(physics: Physics, setup: Setup) -> Band | None:
     blade = setup.start.blade
     ratios = [known["tip_speed_ratio"] for known in on_start(physics, setup.start)]
     mean = float(np.mean(np.concatenate(ratios)))
-    return Band.of(physics.rotor.as_built(blade), blade, mean, setup.nodes)
+    return Band.of(physics.rotor.polar, blade, mean, setup.nodes)
 
 
 def along_start(physics, blade, band, scenario, speed) -> dict[str, np.ndarray]:
@@ -48,7 +48,7 @@ def along_start(physics, blade, band, scenario, speed) -> dict[str, np.ndarray]:
     time = scenario.samples
     flow = scenario.inflow.speed_at(time)
     ratio = speed * blade.rotor_radius / flow
-    tables = band.solve(physics.rotor_in(scenario).as_built(blade), blade, ())
+    tables = band.solve(physics.rotor_in(scenario), blade, ())
     table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
     steady = flow * band.spline.curve(table)(ratio)
     tau1 = physics.case.inflow_dynamics.tau1

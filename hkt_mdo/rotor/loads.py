@@ -5,14 +5,14 @@ the centrifugal force too: load = q c(tip speed ratio). Definitions are in docs/
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, spread
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, norm, place_weights
 
 GRAVITY = 9.80665  # m/s²
@@ -63,19 +63,37 @@ class Load(NamedTuple):
         return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LoadModel(Hydrodynamics):
-    """A rotor's hydrodynamics and loads: everything that they depend on besides the blade.
+@dataclass(frozen=True, eq=False)
+class LoadModel:
+    """A rotor's loads: everything that they depend on besides the blade.
 
-    water_density is in kg/m³. Without a `Structure` there is no stress, without the depth of the
-    hub (m) no cavitation: a section does that at the top of the turn. margin is a factor on the
-    suction.
+    polar has lift, drag and suction of the sections; water_density is in kg/m³. Without a
+    `Structure` there is no stress, without the depth of the hub (m) no cavitation: a section does
+    that at the top of the turn. margin is a factor on the suction.
     """
 
+    polar: Polars
+    _: KW_ONLY
     water_density: float = 1000.0
     structure: Structure | StructureByThickness | None = None
     depth: float | None = None
     margin: float = 1.1
+
+    def at_flow(self, flow_speed):
+        """Return the same rotor with polars at the Reynolds numbers of a flow.
+
+        Parameters
+        ----------
+        flow_speed : float or ndarray of shape (n_points,)
+            Speed of the undisturbed flow (m/s), one or one an operating point. It matters only
+            where polars follow the Reynolds number.
+
+        Returns
+        -------
+        LoadModel
+            Of the same class as this one.
+        """
+        return replace(self, polar=self.polar.in_flow(flow_speed))
 
     @property
     def load_names(self):
@@ -127,13 +145,13 @@ class LoadModel(Hydrodynamics):
         ValueError
             See above.
         """
-        if derivatives and self.follows_reynolds:
+        if derivatives and self.polar.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
         names = self.load_names if names is None else names
         if missing := [name for name in names if name not in self.load_names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = self.sections(blade, ratio, derivatives) if flow is None else flow
+        flow = bem.sections(blade, self.polar, ratio, derivatives) if flow is None else flow
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _beam(self, blade):
@@ -248,7 +266,7 @@ class LoadModel(Hydrodynamics):
         flapwise, edgewise : ndarray of shape (n_points, n_r)
             In m**3.
         """
-        flow = self.sections(blade, tip_speed_ratio) if flow is None else flow
+        flow = bem.sections(blade, self.polar, tip_speed_ratio) if flow is None else flow
         flapwise, edgewise = _moments(blade, flow, np.asarray(r, dtype=float))
         if blade.cone and self.structure is not None:
             (fine, *_), rate, _, (bend, *_) = self._centrifugal(blade, tip_speed_ratio)
@@ -327,16 +345,13 @@ def _about_chord(flapwise, edgewise, twist):
     return flapwise * cosine + edgewise * sine, edgewise * cosine - flapwise * sine
 
 
-def _by_flow(flow, blade, normal, tangential):
+def _by_flow(flow, normal, tangential):
     """Return derivatives by ratio, chord, twist and thickness through the loads of the stations.
 
     normal and tangential[n_points, n_stations] are the derivatives by both loads.
     """
-    by_ratio, *by_shape = (
-        normal * flow.derivatives[1, column] + tangential * flow.derivatives[0, column]
-        for column in range(len(bem.INPUTS))
-    )
-    return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), *by_shape
+    by_ratio, *by_shape = normal * flow.derivatives[1] + tangential * flow.derivatives[0]
+    return np.sum(by_ratio, axis=-1), *by_shape
 
 
 def radius_slope(blade, values, by_chord, power):
@@ -389,7 +404,7 @@ def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_chord=0.0, b
         return Load(r, values, values)
 
     def slopes(share):
-        by = _by_flow(flow, blade, share * weights, np.zeros(flow.normal_load.shape))
+        by = _by_flow(flow, share * weights, np.zeros(flow.normal_load.shape))
         own = np.sum(share * by_ratio, axis=1), share * by_chord, 0.0, share * by_thickness
         by = [each + other for each, other in zip(by, own, strict=True)]
         return *by, radius_slope(blade, (share * values)[:, 0], by[1], power)
@@ -418,7 +433,7 @@ def _stress(model, blade, flow, ratio):
         by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
         by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
         by_loads = by_flapwise @ arms, by_edgewise @ arms
-        by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, blade, *by_loads)
+        by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, *by_loads)
         tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate
         by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
         by_places, by_area = (
@@ -471,8 +486,8 @@ def _cavitation(model, blade, flow, ratio):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     static = model.water_density * GRAVITY * (model.depth - height)
     pressure = ATMOSPHERIC - VAPOUR + static
-    thickness = () if blade.thickness is None else (blade.thickness,)
-    suction, by_angle, *by_section = model.suction(flow.angle_of_attack, *thickness)
+    found = model.polar.suction_along(blade, ratio, flow.angle_of_attack)
+    suction, by_angle, by_followed = found
     speed = flow.relative_speed
     scale = model.margin * cosine**2 / pressure
 
@@ -488,8 +503,7 @@ def _cavitation(model, blade, flow, ratio):
         flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
         for by_attack, by_speed in zip(angle, relative, strict=True)
     ]
-    for by_own_thickness in by_section:
-        by[-1] = by[-1] + flat(scale * speed**2 * by_own_thickness)
+    by[-1] = by[-1] + flat(scale * speed**2 * by_followed)
     lift = model.water_density * GRAVITY * np.tile(height / pressure, 2)
 
     def slopes(share):
@@ -498,7 +512,7 @@ def _cavitation(model, blade, flow, ratio):
         weighted = share * values
         by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_chord, 0)
         by_radius = by_radius + weighted @ lift / blade.rotor_radius
-        return np.sum(by_ratio, axis=1) / cosine, by_chord, by_twist, by_thickness, by_radius
+        return np.sum(by_ratio, axis=1), by_chord, by_twist, by_thickness, by_radius
 
     return Load(r, values, values, slopes)
 

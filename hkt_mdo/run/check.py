@@ -20,7 +20,6 @@ from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.results.rows import bending, bends_far, duration, flow_words, water_inertia
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
 from hkt_mdo.run.checks import FLOW_ERROR, designed, in_case
@@ -185,7 +184,7 @@ def _stations(found: Findings) -> Rows:
     if len(numbers) > 1 and turbine.reynolds_number and found.case.rotor.reynolds == "invariant":
         known += f", taken at {powers(turbine.reynolds_number)}"
     how = "at every speed"
-    if isinstance(found.plant.polar, LocalReynolds):
+    if found.plant.polar.follows_reynolds:
         how, (low, high) = "which follow them", np.exp(found.plant.polar.log_reynolds[[0, -1]])
         met = found.reynolds
         off = np.any((met < 0.99 * low) | (met > 1.01 * high), axis=0)
@@ -487,7 +486,7 @@ def _limits(found: Findings) -> Rows:
         for row in _of_scenario(found, limits, found.at_start[flow.name]):
             yield replace(row, label=name + row.label)
     rotor, blade, bent = found.physics.rotor, found.start.blade, None
-    if found.running and not rotor.follows_reynolds:
+    if found.running and not rotor.polar.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
     yield from bending(bent, blade.tip_radius, rotor.structure and rotor.weight_moment(blade))
     yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))

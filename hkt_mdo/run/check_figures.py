@@ -12,7 +12,6 @@ from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel, Span
 from hkt_mdo.results.words import powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.run.check import CheckReport
 from hkt_mdo.run.findings import Findings, Flow
@@ -83,7 +82,7 @@ def _polar_curves(found: Findings) -> Iterator[dict[str, Any]]:
     for tables, where in groups.items():
         label = "all stations" if len(groups) == 1 else found.stations.places(where)
         labels = [label]
-        if isinstance(polar := found.plant.polar, LocalReynolds):
+        if (polar := found.plant.polar).follows_reynolds:
             labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
         for table, label in zip(tables, labels, strict=True):
             lift, drag = table.evaluate(angle)

@@ -114,7 +114,7 @@ def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -
 
 def tip_deflection(rotor: RotorModel, blade: Blade, known: Known) -> float | None:
     """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
-    if rotor.follows_reynolds:
+    if rotor.polar.follows_reynolds:
         return None
     ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
     at = np.linspace(ratio.min(), ratio.max(), 201)

@@ -75,7 +75,7 @@ def summarize(
     design, blade, outcome = _design(finished), result.point.blade, result.outcome
     ratios = design["tip_speed_ratio"]
     working = max(float(ratios["min"]), SLOWEST_RATIO), float(ratios["max"])
-    stations = Stations(blade, physics.rotor.as_built(blade).polar, working)
+    stations = Stations(blade, physics.rotor.polar, working)
     messages = list(stations.messages("found blade"))
     warned, noted = ([text for x, text in messages if x == kind] for kind in ("warning", "note"))
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}

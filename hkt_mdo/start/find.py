@@ -85,7 +85,7 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
         found.append(optimum)
     else:
         rotors.append(physics.rotor)
-    if physics.rotor.follows_reynolds:
+    if physics.rotor.polar.follows_reynolds:
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
         rotors += [physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max())]
     found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]

@@ -7,7 +7,6 @@ from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.components import BladeGroup
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.shape import Shape
@@ -45,7 +44,7 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     assert fixed.power_coefficient == rotor.best_operation(blade).power_coefficient
     turned = rotor.best_of_shape(Shape.fixed(blade, 0.0, (-0.1, 0.1)), blade)
     assert fixed.power_coefficient < turned.power_coefficient < best.power_coefficient
-    own = best_operation(blade, Hydrodynamics(rotor.polar))
+    own = best_operation(blade, rotor.polar)
     assert own.tip_speed_ratio == fixed.tip_speed_ratio
 
 

@@ -17,7 +17,6 @@ from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
-from hkt_mdo.rotor.bem import LocalReynolds
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.check_figures import power_spectrum
 from hkt_mdo.run.findings import problem_values
@@ -60,7 +59,7 @@ def test_torque_at_the_rated_speed_is_the_limit(reynolds: str) -> None:
     polar = ["rotor={polar: naca63815, reynolds: local}"] if local else []
     report = check("control.torque_limit=700", *polar)
     found = report.findings
-    assert isinstance(found.physics.rotor.polar, LocalReynolds) == local
+    assert found.physics.rotor.polar.follows_reynolds == local
     assert ("torque: at every node" in rows(report, "Optimization")) == local
     speed, torque = found.at_best(found.rated_speed)
     assert torque == pytest.approx(700.0, rel=1e-9)
