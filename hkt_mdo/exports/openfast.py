@@ -21,13 +21,12 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.loads import ATMOSPHERIC, VAPOUR
-from hkt_mdo.rotor.strength import Structure, place_weights
+from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.sections import Quantity, Section
 
 MOST_BLADES = 3  # of ElastoDyn
 UNKNOWN_DEPTH = 2.0  # rotor radii from the surface to the hub, where no case gives it
 BED = 1.5  # rotor radii from the hub to the bed, where nothing gives it
-STIFF = 1e10  # Pa, modulus of a blade that has none; its modes are switched off
 PARTS = 4  # rows of ElastoDyn's blade between two places of the structure
 WHOLE = (
     *("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat", "airfoils/no_load.dat"),
@@ -143,9 +142,8 @@ class OpenFast(Format):
 def _elastodyn_rows(design: Design) -> np.ndarray:
     """Return the rows of ElastoDyn's blade: hub, places along the stations, and tip."""
     blade, turbine, weights = design.blade, design.turbine, place_weights(design.blade.r.size)
-    structure, places = turbine.structure, len(weights)
-    if not isinstance(structure, Structure):
-        structure = structure.at(weights @ blade.thickness)
+    places, thickness = len(weights), blade.thickness
+    structure, _ = turbine.structure.at(None if thickness is None else weights @ thickness)
     at = np.linspace(0.0, places - 1.0, PARTS * (places - 1) + 1)
 
     def fine(values):
@@ -156,10 +154,10 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
     r, chord, twist, area = (
         fine(weights @ each) for each in (blade.r, blade.chord, blade.twist, area)
     )
-    modulus, mass = structure.modulus or STIFF, design.physics.rotor.material_density * area
-    stiffness = [modulus * fine(moment) * chord**4 for moment in (structure.xx, structure.yy)]
+    moments = structure.xx, structure.yy
+    stiffness = [structure.modulus * fine(moment) * chord**4 for moment in moments]
     r = np.concatenate(([blade.hub_radius], r, [blade.tip_radius]))
-    columns = np.rad2deg(twist), mass * chord**2, *stiffness
+    columns = np.rad2deg(twist), structure.density * area * chord**2, *stiffness
     return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))
 
 

@@ -278,7 +278,6 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     return RotorModel(
         polar=polar,
         section_area=turbine.section_area,
-        material_density=case.rotor.blade_material.density,
         hub_inertia=case.rotor.hub_inertia,
         water_density=case.fluid.density,
         structure=turbine.structure,

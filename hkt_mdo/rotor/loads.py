@@ -67,15 +67,15 @@ class Load(NamedTuple):
 class LoadModel:
     """A rotor's loads: everything that they depend on besides the blade.
 
-    polar has lift, drag and suction of the sections; water_density is in kg/m³. Without a
-    `Structure` there is no stress, without the depth of the hub (m) no cavitation: a section does
+    polar has lift, drag and suction of the sections; structure is that of the material,
+    water_density in kg/m³. Without the depth of the hub (m) there is no cavitation: a section does
     that at the top of the turn. margin is a factor on the suction.
     """
 
     polar: Polars
+    structure: Structure | StructureByThickness
     _: KW_ONLY
     water_density: float = 1000.0
-    structure: Structure | StructureByThickness | None = None
     depth: float | None = None
     margin: float = 1.1
 
@@ -102,10 +102,9 @@ class LoadModel:
         Returns
         -------
         tuple of str
-            Some of thrust, root_moment, stress and cavitation.
+            thrust, root_moment, stress and, with a depth, cavitation.
         """
-        known = {"stress": self.structure, "cavitation": self.depth}
-        return "thrust", "root_moment", *(name for name, x in known.items() if x is not None)
+        return tuple(_LOADS)[: -1 if self.depth is None else None]
 
     def loads(self, blade, tip_speed_ratio, derivatives=False, names=None, flow=None):
         """Return a `Load` for each name: thrust, root_moment, stress, cavitation, all over q.
@@ -155,17 +154,11 @@ class LoadModel:
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _beam(self, blade):
-        """Return the blade at the places of `place_weights`, and its structure there.
-
-        And the structure's rate by the thickness, where that is designed.
-        """
+        """Return the blade at the places of `place_weights`, its structure there, and its rate."""
         weights = place_weights(blade.r.size)
-        shape = {name: weights @ getattr(blade, name) for name in ("r", "chord", "twist")}
-        fine = replace(blade, **shape)
-        if isinstance(self.structure, Structure):
-            return fine, self.structure, None
-        thickness = weights @ blade.thickness
-        return fine, self.structure.at(thickness), self.structure.at(thickness, 1)
+        given = {name: getattr(blade, name) for name in ("r", "chord", "twist", "thickness")}
+        fine = replace(blade, **{name: weights @ x for name, x in given.items() if x is not None})
+        return fine, *self.structure.at(fine.thickness)
 
     def _centrifugal(self, blade, ratio):
         """Return the beam, the rate rho_b omega² cos²(cone) over q [n_points, 1], and two loads.
@@ -206,13 +199,13 @@ class LoadModel:
         Table
             Of one point, which has no tip speed ratio.
         """
-        (fine, structure, change), weights = self._beam(blade), place_weights(blade.r.size)
+        (fine, structure, rate), weights = self._beam(blade), place_weights(blade.r.size)
         chord, twist = fine.chord, fine.twist
         excess = GRAVITY * (structure.density - self.water_density)
         moments = (excess * moment[1:] for _, moment in _outboard(fine, structure.area, 0))
         moment, moment_by_chord, moment_by_area = moments
         weak, strong = _about_chord(0.0, moment[None], twist)
-        bending = structure.bending(weak, strong, chord, change if derivatives else None)
+        bending = structure.bending(weak, strong, chord, rate)
         values, share, _ = norm(bending.smooth)
         if not derivatives:
             return bem.Table(np.max(np.real(bending.largest), axis=1))
@@ -221,10 +214,8 @@ class LoadModel:
         by_places = by_moment @ moment_by_chord - 3.0 * share * bending.smooth / chord
         by_chord = by_places @ weights
         by_twist = (by_weak * strong - by_strong * weak) @ weights
-        by_thickness = np.zeros(by_chord.shape)
-        if change is not None:
-            by_places = share * bending.by_change + (by_moment @ moment_by_area) * change.area
-            by_thickness = by_places @ weights
+        by_places = share * bending.by_thickness + (by_moment @ moment_by_area) * rate.area
+        by_thickness = by_places @ weights
         by_radius = radius_slope(blade, values, by_chord, 1)
         return bem.Table(values, np.zeros(1), by_chord, by_twist, by_thickness, by_radius)
 
@@ -248,7 +239,7 @@ class LoadModel:
     def moments(self, blade, tip_speed_ratio, r, flow=None):
         """Return the moments that bend a blade at radii r over q, m³: flapwise, and edgewise.
 
-        With the moment of the centrifugal force on coned blades, if there is a structure.
+        With the moment of the centrifugal force on coned blades.
 
         Parameters
         ----------
@@ -268,7 +259,7 @@ class LoadModel:
         """
         flow = bem.sections(blade, self.polar, tip_speed_ratio) if flow is None else flow
         flapwise, edgewise = _moments(blade, flow, np.asarray(r, dtype=float))
-        if blade.cone and self.structure is not None:
+        if blade.cone:
             (fine, *_), rate, _, (bend, *_) = self._centrifugal(blade, tip_speed_ratio)
             flapwise = flapwise + rate * np.interp(r, fine.edges, np.append(bend, 0.0))
         return flapwise, edgewise
@@ -279,8 +270,7 @@ class LoadModel:
         Euler-Bernoulli's beam of small deflections, clamped at the hub radius, under the loads of
         the undeformed blade, which the centrifugal force does not stiffen: integral of the
         curvature times (tip radius - r). Sections bend about their own inclined axes; chord, twist
-        and section are linear between stations and constant from there to hub and tip. Raises
-        ValueError without a structure or its modulus.
+        and section are linear between stations and constant from there to hub and tip.
 
         Parameters
         ----------
@@ -293,14 +283,7 @@ class LoadModel:
         -------
         ndarray of shape (n_points,)
             In m/Pa.
-
-        Raises
-        ------
-        ValueError
-            Without a structure or its modulus.
         """
-        if self.structure is None:
-            raise ValueError("deflections need a structure")
         fine, structure, _ = self._beam(blade)
         r = between(fine.edges).ravel()
         several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
@@ -386,10 +369,10 @@ def _thrust(_model, blade, flow, _ratio):
 def _root_moment(model, blade, flow, ratio):
     hub, added = np.array([blade.hub_radius]), ()
     weights = np.cos(blade.cone) ** 2 * moment_weights(blade, hub)[:, 0]
-    if blade.cone and model.structure is not None:
+    if blade.cone:
         (*_, change), rate, _, bends = model._centrifugal(blade, ratio)
         bend, *by = (rate * each[0] for each in bends)  # by chord and by area
-        by[1] = by[1] * (0.0 if change is None else change.area)
+        by[1] = by[1] * change.area
         added = bend, 2.0 / ratio[:, None] * bend, *(x @ place_weights(blade.r.size) for x in by)
     return _whole(blade, flow, weights, 3, *added)
 
@@ -419,9 +402,8 @@ def _stress(model, blade, flow, ratio):
     weights = place_weights(blade.r.size)
     flapwise, edgewise = _moments(blade, flow, r)
     weak, strong = _about_chord(flapwise + rate * bend, edgewise, twist)
-    wanted = change if flow.derivatives.size else None
     tension = rate * pull / (area * chord**2)
-    bending = structure.bending(weak, strong, chord, wanted, tension)
+    bending = structure.bending(weak, strong, chord, change, tension)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
         return Load(r, exact, values)
@@ -443,9 +425,8 @@ def _stress(model, blade, flow, ratio):
         by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
         by_chord = by_chord + by_places @ weights
         by_twist = by_twist + (by_weak * strong - by_strong * weak) @ weights
-        if change is not None:
-            by_places = share * bending.by_change + (by_area - tensile / area) * change.area
-            by_thickness = by_thickness + by_places @ weights
+        by_places = share * bending.by_thickness + (by_area - tensile / area) * change.area
+        by_thickness = by_thickness + by_places @ weights
         by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_chord, 0)
         return by_ratio, by_chord, by_twist, by_thickness, by_radius
 

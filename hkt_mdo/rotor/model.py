@@ -21,13 +21,11 @@ class RotorModel(LoadModel):
 
     Attributes
     ----------
-    polar, water_density, structure, depth, margin
+    polar, structure, water_density, depth, margin
         See `LoadModel`.
     section_area : float or ndarray of shape (n_stations,) or CubicSpline
         Area of a section's material over chord squared: one, one a station, or a function of the
         thickness over chord.
-    material_density : float
-        Density of the blades' material (kg/m**3).
     hub_inertia : float
         Inertia about the rotor's axis of all that is not a blade (kg*m**2), where a blade does not
         have its own, which is designed.
@@ -43,7 +41,6 @@ class RotorModel(LoadModel):
     """
 
     section_area: float | np.ndarray | CubicSpline
-    material_density: float
     hub_inertia: float = 0.0
     inertia_factor: float = 1.0
     added_inertia: str = "none"
@@ -93,7 +90,7 @@ class RotorModel(LoadModel):
             factor.
         """
         hub = self.hub_of(blade)
-        mass, inertia = mass_and_inertia(blade, self.section_area, self.material_density, hub)
+        mass, inertia = mass_and_inertia(blade, self.section_area, self.structure.density, hub)
         if self.added_inertia != "none":
             inertia = inertia + self.water_inertias(blade)[self.added_inertia]
         return RotorMass(mass, inertia * self.inertia_factor)

@@ -488,7 +488,7 @@ def _limits(found: Findings) -> Rows:
     rotor, blade, bent = found.physics.rotor, found.start.blade, None
     if found.running and not rotor.polar.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
-    yield from bending(bent, blade.tip_radius, rotor.structure and rotor.weight_moment(blade))
+    yield from bending(bent, blade.tip_radius, rotor.weight_moment(blade))
     yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
 
 

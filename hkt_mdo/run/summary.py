@@ -225,7 +225,7 @@ def _extremes(finished, scenarios, shadow_prices):
         "limits": limits,
         "loads": found,
         "tip_deflection_m": None if None in bent else max(bent),
-        "weight_moment_Nm": model.structure and model.weight_moment(blade),
+        "weight_moment_Nm": model.weight_moment(blade),
     }
 
 

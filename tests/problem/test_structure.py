@@ -132,7 +132,7 @@ def test_between_walls_mass_and_stress_are_of_one_section(design, tmp_path):
     area, structure = found.rotor.section_area, found.rotor.structure
     base, weights = Outline.from_file("naca4415"), place_weights(5)
     if design:
-        area, structure = area(thickness), structure.at(weights @ thickness)
+        area, (structure, _) = area(thickness), structure.at(weights @ thickness)
     for i, each in enumerate(thickness):
         outline, wall = base.stretched(each / base.thickness), 0.02 + 0.1 * (each - 0.12) / 0.12
         own, moments, _ = material_section(outline, wall)

@@ -25,7 +25,6 @@ def rotor():
     return RotorModel(
         polar=polar,
         section_area=outline.area,
-        material_density=2700.0,
         hub_inertia=0.5,
         structure=Structure.of(outline, 2700.0),
         depth=3.0,
