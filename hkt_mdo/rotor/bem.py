@@ -469,23 +469,6 @@ def _solve(
     return state, branch, derivatives
 
 
-@compiled(error_model="numpy")
-def _forces(phi, twist, polars, section, weights):
-    """Return tangential and normal force coefficients, (2, *phi.shape), at given inflow angles.
-
-    phi is (n_points, n_stations); polars and section are those of `_solve`, weights the first part
-    of its mixture. All but the polars may be complex.
-    """
-    n_mixed, last = weights.shape[2], weights.shape[1] - 1
-    found = np.empty((2, *phi.shape), dtype=phi.dtype)
-    for j in range(phi.shape[1]):
-        station_polars = polars[section[j] : section[j] + n_mixed]
-        for i in range(phi.shape[0]):
-            force = _mixed_force(phi[i, j], twist[j], station_polars, weights[j, min(i, last)])
-            found[0, i, j], found[1, i, j] = force
-    return found
-
-
 def _arguments(blade, polar, tip_speed_ratio):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
     curves, first = polar.curves(blade.r.size, "coefficients")
@@ -561,16 +544,16 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
         State of the flow, (n_points, n_stations), without derivatives.
     """
     points = _points(tip_speed_ratio)
-    *_, polars, section, mixture = _arguments(blade, polar, points)
-    state = _state_under(blade, points, induced, polars, section, mixture[0])
+    state = _state_under(blade, points, induced, polar)
     nothing = np.zeros(state[0].shape)
     return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
 
 
-def _state_under(blade, tip_speed_ratio, induced, polars, section, weights):
+def _state_under(blade, tip_speed_ratio, induced, polar, followed=0.0):
     """Return the first seven fields of `Sections` under given induced velocities.
 
-    All but the polars and the radii may have a complex step.
+    All but the polars and the radii may have a complex step; followed is that of what the polars
+    follow.
     """
     lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.rotor_radius)
     axial, swirl = induced[:, 0], induced[:, 1]
@@ -580,9 +563,11 @@ def _state_under(blade, tip_speed_ratio, induced, polars, section, weights):
     if np.iscomplexobj(squared):  # arctan2 takes no complex numbers
         turned = np.cos(phi) * normal.imag - np.sin(phi) * tangential.imag
         phi = phi + 1j * turned / np.sqrt(squared.real)
-    around, along = blade.chord * squared * _forces(phi, blade.twist, polars, section, weights)
-    speed = np.sqrt(squared)
-    return phi, phi - blade.twist, axial, swirl / lambda_r, speed, along, around
+    alpha, sine, cosine = phi - blade.twist, np.sin(phi), np.cos(phi)
+    found = polar.along("coefficients", blade, tip_speed_ratio, alpha)
+    lift, drag = blade.chord * squared * (found[0] + followed * found[2])
+    loads = lift * cosine + drag * sine, lift * sine - drag * cosine
+    return phi, alpha, axial, swirl / lambda_r, np.sqrt(squared), *loads
 
 
 def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
@@ -611,7 +596,6 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
     found = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
     if not wake.derivatives.size:
         return found
-    *_, polars, section, mixture = _arguments(blade, polar, tip_speed_ratio)
     derivatives = np.zeros((4, len(INPUTS), *found.inflow_angle.shape))
     for column in range(len(INPUTS)):
         step = 1j * STEP * (np.arange(len(INPUTS)) == column)
@@ -622,8 +606,7 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
         )
         moved = replace(blade, chord=blade.chord + step[1], twist=blade.twist + step[2])
         induced = induced_speeds(blade, changed, wake_ratio)
-        weights = mixture[0] + step[3] * mixture[1]
-        state = _state_under(moved, tip_speed_ratio + step[0], induced, polars, section, weights)
+        state = _state_under(moved, tip_speed_ratio + step[0], induced, polar, step[3])
         phi, *_, speed, normal, tangential = state
         derivatives[:, column] = np.imag((tangential, normal, phi, speed)) / STEP
     return found._replace(derivatives=derivatives)

@@ -467,7 +467,7 @@ def _cavitation(model, blade, flow, ratio):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     static = model.water_density * GRAVITY * (model.depth - height)
     pressure = ATMOSPHERIC - VAPOUR + static
-    found = model.polar.suction_along(blade, ratio, flow.angle_of_attack)
+    found = model.polar.along("suction", blade, ratio, flow.angle_of_attack)
     suction, by_angle, by_followed = found
     speed = flow.relative_speed
     scale = model.margin * cosine**2 / pressure

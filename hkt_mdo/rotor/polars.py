@@ -142,36 +142,38 @@ class Polars:
         curves = stacked(tuple(polar for tables in places for polar in tables), name)
         return curves, np.array([places[tables] for tables in each])
 
-    def suction_along(self, blade, tip_speed_ratio, angle_of_attack):
-        """Return the largest -Cp of a blade's sections and its slopes.
+    def along(self, name, blade, tip_speed_ratio, angle_of_attack):
+        """Return lift and drag of a blade's sections, or -Cp min of both surfaces, and slopes.
 
         Parameters
         ----------
+        name : str
+            coefficients or suction.
         blade : Blade
             The blade.
         tip_speed_ratio : array_like of shape (n_points,)
             Omega R / V of the disc.
         angle_of_attack : ndarray of shape (n_points, n_stations)
-            Angle of attack (rad).
+            Angle of attack (rad), maybe complex.
 
         Returns
         -------
-        suction, by_angle, by_followed : ndarray of shape (2, n_points, n_stations)
-            -Cp of the upper and the lower surface and its slopes, per rad and over what the weights
-            follow.
+        values, by_angle, by_followed : ndarray of shape (2, n_points, n_stations)
+            Both values, and their slopes per rad and over what the weights follow.
 
         Raises
         ------
         InputError
             Where a polar has no suction.
         """
-        require_suction(polar for tables in self.tables for polar in tables)
-        curves, first = self.curves(blade.r.size, "suction")
+        if name == "suction":
+            require_suction(polar for tables in self.tables for polar in tables)
+        curves, first = self.curves(blade.r.size, name)
         weights, slopes = self.weights(blade, tip_speed_ratio).swapaxes(1, 2)
         which = first[:, None] + np.arange(weights.shape[-1])
-        suction, by_angle = curves_at(curves, angle_of_attack[..., None], (which,))
-        pairs = (weights, suction), (weights, by_angle), (slopes, suction)
-        return tuple(np.sum(weight * values, axis=-1) for weight, values in pairs)
+        values, by_angle = curves_at(curves, angle_of_attack[..., None], (which,))
+        pairs = (weights, values), (weights, by_angle), (slopes, values)
+        return tuple(np.sum(weight * value, axis=-1) for weight, value in pairs)
 
 
 @dataclass(frozen=True, eq=False)

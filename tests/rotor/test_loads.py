@@ -30,10 +30,11 @@ def suction(angle):
 def model_of(polar, suction=suction, **changes):
     """Return a model whose sections have some suction."""
 
-    def along(_, __, ___, angle):
+    def along(*given):
+        angle = given[-1]
         return *suction(angle), np.zeros((2, *angle.shape))
 
-    polar = type("Sections", (type(polar),), {"suction_along": along})(**vars(polar))
+    polar = type("Sections", (type(polar),), {"along": along})(**vars(polar))
     structure = Structure.of(Outline.from_file("naca63815"), METAL, 70e9)
     return LoadModel(polar, **{"structure": structure, "depth": 3.0} | changes)
 

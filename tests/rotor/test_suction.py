@@ -137,13 +137,13 @@ def test_along_a_blade_every_station_has_its_own_polar():
     angle = np.deg2rad(np.linspace(-4.0, 12.0, 12)).reshape(4, 3)
     blade, several = SimpleNamespace(r=np.ones(3)), ByStation.of(family[:3])
     for polar in (family[0], several):
-        suction, by_angle, _ = polar.suction_along(blade, [5.0], angle)
+        suction, by_angle, _ = polar.along("suction", blade, [5.0], angle)
         assert suction.shape == by_angle.shape == (2, 4, 3)
         for station in range(3):
             ((own,),) = polar.at_station(station).tables
             expected = own.suction_at(angle[:, station])
             assert np.array_equal((suction[..., station], by_angle[..., station]), expected)
-    complex_step = several.suction_along(blade, [5.0], angle + 1e-30j)[0].imag / 1e-30
+    complex_step = several.along("suction", blade, [5.0], angle + 1e-30j)[0].imag / 1e-30
     assert np.allclose(by_angle, complex_step, rtol=1e-12, atol=1e-12)
 
 
@@ -152,7 +152,7 @@ def test_polar_without_suction_is_refused_with_the_remedy():
     known = PolarFamily.from_file("naca63815")
     for polar in (without, ByStation.of((known.polars[0], without, known.polars[0]))):
         with pytest.raises(InputError, match=r"rotor\.polar .*cpmin_upper.*hkt polar"):
-            polar.suction_along(None, None, np.zeros((2, 3)))
+            polar.along("suction", None, None, np.zeros((2, 3)))
     with pytest.raises(InputError, match="cpmin"):
         without.suction_at(0.1)
 

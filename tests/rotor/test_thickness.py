@@ -79,7 +79,7 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
     for mine, its in zip(*parts, strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
     angle = np.deg2rad(np.linspace(-5.0, 12.0, 6 * thick.r.size)).reshape(6, -1)
-    mine, its = (each.suction_along(same, RATIO, angle) for each in (family, sections[place]))
+    mine, its = (each.along("suction", same, RATIO, angle) for each in (family, sections[place]))
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
 
