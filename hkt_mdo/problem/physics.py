@@ -195,8 +195,8 @@ def physics(case: Case) -> Physics:
 @lru_cache(maxsize=1)  # a second on several sections, and the checks and the notes of a run ask
 def with_many_stations(physics: Physics) -> Physics:
     """Return the physics of the same turbine with `STATIONS` stations, whatever the case gives."""
-    case = physics.case
-    turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design, STATIONS)
+    case, many = physics.case, {"stations": None, "station_count": STATIONS}
+    turbine = build_turbine(case.rotor.model_copy(update=many), case.fluid, 1.0, case.design)
     shape = replace(physics.shape, blade=turbine.blade)
     rotors = _rotors(case, turbine, shape, physics.scenarios)
     return replace(physics, shape=shape, rotors=rotors, turbine=turbine)
