@@ -188,7 +188,7 @@ def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
     assert own.limits["control_torque"].limit == pytest.approx(1.02 * 2e3)
     nominal = physics(load_case(data))
     inertia = physics(load_case(data | whole)).mass_and_inertia(nominal.blade)[1]
-    assert inertia == pytest.approx(1.3 * nominal.mass_and_inertia(nominal.blade)[1], rel=1e-14)
+    assert inertia == pytest.approx(1.3 * nominal.rotor.mass_and_inertia(nominal.blade)[1], rel=1e-14)
 
 
 def test_the_water_that_blades_move_is_that_of_the_scenario():

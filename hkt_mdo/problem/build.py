@@ -154,7 +154,7 @@ def _scales(physics, setup):
     """Return the reference magnitudes of the phases, from the start."""
     operation = setup.start.operation
     torque = float(np.max(np.abs(operation.hydrodynamic_torque)))
-    _, inertia = physics.mass_and_inertia(setup.start.blade)
+    _, inertia = physics.rotor.mass_and_inertia(setup.start.blade)
     speed = float(np.mean(operation.rotor_speed))
     limit = physics.law.torque_limit
     if limit is not None:
@@ -202,7 +202,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     given += [(f"{name}_control", value, refs.get(name, value)) for name, value in control.items()]
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
-        given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
+        given.append(("hub_inertia", hub, physics.rotor.mass_and_inertia(blade)[1]))
     given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
     others = {"hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades")}
     others |= law.named_gains

@@ -201,25 +201,3 @@ class RotorModel(LoadModel):
         if shape.designs_set_angle:
             return steady_optimum.best_set_angle(shape, blade, self.polar)
         return self.best_operation(blade)
-
-    def best_blade(self, shape, tip_speed_ratio, start=None, tolerance=1e-14):
-        """Return the best chord and twist at one tip speed ratio; see `steady_optimum.best_blade`.
-
-        Parameters
-        ----------
-        shape : Shape
-            Its blade gives stations, hub, tip, blade count and cone; its bounds hold at stations.
-        tip_speed_ratio : float
-            Omega R / V of the disc.
-        start : Blade, optional
-            Where a local search begins; without it the search is global.
-        tolerance : float
-            Change of the power coefficient at which a local search ends.
-
-        Returns
-        -------
-        SteadyOptimum
-            The best blade and its power coefficient.
-        """
-        about = tip_speed_ratio, shape.bounds, start, tolerance
-        return steady_optimum.best_blade(shape.blade, self.polar, *about)

@@ -40,13 +40,10 @@ class SteadyOptimum(NamedTuple):
     power_coefficient: float
 
 
-def best_blade(blade, polar, tip_speed_ratio, bounds, start=None, tolerance=1e-14):
-    """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
+def best_blade(blade, polar, tip_speed_ratio, bounds):
+    """Return the `SteadyOptimum` over chord and twist at one tip speed ratio, found globally.
 
-    Also over the thickness, within the bounds of polars that follow it. The blade gives stations,
-    hub, tip, blade count and cone; bounds are in m and rad. From `start`, a blade, the nearest
-    local optimum is taken; None: the search covers the whole range of chord and twist. A local
-    search ends where the power coefficient changes by less than the tolerance.
+    Also over the thickness, within the bounds of polars that follow it.
 
     Parameters
     ----------
@@ -58,25 +55,20 @@ def best_blade(blade, polar, tip_speed_ratio, bounds, start=None, tolerance=1e-1
         Omega R / V of the disc.
     bounds : dict of str to tuple of float
         Smallest and largest chord (m) and twist (rad).
-    start : Blade, optional
-        Where a local search begins; without it the search is global.
-    tolerance : float
-        Change of the power coefficient at which a local search ends.
 
     Returns
     -------
     SteadyOptimum
         The best blade and its power coefficient.
     """
-    if start is None:
-        (start,) = _candidates(blade, polar, [tip_speed_ratio], bounds)
-    return _climb(start, polar, tip_speed_ratio, bounds, tolerance)
+    (start,) = _candidates(blade, polar, [tip_speed_ratio], bounds)
+    return nearest_optimum(start, polar, tip_speed_ratio, bounds, 1e-14)
 
 
 def best_rotor(blade, polar, bounds):
     """Return the `SteadyOptimum` over chord, twist and tip speed ratios of 2 to 16.
 
-    Blade, rotor and bounds are those of `best_blade`.
+    Blade, polar and bounds are those of `best_blade`.
 
     Parameters
     ----------
@@ -104,7 +96,7 @@ def best_rotor(blade, polar, bounds):
 
     def refined(start, near):
         # the best optimum between the ratios, by continuation from a blade
-        return _bracketed(lambda ratio: _climb(start, polar, ratio, bounds, 1e-12), near)
+        return _bracketed(lambda ratio: nearest_optimum(start, polar, ratio, bounds, 1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
     candidates = peaks(RATIOS, PEAKS)
@@ -225,11 +217,29 @@ def _best_stations(blades, polar, ratio, thickness):
     return blades[0].with_shape(*shapes[best, :, stations].T)
 
 
-def _climb(start, polar, ratio, bounds, tolerance):
+def nearest_optimum(start, polar, tip_speed_ratio, bounds, tolerance):
     """Return the local optimum over chord, twist and maybe thickness next to a blade.
 
     Newton's method, for all stations at once and each within bounds and a trust region of its own:
     stations do not depend on each other, so a difference of gradients has every second derivative.
+
+    Parameters
+    ----------
+    start : Blade
+        Where the search begins.
+    polar : Polars
+        Polars of the sections.
+    tip_speed_ratio : float
+        Omega R / V of the disc.
+    bounds : dict of str to tuple of float
+        Smallest and largest chord (m) and twist (rad).
+    tolerance : float
+        Change of the power coefficient at which the search ends.
+
+    Returns
+    -------
+    SteadyOptimum
+        The best blade and its power coefficient.
     """
     weights = bem.torque_weights(start)
     bounds, x = [bounds["chord"], bounds["twist"]], [start.chord, start.twist]
@@ -242,7 +252,7 @@ def _climb(start, polar, ratio, bounds, tolerance):
 
     def at(x):
         # the tangential loads of the stations, and their derivatives by their shape
-        flow = bem.sections(start.with_shape(*x), polar, ratio, derivatives=True)
+        flow = bem.sections(start.with_shape(*x), polar, tip_speed_ratio, derivatives=True)
         _, *by_shape, by_followed = flow.derivatives[0, :, 0]
         if polar.follows_reynolds:
             by_shape[0] = by_shape[0] + by_followed / x[0]
@@ -257,7 +267,7 @@ def _climb(start, polar, ratio, bounds, tolerance):
         moved = [at(x + direction[:, None] * 1e-5 * unit)[1] for direction in np.eye(len(x))]
         bend = np.stack([(slopes - slope) * unit for slopes in moved]) / 1e-5
         step = _newton_step(slope * unit, bend, (bounds - x) / unit, radius) * unit
-        if ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
+        if tip_speed_ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
             break
         better, better_slope = at(x + step)
         taken = better > load
@@ -265,7 +275,7 @@ def _climb(start, polar, ratio, bounds, tolerance):
         slope = np.where(taken, better_slope, slope)
         radius = np.where(taken, np.minimum(2.0 * radius, 4.0), 0.25 * radius)
     blade = start.with_shape(*x)
-    return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
+    return SteadyOptimum(blade, float(tip_speed_ratio), _power(blade, polar, tip_speed_ratio))
 
 
 def _newton_step(slope, bend, room, radius):

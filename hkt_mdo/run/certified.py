@@ -90,7 +90,7 @@ def _best_power(physics, optimum):
         power = physics.rotor.coefficients(blade, ratios).power
     fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
     power = between(ratios, power, fine)
-    return BestPower(fine, power, 2 * (physics.mass_and_inertia(blade)[1],))
+    return BestPower(fine, power, 2 * (physics.rotor.mass_and_inertia(blade)[1],))
 
 
 def _inertia_of_heavy(physics, optimum):
@@ -108,8 +108,8 @@ def _inertia_of_heavy(physics, optimum):
     unit = np.ones(blade.r.size)
     moved = replace(blade.with_shape(unit, unit), chord=unit + 1j * STEP * np.eye(unit.size))
     slope = np.imag(physics.rotor.mass_and_inertia(moved).inertia) / STEP
-    lightest = physics.mass_and_inertia(blade.with_shape(bounds["chord"][0] * unit, unit))[1]
-    prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
+    lightest = physics.rotor.mass_and_inertia(blade.with_shape(bounds["chord"][0] * unit, unit))[1]
+    prices = PRICES * optimum.power_coefficient / physics.rotor.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)
     weights = bem.torque_weights(blade)
     whole = best_sections(blade, physics.rotor.polar, ratios, bounds)

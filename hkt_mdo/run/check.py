@@ -144,7 +144,7 @@ def _turbine(found: Findings) -> Rows:
                 f"{off[worst]:.2g} {unit} at {place}: the run begins with the "
                 "spline; more points follow the file more closely",
             )
-    mass, inertia = found.physics.mass_and_inertia(blade)
+    mass, inertia = found.physics.rotor.mass_and_inertia(blade)
     source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
     if found.case.start.from_ is not None:
         source = f"design of {found.case.start.from_}"

@@ -34,7 +34,7 @@ class Plant:
         self.radius, self.density = case.rotor.radius, case.fluid.density
         blade, polar, self.nodes = self.world.blade, self.world.rotor.polar, self.setup.nodes
         self.table = rotor_coefficients(blade, polar, self.nodes).torque
-        _, self.inertia = self.world.mass_and_inertia(blade)
+        _, self.inertia = self.world.rotor.mass_and_inertia(blade)
         best = best_operation(blade, polar).tip_speed_ratio
         self.ratio, self.segments, self.duration = FASTER * best, segments, duration
 

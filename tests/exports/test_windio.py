@@ -90,8 +90,8 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
     other = rotor.coefficients(read.blade, ratio)
     np.testing.assert_allclose(other.power, own.power, atol=1e-7)
     np.testing.assert_allclose(other.thrust, own.thrust, atol=1e-7)
-    mass = design.physics.mass_and_inertia(blade)
-    np.testing.assert_allclose(read.mass_and_inertia(read.blade), mass, rtol=5e-4)
+    mass = design.physics.rotor.mass_and_inertia(blade)
+    np.testing.assert_allclose(read.rotor.mass_and_inertia(read.blade), mass, rtol=5e-4)
     np.testing.assert_allclose(read.rotor.thickness_of(read.blade), design.thickness, rtol=1e-9)
 
 

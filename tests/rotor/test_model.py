@@ -10,7 +10,7 @@ from hkt_mdo.rotor.components import BladeGroup
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.shape import Shape
-from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.steady_optimum import best_blade, best_operation
 from hkt_mdo.rotor.strength import Structure
 from tests.rotor.test_bem import root_changes
 
@@ -37,7 +37,7 @@ def rotor():
 def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     shape = Shape.designed(blade, FREE, BOUNDS)
     best = rotor.best_of_shape(shape, blade)
-    again = rotor.best_blade(shape, best.tip_speed_ratio)
+    again = best_blade(shape.blade, rotor.polar, best.tip_speed_ratio, BOUNDS)
     assert again.power_coefficient == pytest.approx(best.power_coefficient, rel=1e-9)
     fixed = rotor.best_of_shape(Shape.fixed(blade), blade)
     assert fixed.power_coefficient == rotor.best_operation(blade).power_coefficient
