@@ -226,8 +226,7 @@ class StructureByThickness:
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
-        x, upper, lower = np.moveaxis([outline.resampled() for outline in outlines], 1, 0)
-        along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
+        along = over_thickness(thickness, [outline.resampled() for outline in outlines])(at)
         walls = [None] * at.size
         if wall is not None:
             walls = np.clip(over_thickness(thickness, wall)(at), np.min(wall), np.max(wall))

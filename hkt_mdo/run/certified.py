@@ -31,7 +31,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
     rotor, designs_radius = physics.rotor, shape.radius_bounds is not None
-    designed = designs_radius or physics.designs_hub or shape.designs_thickness
+    designed = designs_radius or physics.designs_hub or "thickness" in shape.bases
     moves_more = rotor.inertia_factor != 1.0 or rotor.added_inertia != "none"
     several = len(physics.rotors) > 1
     fast = optimum.tip_speed_ratio > 0.8 * HIGHEST
