@@ -238,7 +238,7 @@ class Search:
         law keeps its limits. On a second branch the flow is stalled, which makes optimizations
         long: one blade is enough.
         """
-        law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
+        law, found = self.physics.law, []
         follows = bool(law.states) or len(law.gain_units) > 1
         for branch in self.branches:
             some = candidates if branch == self.branches[0] else candidates[:1]
@@ -258,6 +258,8 @@ class Search:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].excess <= START_EXCESS:
                         followed.add(about)
+        # last, since rivals end it: its curve may have 1,700 nodes (`two_flows`)
+        found += map(self._optimum, self._at_constant_torque())
         rank = MERIT if law.is_feedback else self._less_stall
         found.sort(key=rank, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
@@ -343,7 +345,7 @@ class Search:
         """Return the optimum that is reached from a point, by default under the case's law."""
         steady = steady or self.steady
         law, rivals = steady.law.law, []
-        if point.branch != self.branches[0]:
+        if point.branch != self.branches[0] or point.strategy == CONSTANT:
             known = [each for each in self.tried if each.law == law]
             rivals = [each.objective for each in known if each.excess <= START_EXCESS]
         end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
