@@ -426,7 +426,8 @@ class ScenarioEntry(Achieved):
             share = 100.0 * self.mean_power_W / self.ceiling_W
             yield Row("mean power over its ceiling", share, "%", note)
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
-        yield from _in_operation(self, case, self.duration_s)
+        yield from self.year.rows() if self.year else ()
+        yield from in_operation(self, case, self.duration_s)
 
 
 class Summary(Achieved, Mapping[str, Any]):
@@ -741,15 +742,31 @@ class Summary(Achieved, Mapping[str, Any]):
 
     def _operation(self, case: Case) -> Iterator[Row]:
         """Yield the rows of operation, limits and loads, and of the blade's bending."""
-        yield from _in_operation(self, case, case.phase.duration, apart="control_torque")
+        yield from self.year.rows() if self.year else ()
+        yield from in_operation(self, case, case.phase.duration, apart="control_torque")
         yield from bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
 
 
-def _in_operation(
-    of: Summary | ScenarioEntry, case: Case, duration: float | None, apart: str = ""
+def in_operation(
+    of: Achieved, case: Case, duration: float | None = None, apart: str = ""
 ) -> Iterator[Row]:
-    """Yield the rows of a year, standstill, limits and loads; one limit may be told apart."""
-    yield from of.year.rows() if of.year else ()
+    """Yield the rows of standstill, limits and loads; one limit may be told apart.
+
+    Parameters
+    ----------
+    of : Achieved
+        A result, or the starting blade.
+    case : Case
+        The case, which gives the remarks on loads without a limit.
+    duration : float, optional
+        Of the flow, s.
+    apart : str
+        Name of the limit that is left out.
+
+    Yields
+    ------
+    Row
+    """
     if of.operation is not None:
         yield of.operation.row(duration)
     for words, (name, entry) in of.at_limits().items():
