@@ -270,15 +270,18 @@ def margins(solution: Solution) -> dict[str, np.ndarray]:
 
 def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
-    across = "largest value over its limit (%)"
-    panel = Panel("", across, marks={"limit": 100.0}, across_from_zero=True)
+    title = "largest value over its limit (%)"
+    panel = Panel(title, "", levels={"limit": 100.0}, from_zero=True)
+    told: dict[str, list[str]] = {}
     for each in results:
         shares = [one.limit_shares() for one in each.solution.by_scenario]
         for limit in dict.fromkeys(chain.from_iterable(shares)):
-            most = max(float(np.nanmax(share[limit])) for share in shares if limit in share)
-            value, row = np.array([100.0 * most]), np.array([limit_words(limit)])
-            name = each.label or "largest value"
-            panel.curves.append(each.curve(value, row, name, limit, kind="across"))
+            most = 100.0 * max(float(np.nanmax(x[limit])) for x in shares if limit in x)
+            told.setdefault(limit, []).append(f"{most:.1f}")
+            x, y = np.array([[*told].index(limit)]), np.array([most])
+            panel.curves.append(each.curve(x, y, each.label or "largest value", limit, kind="bar"))
+    values = ((limit_words(x).replace(" ", "\n"), ", ".join(y)) for x, y in told.items())
+    panel.ticks = [f"{words}\n{numbers} %" for words, numbers in values]
     return [panel]
 
 
