@@ -5,7 +5,7 @@ colour, line style and marker, so that they can be told apart in grey. Of a sing
 has the same colour in every chart.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from hkt_mdo.results.sections import sections as sections_of
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable
+from hkt_mdo.rotor.airfoil import Polar
 
 UNITS = {"rad/s": ("rpm", 30.0 / np.pi), "W": ("kW", 1e-3), "N": ("kN", 1e-3), "Pa": ("MPa", 1e-6)}
 """Unit, and scale of the values, that are drawn in place of a unit of the registry."""
@@ -57,12 +58,10 @@ ENVELOPE = 300
 
 MOST_NAMED = 8
 """Of more polars, only the first and the last have labels."""
-POLARS = {
-    "lift": "lift coefficient (-)",
-    "drag": "drag coefficient (-)",
-    "ratio": "lift over drag (-)",
-    "suction": "largest suction, -cp (-)",
-}
+POLARS = (
+    *("lift coefficient (-)", "drag coefficient (-)", "lift over drag (-)"),
+    "largest suction, -cp (-)",
+)
 
 Solutions = Solution | Sequence[Solution]
 
@@ -513,14 +512,14 @@ def convergence(results: Results) -> list[Panel]:
 # ---- polars, for `hkt check` and `hkt polar`
 
 
-def polar_panels(curves: Sequence[Mapping[str, Any]]) -> list[Panel]:
+def polar_panels(curves: Sequence[tuple[str, Polar, np.ndarray, np.ndarray]]) -> list[Panel]:
     """Return lift, drag, their ratio and suction, where it is known, over the angle of attack.
 
     Parameters
     ----------
-    curves : sequence of mapping
-        `alpha_deg`, `lift`, `drag` and `suction`, NaN where it is not known, (n_angles,), a
-        `label`, and where a curve is `sure`; elsewhere it is dotted.
+    curves : sequence of tuple
+        Name, polar, angles of attack (rad), (n_angles,), and where the curve is sure, (n_angles,);
+        elsewhere it is dotted.
 
     Returns
     -------
@@ -532,17 +531,16 @@ def polar_panels(curves: Sequence[Mapping[str, Any]]) -> list[Panel]:
 
     several = len(curves) > MOST_NAMED
     shades = [to_hex(each) for each in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
-    panels = []
-    for column, title in POLARS.items():
-        panel = Panel(title, "angle of attack (deg)")
-        for number, (curve, color) in enumerate(zip(curves, shades, strict=True)):
-            x = curve["alpha_deg"]
-            y = curve["lift"] / curve["drag"] if column == "ratio" else curve[column]
-            if np.all(np.isnan(y)):
-                continue
-            name = "" if several and 0 < number < len(curves) - 1 else curve["label"]
-            sure = np.where(curve["sure"], y, np.nan)
+    panels = [Panel(title, "angle of attack (deg)") for title in POLARS]
+    for number, (label, polar, angle, sure) in enumerate(curves):
+        lift, drag = polar.evaluate(angle)
+        columns = [lift, drag, lift / drag]
+        if polar.suction is not None:  # none is known beyond the table
+            inside = (angle >= polar.alpha_min) & (angle <= polar.alpha_max)
+            columns.append(np.where(inside, np.max(polar.suction_at(angle)[0], axis=0), np.nan))
+        name = "" if several and 0 < number < len(curves) - 1 else label
+        for panel, y in zip(panels, columns, strict=False):
+            x, color, known = np.rad2deg(angle), shades[number], np.where(sure, y, np.nan)
             panel.curves.append(Curve(x, y, "", color, None))
-            panel.curves.append(Curve(x, sure, name, color, 0 if several else number))
-        panels.append(panel)
+            panel.curves.append(Curve(x, known, name, color, 0 if several else number))
     return panels

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -73,26 +72,19 @@ def _blade_panels(found: Findings) -> list[Panel]:
     return panels
 
 
-def _polar_curves(found: Findings) -> Iterator[dict[str, Any]]:
-    """Yield the different polars, root to tip."""
+def _polar_curves(found: Findings) -> Iterator[tuple[str, Polar, np.ndarray, np.ndarray]]:
+    """Yield the different polars, root to tip, as `polar_panels` takes them."""
     groups: dict[tuple[Polar, ...], list[int]] = {}
     for station, polars in enumerate(found.stations.polars):
         groups.setdefault(polars, []).append(station)
-    alpha = np.linspace(-40.0, 50.0, 361)
-    angle = np.deg2rad(alpha)
+    angle = np.deg2rad(np.linspace(-40.0, 50.0, 361))
     for tables, where in groups.items():
         label = "all stations" if len(groups) == 1 else found.stations.places(where)
         labels = [label]
         if isinstance(polar := found.plant.polar, LocalReynolds):
             labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
         for table, label in zip(tables, labels, strict=True):
-            lift, drag = table.evaluate(angle)
-            inside = (angle >= table.alpha_min) & (angle <= table.alpha_max)
-            suction = np.full(alpha.size, np.nan)
-            if table.suction is not None:  # none is known beyond the table
-                suction[inside] = np.max(table.suction_at(angle[inside])[0], axis=0)
-            curve = {"alpha_deg": alpha, "lift": lift, "drag": drag, "suction": suction}
-            yield curve | {"sure": inside, "label": label}
+            yield label, table, angle, (angle >= table.alpha_min) & (angle <= table.alpha_max)
 
 
 def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
