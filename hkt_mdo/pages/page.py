@@ -153,9 +153,8 @@ def _headline(solution: Solution) -> dict[str, str]:
     if speeds:
         both = 30.0 / np.pi * np.array([min(map(np.min, speeds)), max(map(np.max, speeds))])
         rows["rotor speed"] = measured(both, "rpm", 4)
-    torque = summary.control_torque_max_Nm
-    rows |= {} if torque is None else {"largest generator torque": measured(torque, "N*m", 4)}
-    for name in ("power", "thrust", "root_moment", "stress", "cavitation", "tip_speed"):
+    shown = "control_torque", "power", "thrust", "root_moment", "stress", "cavitation", "tip_speed"
+    for name in shown:
         if name in largest:
             row = largest[name].row(name)
             rows[row.label] = measured(row.value, row.unit, 4)

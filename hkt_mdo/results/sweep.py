@@ -31,8 +31,8 @@ NULL = "null"
 MAX_BYTES = 1024**3
 _MERITS = (
     *("simulated_energy_J", "generator_energy_J", "electrical_energy_J", "energy_bound_J"),
-    *("certified_gap", "power_coefficient_max", "control_torque_max_Nm", "rotor_radius_m"),
-    *("inertia_kg_m2", "mass_kg", "iterations", "wall_seconds"),
+    *("certified_gap", "power_coefficient_max", "rotor_radius_m", "inertia_kg_m2", "mass_kg"),
+    *("iterations", "wall_seconds"),
 )
 """Numbers of a summary that have a column under their own names."""
 

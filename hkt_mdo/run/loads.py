@@ -25,10 +25,11 @@ Known = dict[str, Any]
 
 
 def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
-    """Return the largest loads of some trajectories, and the largest power and speeds."""
+    """Return the largest loads of some trajectories, and the largest torque, power and speeds."""
     found: dict[str, LoadEntry] = {}
     for known in trajectories:
         reported = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
+        reported["control_torque"] = known["control_torque"], "N*m"
         reported["power"] = known["generator_power"], "W"
         reported["rotor_speed"] = known["rotor_speed"], "rad/s"
         reported["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
