@@ -251,24 +251,16 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
     """
     most, found = points_each(results), {}
     names = list(dict.fromkeys(name for each in results for name in each.solution.scenarios))
-    if len(names) > 1:
-        flow = [charts.envelope(results, each, "inflow_speed") for each in charts.FLOW]
-        time = [charts.envelope(results, each, "time") for each in charts.TIME]
-        found["all scenarios"] = _drawn(
-            flow=stacked(flow, 170),
-            time=stacked([*time, charts.smallest_margin(results)], 130),
-            limits=stacked(charts.limits(results)),
-            span=stacked(charts.loads(results), 160),
-        )
-    for name in names:
-        alone = charts.of_scenario(results, name)
-        time = [*charts.operation(alone), charts.margins_over_time(alone)]
+    parts = {"all scenarios": results} if len(names) > 1 else {}
+    parts |= {name: charts.of_scenario(results, name) for name in names}
+    for name, some in parts.items():
+        time = [*charts.operation(some), charts.margins_over_time(some)]
         found[name] = _drawn(
-            flow=stacked(charts.power_curve(alone), 170),
-            year=stacked(charts.year(alone), 130),
+            flow=stacked(charts.power_curve(some), 170),
+            year=stacked(charts.year(some), 130),
             time=stacked(time, 130, most),
-            limits=stacked(charts.limits(alone)),
-            span=stacked(charts.loads(alone), 160),
+            limits=stacked(charts.limits(some)),
+            span=stacked(charts.loads(some), 160),
         )
     return found
 

@@ -173,17 +173,21 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
     return named
 
 
-# ---- over time and over the flow speed, of results of one scenario each
+# ---- over time and over the flow speed
 
 
 def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
     """Return a quantity over time with its limits, interrupted at a standstill.
 
-    With `nodes`, a single result is shown at the collocation nodes, too.
+    Of several scenarios, from the smallest to the largest value, as in `over_flow`. With `nodes`, a
+    single result is shown at the collocation nodes, too.
     """
     column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(results, quantity, "time (s)")
     for each in results:
         one = each.solution
+        if len(one.scenarios) > 1:
+            panel.curves += _envelope(each, quantity, "time", scale)
+            continue
         both = {"simulation": one.simulation, "collocation nodes": one.trajectory}
         known = [(name, x) for name, x in both.items() if column in x and not one.steady]
         for name, table in known[:1]:
@@ -208,6 +212,9 @@ def over_flow(results: Results, quantity: str) -> Panel:
     panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
     panel.from_zero = panel.across_from_zero = True
     for each in results:
+        if len(each.solution.scenarios) > 1:
+            panel.curves += _envelope(each, quantity, "inflow_speed", scale)
+            continue
         solution, label, table = each.solution, each.label, each.table
         if column not in table:
             continue
@@ -255,7 +262,7 @@ def year(results: Results) -> list[Panel]:
     for column, (title, scale, quantity) in YEAR.items():
         panel = Panel(title, "inflow speed (m/s)", from_zero=True)
         for each in results:
-            if table := each.solution.year:
+            if len(each.solution.scenarios) == 1 and (table := each.solution.year):
                 x, y = table["inflow_speed_m_s"], scale * table[column]
                 panel.curves.append(each.curve(x, y, each.label, quantity, kind="bar"))
         panels.append(panel)
@@ -285,52 +292,40 @@ def limits(results: Results) -> list[Panel]:
 
 
 def margins_over_time(results: Results) -> Panel:
-    """Return the margin of each limit of a single result, the smallest of each of several."""
-    several = any(each.label for each in results)
+    """Return the margin of each limit, or the smallest of several results or scenarios."""
+    several = any(each.label or len(each.solution.scenarios) > 1 for each in results)
     words = "smallest margin of all limits" if several else "margin of each limit"
     panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
     for each in results:
-        left = {} if each.solution.steady else margins(each.solution)
-        if several and left:
-            left = {each.label: np.min([*left.values()], axis=0)}
-        for number, (limit, values) in enumerate(left.items()):
-            x, y = each.solution.across_gaps(each.table["time_s"], values)
-            name = each.label or f"margin: {limit_words(limit)}"
-            style = each.index if several else number
-            panel.curves.append(Curve(x, y, name, each.color(limit), style))
+        alone = _alone([each], "time")
+        left = [(one.solution, one.table["time_s"], margins(one.solution)) for one in alone]
+        for solution, time, own in left if not several else ():
+            for number, (limit, values) in enumerate(own.items()):
+                x, y = solution.across_gaps(time, values)
+                name = f"margin: {limit_words(limit)}"
+                panel.curves.append(Curve(x, y, name, each.color(limit), number))
+        left = [part for part in left if part[2]]
+        parts = [(time, np.min([*own.values()], axis=0)) for _, time, own in left]
+        if several and parts:
+            x, y = left[0][0].across_gaps(*parts[0])
+            if len(parts) > 1:
+                x, _, y, _ = _ranges(parts, ENVELOPE)
+            panel.curves.append(each.curve(x, y, each.label or "smallest margin"))
     return panel
 
 
-# ---- from the smallest to the largest value of all scenarios
+# ---- from the smallest to the largest value of several scenarios
 
 
-def envelope(results: Results, quantity: str, over: str) -> Panel:
-    """Return the range of a quantity over all scenarios, over `time` or `inflow_speed`."""
+def _envelope(each: Labelled, quantity: str, over: str, scale: float) -> Iterator[Curve]:
+    """Yield the range of a quantity over several scenarios, over `time` or `inflow_speed`."""
     x, column = QUANTITIES[over].column, QUANTITIES[quantity].column
-    across = "time (s)" if over == "time" else "inflow speed (m/s)"
-    panel, scale = _panel_of(results, quantity, across)
-    panel.from_zero = panel.across_from_zero = over != "time"
-    for each in results:
-        tables = [one.table for one in _alone([each], over)]
-        parts = [(table[x], scale * table[column]) for table in tables if column in table]
-        if parts:
-            place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
-            name = each.label or "smallest to largest of all scenarios"
-            panel.curves.append(each.curve(place, high, name, quantity, kind="band", low=low))
-    return panel
-
-
-def smallest_margin(results: Results) -> Panel:
-    """Return the smallest margin of all limits and scenarios over time."""
-    title = "smallest margin of all limits and scenarios (%)"
-    panel = Panel(title, "time (s)", levels={"limit": 0.0})
-    for each in results:
-        left = [(one.table["time_s"], margins(one.solution)) for one in _alone([each], "time")]
-        parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
-        if parts:
-            x, _, low, _ = _ranges(parts, ENVELOPE)
-            panel.curves.append(each.curve(x, low, each.label or "smallest margin"))
-    return panel
+    tables = [one.table for one in _alone([each], over)]
+    parts = [(table[x], scale * table[column]) for table in tables if column in table]
+    if parts:
+        place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
+        name = each.label or "smallest to largest of all scenarios"
+        yield each.curve(place, high, name, quantity, kind="band", low=low)
 
 
 def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> Binned:
