@@ -178,7 +178,9 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
 def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solution) -> None:
     keys = "condition.torque_constant=1.1", "generator.shaft_friction="
     new, worn = (solution.case.with_overrides(keys[0], f"{keys[1]}{x}") for x in (0, 20))
-    new, worn = (steady.steady_curve(replace(solution, case=each)) for each in (new, worn))
+    new, worn = (replace(solution, case=each) for each in (new, worn))
+    assert new.limits[0].end == pytest.approx(770.0)  # of 700 N m that the law demands
+    new, worn = map(steady.steady_curve, (new, worn))
     law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
     np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)
     assert worn["rotor_speed_rad_s"][-1] < 0.99 * new["rotor_speed_rad_s"][-1]
