@@ -15,7 +15,7 @@ from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.problem.point import START_EXCESS
-from hkt_mdo.quantities import OVER_TIME, QUANTITIES, Described
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES, column_of
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
 from hkt_mdo.results.summary import VERSION, Summary
@@ -380,7 +380,7 @@ def write_tables(out: Path, finished: Checked) -> None:
     """
     physics, blade = finished.physics, finished.result.point.blade
     headers, states = {x: QUANTITIES[x].column for x in OVER_TIME}, physics.law.states.items()
-    headers |= {x: Described(x, *about, "time", "trajectory").column for x, about in states}
+    headers |= {name: column_of(name, unit) for name, (unit, _) in states}
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
         for name, known in (("trajectory", "at_nodes"), ("simulation", "simulated")):
