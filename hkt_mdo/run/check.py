@@ -51,8 +51,6 @@ class CheckReport:
 
     Attributes
     ----------
-    name : str
-        Name of the case.
     tables : dict of list of Row
         Quantities, by the title of their table.
     notes : list of Row
@@ -63,7 +61,6 @@ class CheckReport:
         The quantities behind the rows.
     """
 
-    name: str
     tables: dict[str, list[Row]]
     notes: list[Row]
     warnings: list[Row]
@@ -108,7 +105,6 @@ def check_case(case: Case) -> CheckReport:
     notes = [Row("", text) for text in world.messages]
     warnings = [Row("", text) for text in world.warnings]
     return CheckReport(
-        case.name,
         {title: [row for row in table if not row.severity] for title, table in rows.items()},
         notes + [row for row in every if row.severity == "note"],
         warnings + [row for row in every if row.severity == "warning"],

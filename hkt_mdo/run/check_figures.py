@@ -40,7 +40,7 @@ def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
     charts["coefficients"] = [_power_panel(found)]
     for name, panels in charts.items():
         width, height = SIZES.get(name, (6.8, 2.6))
-        title = f"{report.name}: {name.replace('_', ' ')}"
+        title = f"{found.case.name}: {name.replace('_', ' ')}"
         figures[name] = style.figure_of_panels(panels, width, height, title)
     return style.save(figures, folder)
 
