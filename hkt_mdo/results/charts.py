@@ -269,11 +269,6 @@ def year(results: Results) -> list[Panel]:
     return panels
 
 
-def margins(solution: Solution) -> dict[str, np.ndarray]:
-    """Return what is left up to each limit over time (%), (n_times,), by its name."""
-    return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
-
-
 def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
     title = "largest value over its limit (%)"
@@ -298,16 +293,16 @@ def margins_over_time(results: Results) -> Panel:
     panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
     for each in results:
         alone = _alone([each], "time")
-        left = [(one.solution, one.table["time_s"], margins(one.solution)) for one in alone]
-        for solution, time, own in left if not several else ():
-            for number, (limit, values) in enumerate(own.items()):
-                x, y = solution.across_gaps(time, values)
+        used = [(x.solution, x.table["time_s"], x.solution.limit_shares()) for x in alone]
+        for solution, time, shares in used if not several else ():
+            for number, (limit, share) in enumerate(shares.items()):
+                x, y = solution.across_gaps(time, 100.0 * (1.0 - share))
                 name = f"margin: {limit_words(limit)}"
                 panel.curves.append(Curve(x, y, name, each.color(limit), number))
-        left = [part for part in left if part[2]]
-        parts = [(time, np.min([*own.values()], axis=0)) for _, time, own in left]
+        used = [part for part in used if part[2]]
+        parts = [(time, 100.0 * (1.0 - np.max([*x.values()], axis=0))) for _, time, x in used]
         if several and parts:
-            x, y = left[0][0].across_gaps(*parts[0])
+            x, y = used[0][0].across_gaps(*parts[0])
             if len(parts) > 1:
                 x, _, y, _ = _ranges(parts, ENVELOPE)
             panel.curves.append(each.curve(x, y, each.label or "smallest margin"))
