@@ -131,12 +131,10 @@ def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path
         "cavitation": table["cavitation"],
     }
     names = [" ".join(label.get_text().split()) for label in ax.get_xticklabels()]
-    assert len(names) == len(expected)
-    for bar, (name, values) in zip(ax.patches, expected.items(), strict=True):
+    for bar, told, (name, values) in zip(ax.patches, names, expected.items(), strict=True):
         most = 100.0 * np.max(values)
         assert bar.get_height() == pytest.approx(most, rel=1e-9)
-        place = round(bar.get_x() + 0.5 * bar.get_width())
-        assert names[place] == f"{name} {most:.1f} %"
+        assert names[round(bar.get_x() + 0.5 * bar.get_width())] == told == f"{name} {most:.1f} %"
     assert list(line_of(ax, "limit").get_ydata()) == [100.0, 100.0]
 
 
@@ -178,9 +176,8 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
 def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solution) -> None:
     keys = "condition.torque_constant=1.1", "generator.shaft_friction="
     new, worn = (solution.case.with_overrides(keys[0], f"{keys[1]}{x}") for x in (0, 20))
-    new, worn = (replace(solution, case=each) for each in (new, worn))
-    assert new.limits[0].end == pytest.approx(770.0)  # of 700 N m that the law demands
-    new, worn = map(steady.steady_curve, (new, worn))
+    assert replace(solution, case=new).limits[0].end == pytest.approx(770.0)  # of 700 N m demanded
+    new, worn = (steady.steady_curve(replace(solution, case=each)) for each in (new, worn))
     law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
     np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)
     assert worn["rotor_speed_rad_s"][-1] < 0.99 * new["rotor_speed_rad_s"][-1]
