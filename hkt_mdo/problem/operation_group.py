@@ -27,7 +27,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.problem.wake import along_start
-from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES, RATES
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.torque_curve import TorqueSpline
@@ -233,10 +233,10 @@ class OperationGroup(om.Group):
         """Add the integrals of some rates over all scenarios."""
         component = IntegralComp(weights, integrands, **about)
         needed = {each for integrand in integrands.values() for each in integrand.inputs}
-        fixed = sorted(each for each in needed if not is_over_time(each))
+        fixed = sorted(each for each in needed if each not in OVER_TIME)
         self.add_subsystem(name, component, promotes_inputs=fixed, promotes_outputs=["*"])
         for scenario in self._physics.scenarios:
-            for quantity in sorted(filter(is_over_time, needed)):
+            for quantity in sorted(needed & {*OVER_TIME}):
                 target = f"{name}.{scenario.name}:{quantity}"
                 self.connect(source_of(scenario, quantity), target)
 
