@@ -109,8 +109,7 @@ class Tracking(FeedbackLaw):
 
     def reference(self, flow, gains):
         """Return the schedule's speed, rad/s, at sensed flow speeds, m/s; both may be complex."""
-        values = self._spline.curve(gains[: self.knots])(np.ravel(flow))
-        return values.reshape(np.shape(flow))
+        return self._spline.curve(gains[: self.knots])(flow)
 
     def demand(self, speed, gains, integral_torque, sensed_flow):
         """Return kp (w - w_ref(s)) + z, N*m; arguments of one shape, which may be complex."""

@@ -83,7 +83,7 @@ class TorqueSpline:
         points = np.asarray(points)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
         values, beyond = pieces(inside), points - inside
-        return values + (pieces(inside, 1).T * beyond).T if np.any(beyond) else values
+        return values + (pieces(inside, 1).T * beyond.T).T if np.any(beyond) else values
 
 
 class HermiteSpline(TorqueSpline):
