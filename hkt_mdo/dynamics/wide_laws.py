@@ -15,7 +15,7 @@ REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitt
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 STEEPEST = 20.0  # exponent between neighbouring knots: a torque that doubles within 3.5 % of speed
-SLOWER, FASTER = 2.0, -1.0  # least exponents of a curve below its first and above its last knot
+LEAST = np.array([2.0, -1.0])  # exponents of a curve below its first and above its last knot
 BEND = 0.1  # of the speed's logarithm, beyond these knots, within which it comes to them
 STILL = 1e-3  # rad/s, slower than any rotor turns
 _OF_EVERY_LAW = "torque_limit", "cut_out", "smoothing"
@@ -194,35 +194,28 @@ class CurveFeedback(FeedbackLaw):
         return super().starting_gains()
 
     def demand(self, speed, gains):
-        spline, height = self._curve(gains)
-        at, outside = np.log(_forward(speed)), 0.0
-        inside = at
-        for end, sign, exponent, more in zip((0, -1), (-1, 1), *self.beyond(gains), strict=True):
-            past = sign * (at - spline.nodes[end])
-            past = np.where(past.real > 0.0, past, 0.0)
-            bent = np.where(past.real < BEND, past, BEND)
-            inside = inside - sign * past
-            outside += sign * (exponent * past + more * (past - bent + bent**2 / (2.0 * BEND)))
-        return np.exp(spline.curve(height)(inside) + outside)
+        curve, at = self.curve(gains), np.log(_forward(speed))
+        return np.exp(curve(at.real) + curve(at.real, 1) * (at - at.real))
 
-    def _curve(self, gains):
-        """Return the spline over the logarithms of the knots' speeds, and those of the torques.
+    def curve(self, gains):
+        """Return the logarithm of the torque over that of the speed, as piecewise cubics.
 
-        No derivative is taken by the speeds, which the start fixes.
+        Beyond an end knot the exponent of the torque changes to its least one, where it is less,
+        within `BEND` of the speed's logarithm, so that the torque has no kink at which an
+        optimization would stop. No derivative is taken by the knots' speeds, which the start fixes.
         """
-        return _spline(*np.log(gains[: self.knots].real)), np.log(gains[self.knots :])
-
-    def beyond(self, gains):
-        """Return the exponents of the torque at the first and the last knot, and their changes.
-
-        Beyond a knot the exponent changes by so much within `BEND` of the speed's logarithm, so
-        that the torque has no kink at which an optimization would stop.
-        """
-        spline, height = self._curve(gains)
-        ends = spline.nodes[[0, 0, -1, -1]] + np.array([-1.0, 0.0, 0.0, 1.0])
-        exponents = np.diff(spline.curve(height)(ends))[::2]
-        least = np.array([SLOWER, FASTER])
-        return exponents, np.where(exponents.real < least, least - exponents, 0.0)
+        height = np.log(gains[self.knots :])
+        inner = _spline(*np.log(gains[: self.knots].real)).pieces(height)
+        ends, last, way = inner.x[[0, -1]], height[[0, -1]], np.array([-1.0, 1.0])
+        slope = inner(ends, 1)
+        bent = np.where(slope.real < LEAST, LEAST - slope, 0.0)
+        steep, reached = slope + bent, last + BEND * way * (slope + 0.5 * bent)
+        # a line and a parabola before the first knot, a parabola and a line after the last one
+        bends = 0.5 * bent * way / BEND
+        before = [[0.0, 0.0], [0.0, bends[0]], 2 * [steep[0]], [reached[0] - steep[0], reached[0]]]
+        after = [[0.0, 0.0], [bends[1], 0.0], [slope[1], steep[1]], [last[1], reached[1]]]
+        places = ends[0] - BEND - np.array([1.0, 0.0]), inner.x, ends[1] + BEND + np.arange(2.0)
+        return inner.construct_fast(np.hstack((before, inner.c, after)), np.concatenate(places))
 
     def fit(self, speed, torque):
         from scipy.optimize import lsq_linear  # reading a case does not need SciPy
