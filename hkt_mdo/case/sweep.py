@@ -231,7 +231,7 @@ class Sweep(Section):
                     self.case_at(first | point, extensions)
                 except InputError as error:
                     problem = f"{error.key} {error.problem}"
-                    where = {"file": file, "key": "over", "value": point}
+                    where: dict[str, Any] = {"file": file, "key": "over", "value": point}
                     raise InputError(problem, error.remedy, **where) from error
 
 
