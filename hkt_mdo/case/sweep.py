@@ -142,8 +142,7 @@ class Sweep(Section):
         if self.samples is None and self.sampled:
             key, problem = self.sampled[0], "has no count, and the sweep no samples"
             remedy = "give the range a count, or the sweep samples: 100"
-            value = self.over[key].model_dump(exclude_none=True)
-            raise refusal(problem, remedy, key=f"over.{key}", value=value)
+            raise refusal(problem, remedy, key=f"over.{key}")
         return self
 
     @property

@@ -36,13 +36,10 @@ class Controller(Format):
 
     def files(self, design: Design) -> dict[str, bytes]:
         law: Any = design.law
-        if not law.is_feedback:
-            problem = f"{law.law} is a torque over time and no law of the rotor's speed"
-            remedy = "export csv, whose trajectory has it, or run the case with a feedback law"
-            raise InputError(problem, remedy, key="--to", value="controller")
         if law.law not in LAWS:
-            problem = f"{law.law} is a law of an extension, known as Python code only"
-            remedy = "write its code yourself; csv has its gains and its steady operation"
+            problem = f"has no code for {law.law}: an open loop is a torque over time, and a law "
+            problem += "of an extension is known as Python code only"
+            remedy = "export csv, which has trajectory, gains and steady operation"
             raise InputError(problem, remedy, key="--to", value="controller")
         end = LAWS["unlimited" if law.torque_limit is None else "saturated"]
         torque, sensed = LAWS[law.law] | end, LAWS["sensed"] if law.estimates_flow else {}
