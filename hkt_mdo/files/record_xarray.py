@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -80,13 +79,10 @@ def read_netcdf(path: Path, options: RecordFile) -> Columns:
         If a library is not installed; what they raise where the file is broken.
     """
     xarray = _need("xarray", path)
-    head = read_bytes(path, MAX_BYTES, "record")[:8]
-    engine: dict[str, Any] = {}
-    if head.startswith(b"CDF"):
-        engine = {"engine": "scipy", "mmap": False}
-    elif not head.startswith(b"\x89HDF\r\n\x1a\n"):
-        raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
-    elif find_spec("h5netcdf") is None:
+    engine: dict[str, Any] = {"engine": "netcdf4"}
+    if read_bytes(path, MAX_BYTES, "record").startswith(b"CDF"):
+        engine = {"engine": "scipy", "mmap": False}  # netCDF4 reads zeros where a file is cut
+    else:
         _need("netCDF4", path)
     with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, **engine) as dataset:
         return _from_dataset(_with_dates(dataset, xarray.decode_cf), str(path), options)

@@ -82,7 +82,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
 _CSV_NAMES = {
     "record.tsv": (_csv(), "has the file extension .tsv; name it .csv"),
     "record": (_csv(), "has no file extension"),
-    "csv.nc": (_csv(), "is not NetCDF"),
+    "csv.nc": (_csv(), "cannot be read as NetCDF"),
     "csv.parquet": (_csv(), "cannot be read as Parquet"),
 }
 
@@ -118,7 +118,7 @@ def _netcdf() -> Broken:
     no_date = np.where(at_40, np.datetime64("NaT"), dates)
     hole, endless = (np.where(at_40, value, speed) for value in (np.nan, np.inf))
     return {
-        "NetCDF: empty": ("empty.nc", b"", "is not NetCDF"),
+        "NetCDF: empty": ("empty.nc", b"", "cannot be read as NetCDF"),
         "NetCDF: cut": ("cut.nc", content()[:60], "cannot be read as NetCDF"),
         "NetCDF: old, cut": ("old.nc", old[: len(old) // 2], "cannot be read as NetCDF"),
         "NetCDF: no time": ("no_time.nc", content(without=["time"]), "nothing that is clearly the"),
