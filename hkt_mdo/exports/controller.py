@@ -39,7 +39,7 @@ class Controller(Format):
         if law.law not in LAWS:
             problem = f"has no code for {law.law}: an open loop is a torque over time, and a law "
             problem += "of an extension is known as Python code only"
-            remedy = "export csv, which has trajectory, gains and steady operation"
+            remedy = "export csv, or run the case with a feedback law of this program"
             raise InputError(problem, remedy, key="--to", value="controller")
         end = LAWS["unlimited" if law.torque_limit is None else "saturated"]
         torque, sensed = LAWS[law.law] | end, LAWS["sensed"] if law.estimates_flow else {}

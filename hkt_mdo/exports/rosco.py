@@ -43,7 +43,7 @@ class Rosco(Format):
         solution, law = design.solution, design.law
         if not law.is_feedback or (law.states and not isinstance(law, Tracking)):
             problem = f"has no entries for {law.law}: neither for a torque over time nor for states"
-            remedy = "export csv, or run the case with another law"
+            remedy = "export csv, or run the case with a feedback law without states"
             raise InputError(problem, remedy, key="--to", value="rosco")
         mean = design.physics.scenarios[0].mean_flow
         rotor = design.physics.rotor.as_built(design.blade).at_flow(mean)
