@@ -71,8 +71,7 @@ class Design(Section):
             raise refusal(problem, remedy, key=points[0], value=getattr(self, points[0]))
         if self.thickness_bounds is not None and self.thickness_points is None:
             problem, remedy = "bounds a thickness that is not designed", "give thickness_points"
-            value = list(self.thickness_bounds)
-            raise refusal(problem, remedy, key="thickness_bounds", value=value)
+            raise refusal(problem, remedy, key="thickness_bounds")
         if self.hub_inertia_price and self.hub_inertia_bounds is None:
             problem, remedy = "prices an inertia that is not designed", "give hub_inertia_bounds"
             raise refusal(problem, remedy, key="hub_inertia_price", value=self.hub_inertia_price)

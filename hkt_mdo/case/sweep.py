@@ -143,8 +143,7 @@ class Sweep(Section):
         if self.samples is None and self.sampled:
             key, problem = self.sampled[0], "has no count, and the sweep no samples"
             remedy = "give the range a count, or the sweep samples: 100"
-            value = self.over[key].model_dump(exclude_none=True)
-            raise refusal(problem, remedy, key=f"over.{key}", value=value)
+            raise refusal(problem, remedy, key=f"over.{key}")
         return self
 
     @property
@@ -220,8 +219,8 @@ class Sweep(Section):
     def check(self, file: object) -> None:
         """Try values of lists and ends of ranges, each beside the first values of the others.
 
-        Raises InputError, with `file` and the key there, for a key that the case does not have and
-        for a value that it cannot have.
+        Raises InputError, with `file` and the values there, for a key that the case does not have
+        and for a value that it cannot have.
         """
         load_case(self.case, extensions=self._extensions)
         first = next(self.points())
@@ -231,13 +230,8 @@ class Sweep(Section):
                 try:
                     self.case_at(first | point)
                 except InputError as error:
-                    places = [("over", *each) for each in point.items()]
-                    places += [("set", *each) for each in self.set_.items()]
-                    own = error.key or "-"
-                    near = [x for x in places if own.startswith(x[1]) or x[1].startswith(own)]
-                    section, key, value = (near or places)[0]
-                    problem = f"{'' if own == key else f'{own} '}{error.problem}"
-                    where = {"file": file, "key": f"{section}.{key}", "value": value}
+                    problem = f"{error.key} {error.problem}"
+                    where: dict[str, Any] = {"file": file, "key": "over", "value": point}
                     raise InputError(problem, error.remedy, **where) from error
 
 

@@ -103,11 +103,10 @@ def _statistics(record: RecordResource, tidal: bool) -> Iterator[str]:
 def _of_tide(tide: Tide) -> Iterator[str]:
     """Yield the constituents and the share of the variance that they explain."""
     share = 100.0 * tide.explained
-    yield f"the tide explains {share:.4g} % of the variance, mean {tide.mean:.4g} m/s"
-    for place in np.argsort(-tide.amplitude):
-        hours = 1.0 / tide.frequency[place] / 3600.0
-        amplitude, phase = tide.amplitude[place], np.rad2deg(tide.phase[place])
-        yield f"{tide.names[place]}: {amplitude:.4f} m/s, {phase:.1f} deg, period {hours:.4f} h"
+    yield f"the tide explains {share:.4g} % of the variance, mean {tide.flow.mean:.4g} m/s"
+    for name, wave in zip(tide.names, tide.flow.constituents, strict=True):
+        hours, phase = 2.0 * np.pi / wave.angular_frequency / 3600.0, np.rad2deg(wave.phase)
+        yield f"{name}: {wave.amplitude:.4f} m/s, {phase:.1f} deg, period {hours:.4f} h"
 
 
 def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) -> list[Panel]:
@@ -134,6 +133,6 @@ def tide_panel(samples: FlowSamples, tide: Tide) -> Panel:
     fine = np.linspace(time[0], time[-1], 3000)
     curves = [
         Curve(time / 86400.0, samples.speed[last], "record", GREY, 0, "points"),
-        Curve(fine / 86400.0, tide.speed_at(fine), "tide", COLORS[0]),
+        Curve(fine / 86400.0, tide.flow.speed_at(fine), "tide", COLORS[0]),
     ]
     return Panel("speed (m/s)", "time since the first sample (days)", curves)

@@ -6,7 +6,6 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
-from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.scales import torque_scale
 
 
@@ -17,16 +16,11 @@ class FlowEstimate:
     about that of the largest power. In that range each value belongs to one ratio; a stalled rotor
     is estimated to be at its end.
     `plant` is the rotor that the controller assumes: the estimate is wrong if the actual water,
-    blade or inertia differ. Raises InputError for polars that follow the Reynolds number:
+    blade or inertia differ. A call raises InputError for polars that follow the Reynolds number:
     then there is no curve over the tip speed ratio alone.
     """
 
     def __init__(self, plant: Plant) -> None:
-        if plant.polar.follows_reynolds:
-            problem = "needs a single torque curve, which a rotor with local Reynolds numbers "
-            remedy = "use flow: sensed, or rotor.reynolds: invariant"
-            place = {"key": "control.flow", "value": "estimated"}
-            raise InputError(f"{problem}does not have", remedy, **place)
         self.plant = plant
 
     @cached_property

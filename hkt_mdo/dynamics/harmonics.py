@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.dynamics.flows import TIDAL_HOURS
+from hkt_mdo.dynamics.flows import TIDAL_HOURS, TidalConstituent, TidalInflow
 from hkt_mdo.dynamics.long_record import FlowSamples
 from hkt_mdo.errors import InputError, install, needed
 
@@ -18,44 +18,28 @@ TINY = 1e-4  # amplitude over the largest, below which a constituent is left out
 
 @dataclass(frozen=True, eq=False)
 class Tide:
-    """A current as a mean and constituents, v = mean + sum_k a_k cos(2 pi f_k t - phase_k).
+    """The tide in a record.
 
     Attributes
     ----------
     names : tuple of str
-    frequency : np.ndarray
-        Hz, (n,).
-    amplitude, phase : np.ndarray
-        m/s and rad at the first sample, (n,).
-    mean : float
-        m/s.
+        Of the constituents, the largest first.
+    flow : TidalInflow
+        The mean and the constituents, their phases at the first sample.
     explained : float
         Share of the variance of the record that it explains.
     """
 
     names: tuple[str, ...]
-    frequency: np.ndarray
-    amplitude: np.ndarray
-    phase: np.ndarray
-    mean: float
+    flow: TidalInflow
     explained: float
-
-    def speed_at(self, time: np.ndarray) -> np.ndarray:
-        """Return the predicted speed, m/s, at times since the first sample, s."""
-        angle = np.multiply.outer(time, 2.0 * np.pi * self.frequency)
-        return self.mean + np.cos(angle - self.phase) @ self.amplitude
 
     @property
     def section(self) -> dict[str, Any]:
-        """The section `resource` of a case with this tide, the largest constituents first."""
-        size, parts = self.amplitude, []
-        order = np.argsort(-size)
-        for place in order[size[order] >= TINY * np.max(size)][:100]:
-            name, period = self.names[place], float(1.0 / self.frequency[place])
-            about: dict[str, Any] = {"name": name} if name in TIDAL_HOURS else {"period": period}
-            wave = {"amplitude": float(size[place]), "phase": float(self.phase[place])}
-            parts.append(about | wave)
-        return {"profile": "tidal_year", "mean": self.mean, "constituents": parts}
+        """The section `resource` of a case with this tide."""
+        least, waves = TINY * self.flow.constituents[0].amplitude, self.flow.constituents
+        parts = [x.model_dump(exclude_none=True) for x in waves if x.amplitude >= least]
+        return {"profile": "tidal_year", "mean": self.flow.mean, "constituents": parts}
 
 
 def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
@@ -87,8 +71,13 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     even, odd = fitted[1:].reshape(2, -1)
     left = samples.speed - columns @ fitted
     explained = 1.0 - float(np.var(left)) / max(float(np.var(samples.speed)), 1e-300)
-    phase = np.arctan2(odd, even) % (2.0 * np.pi)
-    return Tide(tuple(chosen), rate, np.hypot(even, odd), phase, float(fitted[0]), explained)
+    size, phase, waves = np.hypot(even, odd), np.arctan2(odd, even) % (2.0 * np.pi), {}
+    for place in np.argsort(-size)[:100]:
+        name, known = chosen[place], {"amplitude": size[place], "phase": phase[place]}
+        about = {"name": name} if name in TIDAL_HOURS else {"period": 1.0 / frequency[name]}
+        waves[name] = TidalConstituent(**about, **known)
+    flow = TidalInflow(mean=fitted[0], constituents=tuple(waves.values()))
+    return Tide(tuple(waves), flow, explained)
 
 
 def _frequency(name: str) -> float:

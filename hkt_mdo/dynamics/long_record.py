@@ -137,7 +137,7 @@ class RecordResource(RecordFile, Resource):
 
     def _columns(self, **others: Any) -> Columns:
         """Return the columns of time and of one quantity, by other options than the keys."""
-        return records.read_columns(Path(self.file), self.model_copy(update=others))
+        return records.read_columns(self.model_copy(update=others))
 
     def _of_discharge(self) -> FlowSamples:
         """Return the samples of a discharge, and the speed by the rating curve."""

@@ -20,7 +20,7 @@ from hkt_mdo.dynamics.sampled import SampledInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_json import read_json
 from hkt_mdo.files.record_table import LONGEST, Columns, RecordFile, read_csv
-from hkt_mdo.files.record_xarray import columns_from, read_netcdf, read_parquet
+from hkt_mdo.files.record_xarray import read_netcdf, read_parquet
 from hkt_mdo.files.table import file_state
 from hkt_mdo.messages import validated
 from hkt_mdo.sections import Quantity
@@ -126,7 +126,25 @@ class RecordInflow(RecordFile, SampledInflow):
 
 @lru_cache(maxsize=2)  # a case is built more than once, and reading takes longest
 def _read(flow: RecordInflow, state: object) -> Record:
-    return _made(read_columns(Path(flow.file), flow), flow)
+    """Return the record of a flow; one that needs several repairs is refused with all of them."""
+    raw = read_columns(flow)
+
+    def tried(**allowed: str) -> Record | InputError:
+        try:
+            return _made(raw, flow.model_copy(update=allowed))
+        except InputError as error:
+            return error
+
+    record = tried()
+    if isinstance(record, Record):
+        return record
+    every = {key: word for key, word in REPAIRS.items() if getattr(flow, key) == "refuse"}
+    if isinstance(tried(**every), Record):
+        needed = [key for key in every if isinstance(tried(**every | {key: "refuse"}), InputError)]
+        if len(needed) > 1:
+            repairs = ", ".join(f"{key}: {every[key]}" for key in needed)
+            record.remedy += f"; the whole record needs {repairs}"
+    raise record
 
 
 def read_record(path: str | Path, **options: Any) -> Record:
@@ -138,23 +156,17 @@ def read_record(path: str | Path, **options: Any) -> Record:
     file, line, column, value and remedy, if anything in the file is not as they say, it has more
     than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
-    return _flow({"file": str(path)} | options)._record
+    given = {"file": str(path)} | options
+    return validated(RecordInflow, given, "", context={"check_files": False})._record
 
 
-def _flow(options: dict[str, Any]) -> RecordInflow:
-    """Return the flow of some options, whether its file is there or not."""
-    return validated(RecordInflow, options, "", context={"check_files": False})
-
-
-def read_columns(path: Path, options: RecordFile) -> Columns:
+def read_columns(options: RecordFile) -> Columns:
     """Return the columns of a record as they stand in its file, in SI units.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The file; its ending says which of `_READERS` reads it.
     options : RecordFile
-        Names and units of the columns.
+        The file, whose ending says which of `_READERS` reads it, and its columns.
 
     Returns
     -------
@@ -167,6 +179,7 @@ def read_columns(path: Path, options: RecordFile) -> Columns:
         If the ending is unknown, the file is broken, whatever that makes a library raise, or it is
         not as the options say.
     """
+    path = Path(options.file)
     ending = path.suffix
     if ending.lower() not in _READERS:
         problem = f"has the file extension {ending}" if ending else "has no file extension"
@@ -210,37 +223,6 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
             text += f"vectors over {AVERAGED / 60.0:g} min: if they are single pings of an ADCP, "
             messages.append(text + "average the components first, or take that along the flow")
     return replace(raw, messages=(*raw.messages, *messages))
-
-
-def record_from(data: Any, **options: Any) -> Record:
-    """Make a record of data in memory, as MHKiT returns them.
-
-    Takes a pandas DataFrame or Series, or an xarray Dataset or DataArray, as of
-    `mhkit.river.io.usgs` or `mhkit.dolfyn`. Options and errors are those of `read_record`.
-    """
-    chosen = _flow({"file": "record"} | options)
-    return _made(_with_parts(partial(columns_from, data), chosen), chosen)
-
-
-def _made(raw: Columns, options: RecordInflow) -> Record:
-    """Return the record of columns; one that needs several repairs is refused with all of them."""
-
-    def tried(**allowed: str) -> Record | InputError:
-        try:
-            return _Record(raw, options.model_copy(update=allowed)).made()
-        except InputError as error:
-            return error
-
-    record = tried()
-    if isinstance(record, Record):
-        return record
-    every = {key: word for key, word in REPAIRS.items() if getattr(options, key) == "refuse"}
-    if isinstance(tried(**every), Record):
-        needed = [key for key in every if isinstance(tried(**every | {key: "refuse"}), InputError)]
-        if len(needed) > 1:
-            repairs = ", ".join(f"{key}: {every[key]}" for key in needed)
-            record.remedy += f"; the whole record needs {repairs}"
-    raise record
 
 
 def check_order(raw: Columns) -> None:
@@ -291,143 +273,130 @@ def check_speeds(
     return spikes, notes
 
 
-class _Record:
-    """Columns that become a record: checked, cut, repaired as far as allowed, low-passed."""
+def _made(raw: Columns, options: RecordInflow) -> Record:
+    """Return the record of columns: checked, cut, repaired as far as allowed, low-passed."""
+    check_order(raw)
+    raw = _cut(raw, options)
+    spikes, notes = check_speeds(raw, options.spikes)
+    raw = replace(raw, messages=(*raw.messages, *notes))
+    step, even, messages = _even(raw, options, spikes)
+    cutoff, smooth, removed = _low_passed(raw, options, step, even(raw.speed))
+    along, where = smooth, ""
+    if raw.parts is not None:
+        parts = np.array([even(part) for part in raw.parts])
+        mean = np.mean(parts, axis=1)
+        along = low_pass(mean @ parts / max(np.hypot(*mean), 1e-9), step, cutoff)
+        where = " along its mean direction"
+    low = int(np.argmin(along))
+    if not along[low] > 0.0:
+        row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
+        problem = f"falls to {along[low]:.3g} m/s{where} when low-passed: the flow stops or "
+        remedy = "choose a part by start and duration, lower the cutoff, or correct the sign"
+        raise raw.refuse(f"{problem}reverses", remedy, row, 1)
+    summary = f"{Path(raw.file).name}: {_count(smooth.size, 'sample')} every {step:.6g} s, mean "
+    summary += f"{smooth.mean():.4g} m/s, from {smooth.min():.4g} to {smooth.max():.4g} m/s"
+    messages = summary, *raw.messages, *messages, removed
+    return Record(step * np.arange(smooth.size), smooth, step, cutoff, messages)
 
-    def __init__(self, raw: Columns, options: RecordInflow) -> None:
-        self.raw, self.options, self.messages = raw, options, list(raw.messages)
 
-    def made(self) -> Record:
-        check_order(self.raw)
-        self.cut()
-        raw = self.raw
-        spikes, notes = check_speeds(raw, self.options.spikes)
-        self.messages += notes
-        step, even = self.even(spikes)
-        cutoff, smooth = self.low_passed(step, even(raw.speed))
-        along, where = smooth, ""
-        if raw.parts is not None:
-            parts = np.array([even(part) for part in raw.parts])
-            mean = np.mean(parts, axis=1)
-            along = low_pass(mean @ parts / max(np.hypot(*mean), 1e-9), step, cutoff)
-            where = " along its mean direction"
-        low = int(np.argmin(along))
-        if not along[low] > 0.0:
-            row = min(int(np.searchsorted(raw.time, low * step)), raw.time.size - 1)
-            problem = f"falls to {along[low]:.3g} m/s{where} when low-passed: the flow stops or "
-            remedy = "choose a part by start and duration, lower the cutoff, or correct the sign"
-            raise raw.refuse(f"{problem}reverses", remedy, row, 1)
-        name, count = Path(raw.file).name or "record", _count(smooth.size, "sample")
-        summary = f"{name}: {count} every {step:.6g} s, mean {smooth.mean():.4g} m/s, from "
-        summary += f"{smooth.min():.4g} to {smooth.max():.4g} m/s"
-        time = step * np.arange(smooth.size)
-        return Record(time, smooth, step, cutoff, (summary, *self.messages))
+def _cut(raw: Columns, options: RecordInflow) -> Columns:
+    """Return the rows from start to start + duration, times anew from 0."""
+    time, start, last = raw.time, options.start, raw.time[-1]
+    end = last if options.duration is None else start + options.duration
+    near = 1e-9 * (1.0 + last)
+    rows = np.flatnonzero((time >= start - near) & (time <= end + near))
+    if rows.size < MIN_SAMPLES or end > last + near:
+        problem = f"takes {_count(rows.size, 'sample')} between {start:.6g} s and {end:.6g} s of a "
+        problem += f"record that ends at {last:.6g} s"
+        remedy = f"take {MIN_SAMPLES} samples at least, and no time after its end"
+        key = "start" if options.duration is None else "duration"
+        raise options.refuse(key, problem, remedy, raw.file)
+    if rows.size == time.size:
+        return raw
+    note = f"taken from {time[rows[0]]:.6g} s to {time[rows[-1]]:.6g} s of the record"
+    part = raw.at(rows)
+    return replace(part, time=part.time - part.time[0], messages=(*raw.messages, note))
 
-    def cut(self) -> None:
-        """Take the rows from start to start + duration, times anew from 0."""
-        raw, time, options = self.raw, self.raw.time, self.options
-        start, length = options.start, options.duration
-        end = np.inf if length is None else start + length
-        near = 1e-9 * (1.0 + time[-1])
-        for key, value in (("start", start), ("duration", end)):
-            if time[-1] + near < value < np.inf:
-                whole = f"the record ends {time[-1]:.6g} s after it begins"
-                problem = f"{'is' if key == 'start' else 'ends'} at {value:.6g} s, but {whole}"
-                raise options.refuse(key, problem, f"give a smaller {key}, or none", raw.file)
-        first, last = map(int, np.searchsorted(time, (start - near, end + near)))
-        if last - first == time.size:
-            return
-        if last - first < MIN_SAMPLES:
-            problem = f"leaves {_count(last - first, 'sample')} of the record"
-            remedy = f"take a longer part, {MIN_SAMPLES} samples at least"
-            key = "start" if length is None else "duration"
-            raise options.refuse(key, problem, remedy, raw.file)
-        span = f"from {time[first]:.6g} s to {time[last - 1]:.6g} s"
-        self.messages.append(f"taken {span} of the record")
-        part = raw.at(np.arange(first, last))
-        self.raw = replace(part, time=part.time - part.time[0])
 
-    def even(self, spikes: np.ndarray) -> tuple[float, Callable]:
-        """Return the step, and the function that brings samples to even times."""
-        raw, messages = self.raw, self.messages
-        step, index, miss = _grid(raw.time)
-        count = int(index[-1]) + 1
-        uneven = np.flatnonzero(miss > UNEVEN * step)
-        if uneven.size and self.options.uneven == "refuse":
-            problem = f"is {miss[uneven[0]]:.3g} s off an even spacing of {step:.6g} s"
-            remedy = "give uneven: resample to interpolate at even times"
-            raise raw.refuse(problem, remedy, uneven[0], 0)
-        if uneven.size:
-            step = float(np.median(np.diff(raw.time)))
-            count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1
-        longest = self.longest_gap(step, uneven.size > 0)
-        if count > MAX_ROWS:
-            problem = f"has {count:,} even samples, and {MAX_ROWS:,} are the most"
-            raise InputError(problem, "choose a part of it by start and duration", file=raw.file)
-        time = raw.time
-        if uneven.size:
-            off = f"samples were up to {np.max(miss):.3g} s off even times"
-            messages.append(f"resampled every {step:.6g} s: {off}")
-        else:
-            time = step * index
-            if np.max(miss) > 1e-3 * step:
-                share = f"{100.0 * np.max(miss) / step:.2g} % of a step off"
-                messages.append(f"times taken as even: they are up to {share}")
-            gaps = np.ones(count, dtype=bool)
-            gaps[index[np.isfinite(raw.speed)].astype(np.intp)] = False
-            begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
-            if begins.size:
-                share = f"{100.0 * np.mean(gaps):.2g} %"
-                missing = f"{_count(int(np.sum(gaps)), 'sample')} ({share})"
-                text = f"{_count(begins.size, 'gap')} interpolated, {missing}, the longest "
-                messages.append(f"{text}{longest:.6g} s, at t = {_times(step * begins)}")
-        return step, partial(_interpolate, time, ~spikes, step * np.arange(count))
+def _even(
+    raw: Columns, options: RecordInflow, spikes: np.ndarray
+) -> tuple[float, Callable, list[str]]:
+    """Return the step, the function that brings samples to even times, and notes."""
+    step, index, miss = _grid(raw.time)
+    count = int(index[-1]) + 1
+    uneven = np.flatnonzero(miss > UNEVEN * step)
+    if uneven.size and options.uneven == "refuse":
+        problem = f"is {miss[uneven[0]]:.3g} s off an even spacing of {step:.6g} s"
+        remedy = "give uneven: resample to interpolate at even times"
+        raise raw.refuse(problem, remedy, uneven[0], 0)
+    if uneven.size:
+        step = float(np.median(np.diff(raw.time)))
+        count = int(raw.time[-1] / step * (1.0 + 1e-12)) + 1
+    longest = _longest_gap(raw, options, step, uneven.size > 0)
+    if count > MAX_ROWS:
+        problem = f"has {count:,} even samples, and {MAX_ROWS:,} are the most"
+        raise InputError(problem, "choose a part of it by start and duration", file=raw.file)
+    time, notes = raw.time, []
+    if uneven.size:
+        off = f"samples were up to {np.max(miss):.3g} s off even times"
+        notes.append(f"resampled every {step:.6g} s: {off}")
+    else:
+        time = step * index
+        if np.max(miss) > 1e-3 * step:
+            share = f"{100.0 * np.max(miss) / step:.2g} % of a step off"
+            notes.append(f"times taken as even: they are up to {share}")
+        gaps = np.ones(count, dtype=bool)
+        gaps[index[np.isfinite(raw.speed)].astype(np.intp)] = False
+        begins = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
+        if begins.size:
+            share = f"{100.0 * np.mean(gaps):.2g} %"
+            missing = f"{_count(int(np.sum(gaps)), 'sample')} ({share})"
+            text = f"{_count(begins.size, 'gap')} interpolated, {missing}, the longest "
+            notes.append(f"{text}{longest:.6g} s, at t = {_times(step * begins)}")
+    return step, partial(_interpolate, time, ~spikes, step * np.arange(count)), notes
 
-    def longest_gap(self, step: float, resample: bool) -> float:
-        """Return the longest gap, s; refuse one that may not be interpolated.
 
-        Where samples are uneven, all of them are interpolated, and only the longest gap counts.
-        """
-        raw, interpolate = self.raw, self.options.gaps == "interpolate"
-        present = np.isfinite(raw.speed)
-        empty = np.flatnonzero(~present)
-        another = "choose a part without it by start and duration"
-        if empty.size and not interpolate:
-            others = f", as are {empty.size - 1} more" if empty.size > 1 else ""
-            remedy = f"give gaps: interpolate, or {another}"
-            raise raw.refuse(f"is missing{others}", remedy, int(empty[0]), 1)
-        for row, key in ((0, "start"), (present.size - 1, "duration")):
-            if not present[row]:
-                problem = "is missing at an end of the record, where nothing can be interpolated"
-                raise raw.refuse(problem, f"leave it out by {key}", row, 1)
-        rows = np.flatnonzero(present)
-        missing = np.diff(raw.time[rows]) - step
-        longest = self.options.longest_gap or min(3.0 * step, 3600.0)
-        allowed = longest + 0.1 * step
-        most = allowed if interpolate or resample else 0.5 * step
-        for gap in np.flatnonzero(missing > most)[:1]:
-            problem = f"ends a gap of {missing[gap]:.6g} s"
-            remedy = f"give gaps: interpolate, or {another}"
-            if missing[gap] > allowed:
-                problem += f", and no more than {longest:.6g} s may be interpolated"
-                remedy = f"{another}, or give a longest_gap of up to an hour"
-            raise raw.refuse(problem, remedy, int(rows[gap + 1]), 0)
-        return float(np.max(missing))
+def _longest_gap(raw: Columns, options: RecordInflow, step: float, resample: bool) -> float:
+    """Return the longest gap, s; refuse one that may not be interpolated.
 
-    def low_passed(self, step: float, speed: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the cutoff and the low-passed speeds."""
-        nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
-        cutoff = 0.5 * nyquist if self.options.cutoff is None else self.options.cutoff
-        if not slowest <= cutoff < nyquist:
-            problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
-            problem += f"{nyquist:.4g} Hz, half the sampling rate"
-            remedy = "give another cutoff, or none for half of the upper one"
-            raise self.options.refuse("cutoff", problem, remedy, self.raw.file)
-        smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
-        removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
-        share = f"{100.0 * removed:.2g} % of the variance"
-        self.messages.append(f"low-passed at {cutoff:.4g} Hz, which removed {share}")
-        return cutoff, smooth
+    Where samples are uneven, all of them are interpolated, and only the longest gap counts.
+    """
+    present = np.isfinite(raw.speed)
+    for row, key in ((0, "start"), (present.size - 1, "duration")):
+        if not present[row]:
+            problem = "is missing at an end of the record, where nothing can be interpolated"
+            raise raw.refuse(problem, f"leave it out by {key}", row, 1)
+    rows = np.flatnonzero(present)
+    missing = np.diff(raw.time[rows]) - step
+    longest = options.longest_gap or min(3.0 * step, 3600.0)
+    allowed = longest + 0.1 * step
+    free = options.gaps == "interpolate" or (resample and rows.size == present.size)
+    for gap in np.flatnonzero(missing > (allowed if free else 0.5 * step))[:1]:
+        problem, remedy = f"is at a gap of {missing[gap]:.6g} s", "give gaps: interpolate"
+        if missing[gap] > allowed:
+            problem += f", and no more than {longest:.6g} s may be interpolated"
+            remedy = "give a longest_gap of up to an hour"
+        remedy += ", or choose a part without it by start and duration"
+        row = int(rows[gap]) + 1  # which lacks a speed, or whose time is the end of the gap
+        raise raw.refuse(problem, remedy, row, int(not present[row]))
+    return float(np.max(missing))
+
+
+def _low_passed(
+    raw: Columns, options: RecordInflow, step: float, speed: np.ndarray
+) -> tuple[float, np.ndarray, str]:
+    """Return the cutoff, the low-passed speeds, and a note of what is removed."""
+    nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
+    cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
+    if not slowest <= cutoff < nyquist:
+        problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
+        problem += f"{nyquist:.4g} Hz, half the sampling rate"
+        remedy = "give another cutoff, or none for half of the upper one"
+        raise options.refuse("cutoff", problem, remedy, raw.file)
+    smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
+    removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
+    share = f"{100.0 * removed:.2g} % of the variance"
+    return cutoff, smooth, f"low-passed at {cutoff:.4g} Hz, which removed {share}"
 
 
 def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:

@@ -218,8 +218,7 @@ class Resource(Inflow):
     def _check_reversal(self):
         if (self.reversal == "backwards") != (self.reversed_polar is not None):
             problem = "belongs to reversal: backwards, which needs it"
-            value = self.reversed_polar
-            raise refusal(problem, "give both or neither", key="reversed_polar", value=value)
+            raise refusal(problem, "give both or neither", key="reversed_polar")
         return self
 
     @cached_property

@@ -66,7 +66,12 @@ class Plant:
         return replace(self, wake=MeanWake(self.blade, self.polar, self.wake.tau1, band))
 
     def coefficient(self, ratio):
-        """Return the torque coefficient, of sections that do not depend on the Reynolds number."""
+        """Return the torque coefficient; InputError where it depends on the Reynolds number too."""
+        if self.polar.follows_reynolds:
+            problem = "leaves no torque curve over the tip speed ratio alone, which an estimate of "
+            problem += "the flow and runs with sensor noise need"
+            remedy = "give invariant, control.flow: sensed, or no --noise-snr"
+            raise InputError(problem, remedy, key="rotor.reynolds", value="local")
         return self.coefficients(self.blade, self.polar, ratio).torque
 
     def tabulated(self, ratios):

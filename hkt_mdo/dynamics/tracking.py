@@ -101,7 +101,7 @@ class Tracking(FeedbackLaw):
         return self.model_copy(update={"flow_range": (middle - half, middle + half)})
 
     @cached_property
-    def _spline(self):
+    def spline(self):
         """The spline of a schedule over the flow's speed, m/s."""
         from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
 
@@ -109,8 +109,7 @@ class Tracking(FeedbackLaw):
 
     def reference(self, flow, gains):
         """Return the schedule's speed, rad/s, at sensed flow speeds, m/s; both may be complex."""
-        values = self._spline.curve(gains[: self.knots])(np.ravel(flow))
-        return values.reshape(np.shape(flow))
+        return self.spline.curve(gains[: self.knots])(flow)
 
     def demand(self, speed, gains, integral_torque, sensed_flow):
         """Return kp (w - w_ref(s)) + z, N*m; arguments of one shape, which may be complex."""
@@ -139,7 +138,7 @@ class Tracking(FeedbackLaw):
         if self.schedule is not None:
             return np.array([*self.schedule, kp, ki])
         # at a knot that no flow reaches, its speed is proportional to the flow
-        schedule = self._spline.nodes * np.sum(speed) / np.sum(sensed)
-        basis = self._spline.basis(sensed)
+        schedule = self.spline.nodes * np.sum(speed) / np.sum(sensed)
+        basis = self.spline.basis(sensed)
         schedule = schedule + np.linalg.lstsq(basis, speed - basis @ schedule, rcond=1e-6)[0]
         return np.array([*schedule, kp, ki])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitt
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
 SPREAD, EVEN = 201, 0.5  # points of that range, and evenness of the knots
 STEEPEST = 20.0  # exponent between neighbouring knots: a torque that doubles within 3.5 % of speed
-SLOWER, FASTER = 2.0, -1.0  # least exponents of a curve below its first and above its last knot
+LEAST = np.array([2.0, -1.0])  # exponents of a curve below its first and above its last knot
 BEND = 0.1  # of the speed's logarithm, beyond these knots, within which it comes to them
 STILL = 1e-3  # rad/s, slower than any rotor turns
 _OF_EVERY_LAW = "torque_limit", "cut_out", "smoothing"
@@ -31,6 +32,14 @@ def _forward(speed):
 def _positive(torque):
     """Return torques, N*m, of at least a thousandth of the largest."""
     return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
+
+
+@lru_cache(maxsize=16)  # a simulation evaluates one law at each of its steps
+def _spline(*places):
+    """Return the natural cubic spline over some places, linear beyond them."""
+    from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+
+    return TorqueSpline(places)
 
 
 class _TwoGains(FeedbackLaw):
@@ -185,28 +194,28 @@ class CurveFeedback(FeedbackLaw):
         return super().starting_gains()
 
     def demand(self, speed, gains):
-        place, height = np.log(gains).reshape(2, -1)
-        at, outside = np.log(_forward(speed)), 0.0
-        inside = at
-        for end, sign, exponent, more in zip((0, -1), (-1, 1), *self.beyond(gains), strict=True):
-            past = sign * (at - place[end])
-            past = np.where(past.real > 0.0, past, 0.0)
-            bent = np.where(past.real < BEND, past, BEND)
-            inside = inside - sign * past
-            outside += sign * (exponent * past + more * (past - bent + bent**2 / (2.0 * BEND)))
-        return np.exp(_natural_spline(place, inside) @ height + outside)
+        curve, at = self.curve(gains), np.log(_forward(speed))
+        return np.exp(curve(at.real) + curve(at.real, 1) * (at - at.real))
 
-    def beyond(self, gains):
-        """Return the exponents of the torque at the first and the last knot, and their changes.
+    def curve(self, gains):
+        """Return the logarithm of the torque over that of the speed, as piecewise cubics.
 
-        Beyond a knot the exponent changes by so much within `BEND` of the speed's logarithm, so
-        that the torque has no kink at which an optimization would stop.
+        Beyond an end knot the exponent of the torque changes to its least one, where it is less,
+        within `BEND` of the speed's logarithm, so that the torque has no kink at which an
+        optimization would stop. No derivative is taken by the knots' speeds, which the start fixes.
         """
-        place, height = np.log(gains).reshape(2, -1)
-        ends = place[[0, 0, -1, -1]] + np.array([-1.0, 0.0, 0.0, 1.0])
-        exponents = np.diff(_natural_spline(place, ends) @ height)[::2]
-        least = np.array([SLOWER, FASTER])
-        return exponents, np.where(exponents.real < least, least - exponents, 0.0)
+        height = np.log(gains[self.knots :])
+        inner = _spline(*np.log(gains[: self.knots].real)).pieces(height)
+        ends, last, way = inner.x[[0, -1]], height[[0, -1]], np.array([-1.0, 1.0])
+        slope = inner(ends, 1)
+        bent = np.where(slope.real < LEAST, LEAST - slope, 0.0)
+        steep, reached = slope + bent, last + BEND * way * (slope + 0.5 * bent)
+        # a line and a parabola before the first knot, a parabola and a line after the last one
+        bends = 0.5 * bent * way / BEND
+        before = [[0.0, 0.0], [0.0, bends[0]], 2 * [steep[0]], [reached[0] - steep[0], reached[0]]]
+        after = [[0.0, 0.0], [bends[1], 0.0], [slope[1], steep[1]], [last[1], reached[1]]]
+        places = ends[0] - BEND - np.array([1.0, 0.0]), inner.x, ends[1] + BEND + np.arange(2.0)
+        return inner.construct_fast(np.hstack((before, inner.c, after)), np.concatenate(places))
 
     def fit(self, speed, torque):
         from scipy.optimize import lsq_linear  # reading a case does not need SciPy
@@ -216,7 +225,7 @@ class CurveFeedback(FeedbackLaw):
         # the height of the first knot and the exponents between neighbours, which are bounded
         sums = np.tri(self.knots) * np.append(1.0, np.diff(place))
         most = np.append(np.inf, np.full(self.knots - 1, STEEPEST))
-        height = sums @ lsq_linear(_natural_spline(place, speed) @ sums, torque, (-most, most)).x
+        height = sums @ lsq_linear(_spline(*place).basis(speed) @ sums, torque, (-most, most)).x
         # knots that no speed is near have torques of the same size as the others
         height = np.clip(height, np.min(torque) - 1.0, np.max(torque) + 1.0)
         return np.exp(np.append(place, height))
@@ -248,28 +257,3 @@ class CurveFeedback(FeedbackLaw):
 
     def scaled_gains(self, gains, share):
         return np.append(gains[: self.knots], share * gains[self.knots :])
-
-
-def _natural_spline(knots, points):
-    """Return the matrix (*points.shape, n_knots) of the values at points by those at the knots.
-
-    A natural cubic spline, which goes on linearly beyond its knots. Both may be complex.
-    """
-    n, step = knots.size, np.diff(knots)
-    # second derivatives M by the values y: A M = B y
-    rates = (np.eye(n)[1:] - np.eye(n)[:-1]) / step[:, None]
-    bends = np.zeros((n, n), dtype=rates.dtype)
-    if n > 2:
-        inner = np.diag((step[1:] + step[:-1]) / 3.0)
-        inner = inner + np.diag(step[1:-1] / 6.0, 1) + np.diag(step[1:-1] / 6.0, -1)
-        bends[1:-1] = np.linalg.solve(inner, np.diff(rates, axis=0))
-    place = np.clip(np.searchsorted(knots.real, np.real(points)) - 1, 0, n - 2)
-    here, width = points - knots[place], step[place]
-    beyond = (np.real(here) < 0.0) | (np.real(here) > np.real(width))
-    inside = np.where(np.real(here) < 0.0, 0.0 * here, np.where(beyond, width, here))
-    left, right = bends[place], bends[place + 1]
-    t, w = inside[..., None], width[..., None]
-    slope = rates[place] - w / 6.0 * (2.0 * left + right)
-    values = np.eye(n)[place] + slope * t + left * t**2 / 2.0 + (right - left) / w * t**3 / 6.0
-    end = slope + left * t + (right - left) / w * t**2 / 2.0
-    return values + end * (here - inside)[..., None]

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import yaml
-from scipy.interpolate import CubicSpline, PPoly
+from scipy.interpolate import PPoly
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
-from hkt_mdo.dynamics.wide_laws import BEND, STILL
+from hkt_mdo.dynamics.wide_laws import STILL
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import TEMPLATES, Format, beside_law, filled, provenance
 from hkt_mdo.results.design import Design
@@ -36,13 +36,10 @@ class Controller(Format):
 
     def files(self, design: Design) -> dict[str, bytes]:
         law: Any = design.law
-        if not law.is_feedback:
-            problem = f"{law.law} is a torque over time and no law of the rotor's speed"
-            remedy = "export csv, whose trajectory has it, or run the case with a feedback law"
-            raise InputError(problem, remedy, key="--to", value="controller")
         if law.law not in LAWS:
-            problem = f"{law.law} is a law of an extension, known as Python code only"
-            remedy = "write its code yourself; csv has its gains and its steady operation"
+            problem = f"has no code for {law.law}: an open loop is a torque over time, and a law "
+            problem += "of an extension is known as Python code only"
+            remedy = "export csv, or run the case with a feedback law of this program"
             raise InputError(problem, remedy, key="--to", value="controller")
         end = LAWS["unlimited" if law.torque_limit is None else "saturated"]
         torque, sensed = LAWS[law.law] | end, LAWS["sensed"] if law.estimates_flow else {}
@@ -92,33 +89,15 @@ def _values(design: Design) -> tuple[dict[str, Any], dict[str, PPoly]]:
         case "power_law" | "rated":
             values[law.second.upper()] = law.second_of(gains)
         case "curve":
-            curves["curve"] = _curve(design)
+            curves["curve"] = law.curve(design.gains)
         case "tracking":
             *speeds, kp, ki = gains
             values |= {"PROPORTIONAL": kp, "INTEGRAL": ki, "LAG": law.lag}
-            slowest, fastest = law.flow_range
-            knots = np.linspace(slowest, fastest, law.knots)
-            curves["schedule"] = CubicSpline(knots, speeds, bc_type="natural")
+            curves["schedule"] = law.spline.pieces(np.array(speeds))
     if law.estimates_flow:
         curves["ratio_of"] = found = FlowEstimate(design.plant).ratio_of
         values |= {"SMALLEST": float(found.x[0]), "LARGEST": float(found.x[-1])}
     return values, curves
-
-
-def _curve(design: Design) -> PPoly:
-    """Return the logarithm of the torque of a curve over that of the speed."""
-    law: Any = design.law
-    place, height = np.log(design.gains).reshape(2, -1)
-    curve = CubicSpline(place, height, bc_type="natural")
-    # beyond each end a parabola over BEND, then a line
-    (below, above), (less, more) = law.beyond(design.gains)
-    at, slope = height[0] - (below + 0.5 * less) * BEND, below + less
-    pieces = [[0.0, 0.0], [0.0, -0.5 * less / BEND], [slope, slope], [at - slope, at]]
-    curve.extend(np.array(pieces), place[0] - BEND - np.array([1.0, 0.0]))
-    at, slope = height[-1] + (above + 0.5 * more) * BEND, above + more
-    pieces = [[0.0, 0.0], [0.5 * more / BEND, 0.0], [above, slope], [height[-1], at]]
-    curve.extend(np.array(pieces), place[-1] + BEND + np.array([0.0, 1.0]))
-    return curve
 
 
 def _rows(curve: PPoly) -> tuple[list[list[float]], float]:

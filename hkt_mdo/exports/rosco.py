@@ -41,12 +41,10 @@ class Rosco(Format):
 
     def files(self, design: Design) -> dict[str, bytes]:
         solution, law = design.solution, design.law
-        if not law.is_feedback:
-            problem = "cannot have an open loop, whose torque is a function of time"
-            raise InputError(problem, "run the case with a feedback law", key="--to", value="rosco")
-        if law.states and not isinstance(law, Tracking):
-            problem = f"has no entries for the states of the law {law.law}"
-            raise InputError(problem, "export controller or csv", key="--to", value="rosco")
+        if not law.is_feedback or (law.states and not isinstance(law, Tracking)):
+            problem = f"has no entries for {law.law}: neither for a torque over time nor for states"
+            remedy = "export csv, or run the case with a feedback law without states"
+            raise InputError(problem, remedy, key="--to", value="rosco")
         mean = design.physics.scenarios[0].mean_flow
         rotor = design.physics.rotor.at_flow(mean)
         highest = float(solution.table("coefficients")["tip_speed_ratio"][-1])

@@ -160,7 +160,7 @@ class Columns:
     """Time and speed of a record: as they are in the file, and then in SI units."""
 
     file: str
-    """Its name; empty for data in memory."""
+    """Its name."""
     names: tuple[str, ...]
     """Names of the time and the speed, and of other columns."""
     time: np.ndarray

@@ -1,11 +1,10 @@
-"""Records from NetCDF and Parquet files and from pandas and xarray objects, as MHKiT has them."""
+"""Records from NetCDF and Parquet files, as MHKiT saves its data."""
 
 import io
 import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,40 +25,6 @@ from hkt_mdo.files.table import read_bytes
 
 _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 """Labels of two horizontal components of a velocity, in small letters."""
-
-
-def columns_from(data: Any, options: RecordFile, file: str = "") -> Columns:
-    """Take time and speed from data in memory.
-
-    Parameters
-    ----------
-    data : pandas.DataFrame, pandas.Series, xarray.Dataset or xarray.DataArray
-        The data, as MHKiT returns them.
-    options : RecordFile
-        Which columns or variables, and their units.
-    file : str
-        The file from which the data come, for messages.
-
-    Returns
-    -------
-    Columns
-        Time and speed as in the data.
-
-    Raises
-    ------
-    InputError
-        If `data` is something else, or its columns are not clear.
-    """
-    if hasattr(data, "to_frame") and not hasattr(data, "columns"):  # a Series
-        data = data.to_frame(data.name or "speed")
-    if hasattr(data, "columns"):
-        return _from_frame(data, file, options)
-    if hasattr(data, "to_dataset") and not hasattr(data, "data_vars"):  # a DataArray
-        data = data.to_dataset(name=data.name or "speed")
-    if hasattr(data, "data_vars"):
-        return _from_dataset(data, file, options)
-    remedy = "give a pandas DataFrame or an xarray Dataset"
-    raise InputError("is no record", remedy, value=type(data).__name__)
 
 
 def _need(name: str, file: object) -> Any:
@@ -90,7 +55,7 @@ def read_parquet(path: Path, options: RecordFile) -> Columns:
     _need("pyarrow.parquet", path)
     pandas = _need("pandas", path)
     content = io.BytesIO(read_bytes(path, MAX_BYTES, "record"))
-    return columns_from(pandas.read_parquet(content), options, str(path))
+    return _from_frame(pandas.read_parquet(content), str(path), options)
 
 
 def read_netcdf(path: Path, options: RecordFile) -> Columns:
@@ -114,16 +79,13 @@ def read_netcdf(path: Path, options: RecordFile) -> Columns:
         If a library is not installed; what they raise where the file is broken.
     """
     xarray = _need("xarray", path)
-    head = read_bytes(path, MAX_BYTES, "record")[:8]
-    engine: dict[str, Any] = {}
-    if head.startswith(b"CDF"):
-        engine = {"engine": "scipy", "mmap": False}
-    elif not head.startswith(b"\x89HDF\r\n\x1a\n"):
-        raise InputError("is not NetCDF", "write the file anew, or as CSV", file=path)
-    elif find_spec("h5netcdf") is None:
+    engine: dict[str, Any] = {"engine": "netcdf4"}
+    if read_bytes(path, MAX_BYTES, "record").startswith(b"CDF"):
+        engine = {"engine": "scipy", "mmap": False}  # netCDF4 reads zeros where a file is cut
+    else:
         _need("netCDF4", path)
     with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, **engine) as dataset:
-        return columns_from(_with_dates(dataset, xarray.decode_cf), options, str(path))
+        return _from_dataset(_with_dates(dataset, xarray.decode_cf), str(path), options)
 
 
 def _with_dates(data: Any, decode: Callable) -> Any:

@@ -94,11 +94,9 @@ def read_windio(text: str, file: Path) -> BladeTable:
     root = Place(tree, "", file)
     blade = root.get("components.blade", "give a turbine with a blade")
     versions = [version for version in _VERSIONS if blade.find(version.shape)]
-    if not versions:
-        blade.get("outer_shape", "add outer_shape (windIO 2) or outer_shape_bem (windIO 1)")
-    if len(versions) > 1:
-        remedy = "keep that of the file's windIO version"
-        raise blade.refuse("holds outer_shape and outer_shape_bem", remedy)
+    if len(versions) != 1:
+        problem = "must hold one of outer_shape (windIO 2) and outer_shape_bem (windIO 1)"
+        raise blade.refuse(problem, "give that of the file's version of windIO")
     return _Turbine(root, blade.get(versions[0].shape), versions[0]).blade()
 
 

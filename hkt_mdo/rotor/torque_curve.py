@@ -54,7 +54,7 @@ class TorqueSpline:
         callable
             Returns (n_points,) or (n_points, n_tables).
         """
-        return partial(self._at, self._pieces(table))
+        return partial(self._at, self.pieces(table))
 
     def values(self, table, tip_speed_ratio):
         """Return the spline's values and slopes for a table, without the matrices.
@@ -71,11 +71,23 @@ class TorqueSpline:
         values, slopes : ndarray of shape (n_points,)
             Coefficients, and their slopes by the tip speed ratio.
         """
-        pieces = self._pieces(table)
+        pieces = self.pieces(table)
         inside = np.clip(tip_speed_ratio, self.nodes[0], self.nodes[-1])
         return self._at(pieces, tip_speed_ratio), pieces(inside, 1)
 
-    def _pieces(self, table):
+    def pieces(self, table):
+        """Return the cubics of a table between its nodes.
+
+        Parameters
+        ----------
+        table : ndarray of shape (n_nodes,) or (n_nodes, n_tables)
+            Coefficients at the nodes, maybe complex.
+
+        Returns
+        -------
+        scipy.interpolate.PPoly
+            Over the tip speed ratio.
+        """
         return PPoly.construct_fast(self._cardinal.c @ table, self.nodes)
 
     def _at(self, pieces, points):
@@ -83,7 +95,7 @@ class TorqueSpline:
         points = np.asarray(points)
         inside = np.clip(points.real, self.nodes[0], self.nodes[-1])
         values, beyond = pieces(inside), points - inside
-        return values + (pieces(inside, 1).T * beyond).T if np.any(beyond) else values
+        return values + (pieces(inside, 1).T * beyond.T).T if np.any(beyond) else values
 
 
 class HermiteSpline(TorqueSpline):

@@ -16,9 +16,9 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import BETWEEN, Limit
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import csv_text
+from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.results.design import Design
-from hkt_mdo.results.folder import write_json, write_text
+from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
@@ -519,8 +519,6 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
         The files.
     """
     entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    folder.mkdir(parents=True, exist_ok=True)
-    table, data = folder / "simulations.csv", folder / "simulations.json"
-    write_text(table, csv_text(header, (record.values() for record in entries)))
-    write_json(data, entries)
-    return [table, data]
+    table = csv_text(header, (record.values() for record in entries)).encode()
+    data = f"{to_json(entries)}\n".encode()
+    return write_new({folder / "simulations.csv": table, folder / "simulations.json": data}, True)

@@ -159,11 +159,6 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     plant, radius = design.plant, design.plant.blade.rotor_radius
-    if plant.polar.follows_reynolds:
-        problem = "has polars that follow the Reynolds number, for which the noisy runs have no "
-        problem += "table, since theirs is over the tip speed ratio alone"
-        remedy = "leave --noise-snr out, or use a result with rotor.reynolds: invariant"
-        raise InputError(problem, remedy, key="--noise-snr")
     tabulated, curve = plant.tabulated(RATIOS)
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples

@@ -62,5 +62,5 @@ def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says
 
 def test_an_estimate_from_polars_at_the_local_reynolds_number_is_refused(plant):
     polar = LocalReynolds(*[None] * len(LocalReynolds.__dataclass_fields__))
-    with pytest.raises(InputError, match=r"control\.flow.*Reynolds"):
-        FlowEstimate(replace(plant, polar=polar))
+    with pytest.raises(InputError, match=r"rotor\.reynolds.*give invariant, control\.flow: sensed"):
+        FlowEstimate(replace(plant, polar=polar))(8.0, 300.0, 0.0)

@@ -205,14 +205,14 @@ def known():
 def test_constituents_of_a_known_tide_come_back(known):
     samples, tide = known
     found = constituents(samples, ["M2", "S2", "K1"])
-    np.testing.assert_allclose(found.amplitude, [2.0, 0.6, 0.3], rtol=1e-6)
-    np.testing.assert_allclose(found.phase, [0.5, 1.0, 2.0], rtol=1e-6)
-    assert found.mean == pytest.approx(0.1, rel=1e-5)
+    waves = [(wave.amplitude, wave.phase) for wave in found.flow.constituents]
+    np.testing.assert_allclose(waves, [(2.0, 0.5), (0.6, 1.0), (0.3, 2.0)], rtol=1e-6)
+    assert found.flow.mean == pytest.approx(0.1, rel=1e-5)
     assert found.explained == pytest.approx(1.0, abs=1e-12)
     later = np.linspace(0.0, 100.0 * DAY, 500)
     again = TidalResource(**found.section)
     assert [part.name for part in again.constituents] == ["M2", "S2", "K1"]
-    np.testing.assert_allclose(found.speed_at(later), tide.speed_at(later), atol=1e-5)
+    np.testing.assert_allclose(found.flow.speed_at(later), tide.speed_at(later), atol=1e-5)
 
 
 def test_a_record_too_short_is_refused_with_the_length_it_needs(known):

@@ -45,7 +45,7 @@ SOUND = {
     for place, name in enumerate(polars.WELL)
 }
 WHOLE = re.compile(
-    "is empty|is larger than|is not NetCDF|is JSON, and no record|cannot be read as|"
+    "is empty|is larger than|is JSON, and no record|cannot be read as|"
     "has (a header but no|[0-9]+|no|nothing|the file extension)"
 )
 """What is said of a file as a whole, where no place is to be named."""

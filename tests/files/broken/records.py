@@ -56,7 +56,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
     "a discharge": (_csv(header=_DISCHARGE), "is a discharge in ft3/s, not a speed; give area"),
     "centimetres": (_speeds(lambda t, v: f"{100 * v:.2f}"), "is faster than any river"),
     "a word": (_changed({40: "19.0,calm"}), "line 40, column speed_m_s = 'calm': must be a finite"),
-    "NaN": (_changed({40: "19.0,NaN"}), "line 40, column speed_m_s: is missing; give"),
+    "NaN": (_changed({40: "19.0,NaN"}), "line 40, column speed_m_s: is at a gap of 0.5 s; give"),
     "a gap at the end": (_changed({121: "59.5,"}), "line 121, column speed_m_s: is missing"),
     "the same time twice": (_changed({40: "18.5,1.5"}), "is also the time of line 39"),
     "time goes back": (_changed({40: "3.0,1.5"}), "time_s = '3 s since the first': is before line"),
@@ -82,7 +82,7 @@ _CSV: dict[str, tuple[bytes, str]] = {
 _CSV_NAMES = {
     "record.tsv": (_csv(), "has the file extension .tsv; name it .csv"),
     "record": (_csv(), "has no file extension"),
-    "csv.nc": (_csv(), "is not NetCDF"),
+    "csv.nc": (_csv(), "cannot be read as NetCDF"),
     "csv.parquet": (_csv(), "cannot be read as Parquet"),
 }
 
@@ -118,12 +118,12 @@ def _netcdf() -> Broken:
     no_date = np.where(at_40, np.datetime64("NaT"), dates)
     hole, endless = (np.where(at_40, value, speed) for value in (np.nan, np.inf))
     return {
-        "NetCDF: empty": ("empty.nc", b"", "is not NetCDF"),
+        "NetCDF: empty": ("empty.nc", b"", "cannot be read as NetCDF"),
         "NetCDF: cut": ("cut.nc", content()[:60], "cannot be read as NetCDF"),
         "NetCDF: old, cut": ("old.nc", old[: len(old) // 2], "cannot be read as NetCDF"),
         "NetCDF: no time": ("no_time.nc", content(without=["time"]), "nothing that is clearly the"),
         "NetCDF: texts": ("texts.nc", content(speed.astype(str)), "holds no numbers"),
-        "NetCDF: NaN": ("nan.nc", content(hole), "row 41, column speed: is missing"),
+        "NetCDF: NaN": ("nan.nc", content(hole), "row 41, column speed: is at a gap"),
         "NetCDF: infinity": ("infinity.nc", content(endless), "row 41, column speed = inf: must"),
         "NetCDF: no date": ("date.nc", content(time=no_date), "row 41, column time: is no time"),
     }
@@ -146,5 +146,5 @@ def _parquet() -> Broken:
         "Parquet: empty": ("empty.parquet", b"", "cannot be read as Parquet"),
         "Parquet: cut": ("cut.parquet", content(speed)[:-20], "cannot be read as Parquet"),
         "Parquet: texts": ("texts.parquet", content(speed.astype(str)), "holds no numbers"),
-        "Parquet: NaN": ("nan.parquet", content(hole), "row 41, column speed_m_s: is missing"),
+        "Parquet: NaN": ("nan.parquet", content(hole), "row 41, column speed_m_s: is at a gap"),
     }
