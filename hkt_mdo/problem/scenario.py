@@ -233,6 +233,11 @@ class Scenario:
         """Where the phase's time series are in the model."""
         return f"traj.{self.name}.timeseries"
 
+    def source(self, name: str) -> str:
+        """Return where the values over time of a quantity, or of a state, are in the model."""
+        by = QUANTITIES[name].source if name in QUANTITIES else "trajectory"
+        return f"{self.path if by == 'trajectory' else f'{by}_{self.name}'}.{name}"
+
 
 def too_large(errors: np.ndarray, most: float) -> np.ndarray:
     """Return which errors are to be made smaller: the sum of the others is at most `most`."""

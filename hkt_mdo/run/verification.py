@@ -35,7 +35,6 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.wake import band_of
 from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -321,7 +320,7 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
         )
         about = scenario, controller, start, mesh.duration / mesh.segments
         if plant.wake is not None:
-            mean = plant.with_mean_wake(band_of(physics, result.setup))
+            mean = plant.with_mean_wake(result.setup.band(physics))
             run = _simulated(mean, *about), controller
             options["two_filters"] = Verification(physics, rotor, mean, *run, **options)
         run = _simulated(plant, *about), controller
