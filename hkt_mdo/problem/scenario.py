@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from types import SimpleNamespace
 from typing import ClassVar
 from unittest.mock import patch
@@ -25,8 +25,8 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", OMDeprecationWarning)
     import dymos as dm
+    from dymos.transcriptions import grid_data
     from dymos.transcriptions.common import control_comp
-    from dymos.utils.hermite import hermite_matrices
     from dymos.utils.lagrange import lagrange_matrices
     from dymos.utils.lgl import lgl
     from dymos.utils.lgr import lgr
@@ -246,21 +246,19 @@ def too_large(errors: np.ndarray, most: float) -> np.ndarray:
     return found
 
 
-def _blocks(grid, matrices, given, wanted, sparse=False):
-    """Return a grid's interpolation matrices, one block a segment.
+def _sparse(matrices):
+    """Return a grid's method whose matrices are sparse from the start.
 
-    Dymos assembles dense matrices and then takes their nonzeros. Their memory grows with the square
-    of the segments and reaches gigabytes for an hour.
+    Dymos assembles dense ones and then takes their nonzeros. Their memory grows with the square of
+    the segments and reaches gigabytes for an hour.
     """
-    blocks = []
-    for segment in range(grid.num_segments):
-        nodes = []
-        for name in (given, wanted):
-            first, last = grid.subset_segment_indices[name][segment]
-            nodes.append(grid.node_stau[grid.subset_node_indices[name][first:last]])
-        blocks.append(matrices(*nodes))
-    found = (block_diag(each, format="csr") for each in zip(*blocks, strict=True))
-    return tuple(each if sparse else each.toarray() for each in found)
+
+    def found(given, wanted, sparse=False):
+        with patch.object(grid_data, "block_diag", lambda *each: block_diag(each, format="csr")):
+            made = matrices(given, wanted, sparse=True)
+        return made if sparse else tuple(each.toarray() for each in made)
+
+    return found
 
 
 def _zeros(shape, **options):
@@ -295,8 +293,8 @@ class _Lean:
         """Give the grid matrices that are sparse from the start."""
         super().init_grid()
         grid = self.grid_data
-        grid.phase_lagrange_matrices = partial(_blocks, grid, lagrange_matrices)
-        grid.phase_hermite_matrices = partial(_blocks, grid, hermite_matrices)
+        grid.phase_lagrange_matrices = _sparse(grid.phase_lagrange_matrices)
+        grid.phase_hermite_matrices = _sparse(grid.phase_hermite_matrices)
 
     def configure_controls(self, phase):
         """Scale a control's value at each node by the square root of the time it stands for.
