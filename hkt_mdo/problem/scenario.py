@@ -10,7 +10,6 @@ from typing import ClassVar
 from unittest.mock import patch
 
 import numpy as np
-import openmdao.api as om
 from openmdao.utils.om_warnings import OMDeprecationWarning
 from scipy.sparse import block_diag, csr_array, diags_array, kron, lil_array
 
@@ -26,7 +25,7 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", OMDeprecationWarning)
     import dymos as dm
     from dymos.transcriptions import grid_data
-    from dymos.transcriptions.common import control_comp
+    from dymos.transcriptions.common import continuity_comp, control_comp
     from dymos.utils.lagrange import lagrange_matrices
     from dymos.utils.lgl import lgl
     from dymos.utils.lgr import lgr
@@ -266,6 +265,10 @@ def _zeros(shape, **options):
     return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
 
 
+# with Kronecker products by the identity of one element, of scalar controls, as they are
+_NUMPY = SimpleNamespace(**vars(np) | {"zeros": _zeros, "kron": lambda matrix, _: matrix})
+
+
 class _Lean:
     """Allows phases of thousands of segments, of unequal ones, and phases without states.
 
@@ -305,7 +308,7 @@ class _Lean:
         reference for all nodes; where they are equally spaced, it is the one that holds.
         """
         self._begin(phase, phase.control_options)
-        with patch.object(control_comp, "np", SimpleNamespace(**vars(np) | {"zeros": _zeros})):
+        with patch.object(control_comp, "np", _NUMPY):
             super().configure_controls(phase)
         grid = self.grid_data
         spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])
@@ -321,35 +324,14 @@ class _Lean:
         of hours the optimizer's tolerance would require a balance of torques to more digits than
         numbers have.
         """
-        super().configure_defects(phase)
-        ends = self.grid_data.subset_node_indices["segment_ends"]
-        for name in phase.control_options if ends.size > 2 else ():
-            for end, nodes in (("before", ends[1:-1:2]), ("after", ends[2:-1:2])):
-                source = f"control_rates:{name}_rate"
-                phase.connect(source, f"{name}_kinks.{end}", src_indices=om.slicer[nodes, :])
+        with patch.object(continuity_comp, "np", _NUMPY):
+            super().configure_defects(phase)
         grid, long = self.grid_data, np.diff(self.options["segment_ends"]) / LONG
         factor = np.repeat(np.maximum(long, 1.0), grid.subset_num_nodes_per_segment["col"])
         for name, options in phase.state_options.items():
             phase.collocation_constraint.set_constraint_options(
                 f"defects:{name}", ref=options["defect_ref"] * factor
             )
-
-    def setup_defects(self, phase):
-        """Make the rates of controls continuous between segments.
-
-        Dymos first makes the pattern of this constraint as a dense matrix, gigabytes for an hour.
-        """
-        super().setup_defects(phase)
-        known, n = self.options["start"]["time"], self.grid_data.num_segments - 1
-        for name, options in phase.control_options.items() if n else ():
-            half = 0.5 * (known[-1] - known[0])
-            kinks = om.AddSubtractComp(
-                *("kink", ["after", "before"], n),
-                units=f"{options['units']}/s",
-                scaling_factors=[half, -half],
-            )
-            phase.add_subsystem(f"{name}_kinks", kinks)
-            kinks.add_constraint("kink", equals=0.0, ref=options["ref"])
 
     def setup_states(self, phase):
         """Skip the component where there are no states."""
@@ -441,7 +423,7 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_
 
 
 def _add_control(phase, name, ref, **options):
-    """Add a control whose value is continuous; `_Lean` makes its rate so.
+    """Add a control whose value and rate are continuous.
 
     With the Radau transcription the last value of a segment is extrapolated, so that Dymos has to
     make it equal to the first of the next one; with the other one it is the same unknown.
@@ -451,7 +433,8 @@ def _add_control(phase, name, ref, **options):
         targets=[name],
         units=QUANTITIES[name].unit,
         continuity=isinstance(phase.options["transcription"], Radau),
-        rate_continuity=False,
+        rate_continuity=True,
+        rate_continuity_ref=ref,
         ref=ref,
         **options,
     )
