@@ -221,13 +221,11 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
                 remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(members)}"
             elif isinstance(error["loc"][-1], int):
                 remedy = "give two values, [lower, upper]"
-        case "union_tag_not_found":
-            found, problem, key = {}, "is missing", f"{key}.{tag}"
-            remedy = _suggest(None, members)
-        case "union_tag_invalid":
-            problem, key = "unknown", f"{key}.{tag}"
-            found["value"] = given.get(tag) if isinstance(given, dict) else context["tag"]
-            remedy = _suggest(found["value"], members)
+        case "union_tag_not_found" | "union_tag_invalid":
+            named = given.get(tag) if isinstance(given, dict) else context.get("tag")
+            found = {} if named is None else {"value": named}
+            problem, key = "unknown" if found else "is missing", f"{key}.{tag}"
+            remedy = _suggest(named, members)
         case "literal_error":
             choices = re.split(", | or ", context["expected"].replace("'", ""))
             problem, remedy = "unknown", _suggest(given, choices)

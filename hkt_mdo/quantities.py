@@ -15,8 +15,6 @@ import yaml
 
 from hkt_mdo.errors import did_you_mean
 
-_SUFFIXES = {None: "", "N*m": "_Nm", "N*m/s": "_Nm_s", "m/s": "_m_s", "rad/s": "_rad_s"}
-
 
 @dataclass(frozen=True)
 class Described:
@@ -55,7 +53,7 @@ class Described:
         str
             Name and unit, such as ``rotor_speed_rad_s``.
         """
-        return self.name + _SUFFIXES.get(self.unit, f"_{self.unit}".replace("*", "_"))
+        return column_of(self.name, self.unit)
 
     @property
     def meta(self) -> dict[str, str | None]:
@@ -104,20 +102,22 @@ STEADY = frozenset((*TRAJECTORY, *LOADS, "rotor_radius", "density", "inertia", "
 """Quantities of a rotor in steady operation, which the search for a start has."""
 
 
-def is_over_time(name: str) -> bool:
-    """Tell whether a name is that of a quantity over time.
+def column_of(name: str, unit: str | None) -> str:
+    """Return the header of a quantity's column in the tables of a result.
 
     Parameters
     ----------
     name : str
-        Of a quantity, or of anything else.
+        Name of the quantity.
+    unit : str or None
+        Unit as OpenMDAO writes it; empty or None for a plain number.
 
     Returns
     -------
-    bool
-        False for a name that is not in the registry.
+    str
+        Name and unit, such as ``rotor_speed_rad_s``.
     """
-    return name in QUANTITIES and QUANTITIES[name].over == "time"
+    return f"{name}_{unit.replace('*', '').replace('/', '_')}" if unit else name
 
 
 def nearest(name: str) -> str:

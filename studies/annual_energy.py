@@ -22,7 +22,7 @@ from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.files.record_table import read_pairs
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results import style
-from hkt_mdo.rotor.hydrodynamics import SOLVERS
+from hkt_mdo.rotor.model import SOLVERS
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT / "tests" / "data" / "harp_opt"

@@ -52,7 +52,7 @@ class Rotor:
         area = math.pi * radius**2
         self.power = 0.5 * world.density * area * MEAN**3 * best.power_coefficient
         self.torque = self.power / self.speed
-        self.inertia = world.mass_and_inertia(self.blade)[1]
+        self.inertia = world.rotor.mass_and_inertia(self.blade)[1]
         self.own = {"torque": self.torque, "power": self.power}
 
     def cases(self, limit, share, beta, segments):

@@ -25,6 +25,7 @@ from hkt_mdo.rotor import ccblade as reference
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.angle_curves import KNOTS_PER_DEGREE
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.polars import ByStation
 
 DATA = Path(__file__).resolve().parents[1] / "tests" / "rotor" / "data"
 BEGIN, END = "<!-- by studies/compare_ccblade.py -->\n", "<!-- end -->"
@@ -44,7 +45,7 @@ OTHER = "unexplained"
 
 
 class Rotor(NamedTuple):
-    """A rotor to compare: one polar, or one for each station."""
+    """A rotor to compare."""
 
     name: str
     blade: Blade
@@ -107,9 +108,8 @@ def nrel_5mw():
     r, chord, twist = np.array([row[:3] for row in rows], dtype=float).T
     polars = nrel_5mw_polars()
     blade = Blade(r, chord, np.deg2rad(twist), 1.5, 63.0, 3)
-    return Rotor(
-        "NREL 5 MW, 126 m", blade, [polars[row[3]] for row in rows], np.arange(0.5, 15.1, 0.25)
-    )
+    polar = ByStation.of(polars[row[3]] for row in rows)
+    return Rotor("NREL 5 MW, 126 m", blade, polar, np.arange(0.5, 15.1, 0.25))
 
 
 def bahaj(stations=STATIONS_5KW, polar="naca63815_Re2e5", ratios=None):
@@ -152,7 +152,7 @@ def random_rotor(rng, polars):
         )
     polar = polars[rng.integers(len(polars))]
     if rng.random() < 0.2:
-        polar = [polars[index] for index in rng.integers(len(polars), size=n)]
+        polar = ByStation.of(polars[index] for index in rng.integers(len(polars), size=n))
     blade = Blade(r, chord, twist, hub_radius, tip_radius, count)
     return Rotor("random", blade, polar, np.sort(rng.uniform(0.5, 15.0, 10)))
 
@@ -228,7 +228,7 @@ def compare(rotor, derivatives=False):
         [(loads["Np"], loads["Tp"]) for loads, _ in recorded]
     )  # (points, 2, stations)
     kinds = np.empty(phi_cc.shape, dtype=object)
-    *arguments, polars, section, _ = bem._arguments(blade, rotor.polar)
+    *arguments, polars, section, _ = bem._arguments(blade, rotor.polar, ratios)
     for i, j in np.ndindex(kinds.shape):
         station = (blade.chord[j], blade.twist[j], blade.r[j], *arguments[3:], polars[section[j]])
         s, c, _, _ = bem._terms(float(phi_cc[i, j]), *station)[0]

@@ -228,8 +228,8 @@ def plant_of(case):
 
     world = physics(case)
     blade = world.blade
-    inertia = world.mass_and_inertia(blade)[1]
-    polar = world.rotor.as_built(blade).polar
+    inertia = world.rotor.mass_and_inertia(blade)[1]
+    polar = world.rotor.polar
     return Plant(blade, polar, inertia, world.density, bem.rotor_coefficients)
 
 

@@ -17,6 +17,7 @@ from scipy.integrate import quad, trapezoid
 
 from hkt_mdo.dynamics.sampled import SPECTRA
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor import bem
 
 GRAVITY = 9.80665
 JONES = 0.0455, 0.3  # of Wagner's function, times 2 W / c (R. T. Jones, NACA Report 681, 1940)
@@ -56,7 +57,7 @@ def of_blade(solution):
     excess = world.case.rotor.blade_material.density - density
     speed, flow = solution.simulation["rotor_speed_rad_s"], solution.simulation["inflow_speed_m_s"]
     mean = float(np.mean(speed)), float(np.mean(flow))
-    sections = world.rotor.sections(blade, mean[0] * blade.rotor_radius / mean[1])
+    sections = bem.sections(blade, world.rotor.polar, mean[0] * blade.rotor_radius / mean[1])
     load = 0.5 * density * mean[1] ** 2 * sections.tangential_load[0]
     dragged = density * np.pi * (0.5 * chord) ** 2 * (np.sin(twist) * r) ** 2
     place = np.argmin(np.abs(blade.r / blade.tip_radius - 0.7))

@@ -84,7 +84,7 @@ def in_local_polars(invariant, local):
     """Return the energy (J) of an invariant feedback design in the flow with local polars."""
     world = physics(local.case)
     design = invariant.design()
-    inertia = world.mass_and_inertia(design.plant.blade)[1]
+    inertia = world.rotor.mass_and_inertia(design.plant.blade)[1]
     plant = replace(design.plant, polar=world.rotor.polar, inertia=inertia)
     found = replace(design, plant=plant).simulate(world.inflow)
     return None if found.stopped_at is not None else found.energy

@@ -83,7 +83,7 @@ def test_shipped_cases_go_by_their_names_unless_a_file_has_that_name(tmp_path, m
 def test_rm1_has_its_published_inertia_and_torque(name):
     case = load_case(EXAMPLES / f"{name}.yaml", ["design={blade: fixed}"])
     world = physics(case)
-    _, inertia = world.mass_and_inertia(world.blade)
+    _, inertia = world.rotor.mass_and_inertia(world.blade)
     assert inertia == pytest.approx(RM1_INERTIA, rel=1e-4)
     rated = 500e3 / (11.5 * 2.0 * np.pi / 60.0)  # 500 kW at 11.5 rpm
     assert case.control.torque_limit == pytest.approx(rated, rel=1e-3)

@@ -22,7 +22,7 @@ from hkt_mdo.dynamics.formulas import STEP, Formula
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.errors import InputError, show
-from hkt_mdo.quantities import is_over_time
+from hkt_mdo.quantities import OVER_TIME
 
 _FINITE: ContextVar[bool] = ContextVar("finite", default=True)
 MAY_BE_NONE = "length", "highest_frequency", "bound"
@@ -148,7 +148,7 @@ def _wrong_slope(method: Callable, of: str, kind: Any, args: tuple, named: dict)
             here, lower, upper = (at(key, value + by * step) for by in (0.0, -1.0, 1.0))
             slope = np.imag(at(key, value + 1j * STEP * step)) / STEP
             own = of in ("demand", "rates", "speed_at") and key not in ("gains", GAINS_AT.get(of))
-            for odd in (0, 1) if own or is_over_time(name) else ():
+            for odd in (0, 1) if own or name in OVER_TIME else ():
                 moved = np.arange(size.size).reshape(size.shape) % 2 == odd
                 by = np.imag(at(key, value + 1j * STEP * step * moved)) * np.isfinite(here)
                 rows = np.resize(by, (max(by.size // size.size, 1), *size.shape))
@@ -197,7 +197,7 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
         count = ... if kind.n_unknowns is None else kind.n_unknowns
         return {"value": (), "rows": (...,), "best_unknowns": (count,)}.get(name)
     if isinstance(kind, Formula) and name in ("value", "rate"):
-        times = [np.shape(x) for each, x in quantities.items() if is_over_time(each)]
+        times = [np.shape(x) for each, x in quantities.items() if each in OVER_TIME]
         return times[0] if times else (...,) if isinstance(kind, Limit) else ()
     return None
 

@@ -196,7 +196,7 @@ def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
         if kind.rate is Objective.rate and not own_value:
             remedy = "write one of them as in docs/dev/architecture.md"
             yield "has neither a rate over time nor a value of the design", remedy
-        if own_value and any(map(quantities.is_over_time, inputs)):
+        if own_value and {*inputs} & {*quantities.OVER_TIME}:
             problem = "has a value of the design, but takes a quantity over time"
             yield problem, "write a rate instead, which is integrated"
     elif not own_value and len(inputs) > 1:

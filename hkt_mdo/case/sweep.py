@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, PrivateAttr, Strict, model_validator
 
 from hkt_mdo.case.document import quantities
 from hkt_mdo.case.kinds import Extension
@@ -132,6 +132,7 @@ class Sweep(Section):
     front: str | None = None
     """Column of the table, such as `mass_kg` or `stress_Pa`, which is to be small while the
     objective is to be good: the other axis of the Pareto front. null: the first key of numbers."""
+    _extensions: tuple[Extension, ...] = PrivateAttr(())  # of the cases
 
     @model_validator(mode="after")
     def _check_samples(self) -> Sweep:
@@ -200,35 +201,35 @@ class Sweep(Section):
         data = self.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
         return dump(data | {"seed": self.seed})
 
-    def case_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Case:
+    def case_at(self, point: Point) -> Case:
         """Return the case of a point. Raises InputError where that has no case."""
         changes = [f"{key}={json.dumps(value)}" for key, value in (self.set_ | point).items()]
-        return load_case(self.case, changes, extensions=extensions)
+        return load_case(self.case, changes, extensions=self._extensions)
 
-    def row_at(self, point: Point, extensions: Iterable[Extension] = ()) -> Point:
+    def row_at(self, point: Point) -> Point:
         """Return the values of a point in the table: numbers in the unit of the key, or texts."""
         found: Point = {}
         for name, (key, given) in zip(self.columns, point.items(), strict=True):
             found[name] = given if isinstance(given, str | int | float) else json.dumps(given)
-            for x in quantities(key, extensions):
+            for x in quantities(key, self._extensions):
                 with suppress(ValueError):  # a name, a section, or the unit of another law
                     found[name] = x.read(given.get("bound") if isinstance(given, dict) else given)
                     break
         return found
 
-    def check(self, file: object, extensions: Iterable[Extension] = ()) -> None:
+    def check(self, file: object) -> None:
         """Try values of lists and ends of ranges, each beside the first values of the others.
 
         Raises InputError, with `file` and the key there, for a key that the case does not have and
         for a value that it cannot have.
         """
-        load_case(self.case, extensions=extensions)
+        load_case(self.case, extensions=self._extensions)
         first = next(self.points())
         for part in self._parts:
             listed = any(self.over[key].values for key in part[0])
             for point in map(self.point_at, part if listed else (part[0], part[-1])):
                 try:
-                    self.case_at(first | point, extensions)
+                    self.case_at(first | point)
                 except InputError as error:
                     places = [("over", *each) for each in point.items()]
                     places += [("set", *each) for each in self.set_.items()]
@@ -245,6 +246,8 @@ def load_sweep(
 ) -> Sweep:
     """Read a sweep file, and, with `check`, try its values (`Sweep.check`).
 
+    `extensions` are those of `load_case`, for all cases of the sweep.
+
     Raises InputError, with file, key, value and remedy, if anything in it is wrong.
     """
     path = Path(source)
@@ -253,6 +256,7 @@ def load_sweep(
         remedy = "write case: FILE and over: {control.torque_limit: [500, 600, 700]}"
         raise InputError("must hold keys and values at its top", remedy, file=path, value=data)
     sweep = validated(Sweep, data, str(path))
+    sweep._extensions = tuple(extensions)
     if not check:
         return sweep
     case = path.parent / sweep.case
@@ -261,5 +265,5 @@ def load_sweep(
         remedy = "give a case file, relative to the sweep's folder, or the name of a shipped case"
         raise InputError("is not a file", remedy, file=path, key="case", value=sweep.case)
     sweep = sweep.model_copy(update={"case": str(case.absolute())})
-    sweep.check(path, extensions)
+    sweep.check(path)
     return sweep

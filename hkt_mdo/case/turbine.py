@@ -205,11 +205,6 @@ class Rotor(Section):
                 problem = f"stands after {inner:g}: stations must increase"
                 remedy = "sort the stations from hub to tip, none twice"
                 raise refusal(problem, remedy, key=f"stations[{index}]", value=outer)
-        hub = self.hub_radius_fraction
-        if stations and hub is not None and not stations[0] > hub:
-            problem = f"lies on or within the hub, whose radius is {hub:g} R"
-            remedy = "move the first station outwards or reduce rotor.hub_radius_fraction"
-            raise refusal(problem, remedy, key="stations[0]", value=stations[0])
         for name, other in (("chord", "twist"), ("twist", "chord")):
             column = getattr(self, name)
             if column is not None and getattr(self, other) is None:

@@ -66,7 +66,7 @@ def check(
         echo(f"Figures: {written[0].parent}: {names}", err=for_program)
     number = len(report.warnings)
     doubts = f", with {number} warning{'s' if number > 1 else ''}" if number else ""
-    echo(f"{report.name} can be run{doubts}.", err=for_program)
+    echo(f"{loaded.name} can be run{doubts}.", err=for_program)
 
 
 _MARKDOWN = "Print a page to read in place of the JSON schema."

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -194,17 +193,12 @@ def draw_report(
     tables = [("", polar.table, polar.confidence >= LOW_CONFIDENCE) for polar in polars]
     tables += [(f"{name} ", table, np.full(table.alpha.size, True)) for name, table in others]
     first, last = polars[0].table.alpha[[0, -1]]
-    curves: list[dict[str, Any]] = []
+    curves = []
     for prefix, table, sure in tables:
-        pressure = np.atleast_2d(np.asarray(table.smallest_pressure, dtype=float))
-        suction = np.full(table.alpha.size, np.nan)
-        if pressure.size:  # of either surface, or of both
-            suction = -np.min(pressure, axis=0) + np.zeros(table.alpha.size)
-        columns = {"alpha_deg": np.rad2deg(table.alpha), "lift": table.lift, "drag": table.drag}
-        columns |= {"suction": suction, "sure": sure}
         inside = (table.alpha >= first) & (table.alpha <= last)
         label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
-        curves.append({name: values[inside] for name, values in columns.items()} | {"label": label})
+        polar = Polar.from_polar_table(table)
+        curves.append((label, polar, table.alpha[inside], sure[inside]))
     title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"
     panels = polar_panels(curves)
     panels[1].log = True

@@ -112,7 +112,7 @@ def _of_tide(tide: Tide) -> Iterator[str]:
 
 def resource_panels(speed: np.ndarray, share: np.ndarray, samples: FlowSamples) -> list[Panel]:
     """Return the hours of each speed in a year, and the share of time in which it is exceeded."""
-    hours = Panel("hours a year (h)", "speed of the flow (m/s)")
+    hours = Panel("hours a year (h)", "speed of the flow (m/s)", from_zero=True)
     ways = {"forward": speed >= 0.0, "the other way": speed < 0.0}
     for index, (word, own) in enumerate(ways.items()):
         if np.any(own):

@@ -255,19 +255,18 @@ def sweep(
 
     asked = load_sweep(sweep, parts.EXTENSIONS.get())
     folder = out or Path("results") / sweep.stem
-    how: dict[str, Any] = {"scheduler": scheduler, "extensions": parts.EXTENSIONS.get()}
     parts.SAVED.set(lambda: f"finished runs are in {folder}; the same command continues")
     with _Live(f"{sweep.stem}: {asked.size:,} runs", quiet) as live:
         from hkt_mdo.run.sweep import run_sweep
 
         if asked.size > ASKED and not yes:
-            first = run_sweep(asked, folder, 1, most=2, **how)
+            first = run_sweep(asked, folder, 1, scheduler=scheduler, most=2)
             seconds = [x for row in first if (x := row.get("wall_seconds"))]
             live.stop()
             # how many workers a scheduler has is not known
             _ask(asked.size, seconds, 1 if scheduler else jobs or os.cpu_count() or 1)
             live.start()
-        rows = run_sweep(asked, folder, jobs, live.swept, **how)
+        rows = run_sweep(asked, folder, jobs, live.swept, scheduler=scheduler)
     states = Counter(row["state"] for row in rows)
     if not quiet:
         _summarize(rows, states, folder)

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, FeedbackTorque, Plant
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import last_fall
 
@@ -112,7 +111,7 @@ def at_rest(law, gains, flow: np.ndarray, held: Callable) -> tuple[np.ndarray, n
 def _driving(plant, flow, ratios):
     """Return the torque of the flow at tip speed ratios, N m, (n, n_ratios)."""
     radius = plant.blade.rotor_radius
-    if isinstance(plant.polar, LocalReynolds):
+    if plant.polar.follows_reynolds:
         both = np.outer(flow / radius, ratios).ravel(), np.repeat(flow, ratios.size)
         return plant.torque(*both).reshape(flow.size, -1)
     one = np.full(ratios.size, 1.0)

@@ -7,7 +7,6 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Plant
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
 
@@ -23,7 +22,7 @@ class FlowEstimate:
     """
 
     def __init__(self, plant: Plant) -> None:
-        if isinstance(plant.polar, LocalReynolds):
+        if plant.polar.follows_reynolds:
             problem = "needs a single torque curve, which a rotor with local Reynolds numbers "
             remedy = "use flow: sensed, or rotor.reynolds: invariant"
             place = {"key": "control.flow", "value": "estimated"}

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hkt_mdo.quantities import QUANTITIES, is_over_time
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES
 from hkt_mdo.sections import Section
 
 STEP = 1e-40  # no difference is taken, so nothing cancels
@@ -61,7 +61,7 @@ class Formula(Section):
     @property
     def series(self) -> dict[str, tuple[str | None, str]]:
         """Unit and description of its inputs that change over time."""
-        known = (QUANTITIES[name] for name in self.inputs if is_over_time(name))
+        known = (QUANTITIES[name] for name in self.inputs if name in OVER_TIME)
         return {each.name: (each.unit, each.text) for each in known}
 
     def is_of(self, names: Collection[str]) -> bool:

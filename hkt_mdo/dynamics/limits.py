@@ -363,9 +363,10 @@ class DistanceFromStall(Limit):
         table, *states = (others[x] for x in ("torque_coefficient_table", *self.law.states))
         gains = np.hstack([others[x] for x in self.law.named_gains])
         unit = torque_scale(density, rotor_radius, inflow_speed)
+        coefficient = self.spline.curve(table)
 
         def net(speed):
-            driving = self.spline.curve(table)(speed * rotor_radius / inflow_speed)
+            driving = coefficient(speed * rotor_radius / inflow_speed)
             return unit * driving - self.law.torque(speed, gains, *states)
 
         recovery = net((1.0 - SLOWED) * rotor_speed) - net(rotor_speed)

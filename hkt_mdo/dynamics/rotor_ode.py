@@ -8,7 +8,6 @@ from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.band import FACTORS, Band
 from hkt_mdo.rotor.components import refuse_complex_step
-from hkt_mdo.rotor.reynolds import polar_in_flow
 from hkt_mdo.rotor.scales import torque_scale
 
 _INNER = {
@@ -218,7 +217,7 @@ class CoefficientComp(NodeComp):
         refuse_complex_step(self)
         blade = self.blade.with_rotor_radius(inputs["rotor_radius"][0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
-        polar = polar_in_flow(self.polar, inputs["inflow_speed"])
+        polar = self.polar.in_flow(inputs["inflow_speed"])
         return self.coefficients(blade, polar, ratio, derivatives)
 
     def compute(self, inputs, outputs):

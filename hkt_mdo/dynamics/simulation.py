@@ -23,9 +23,8 @@ from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.wake import SLOWEST_RATIO, MeanWake, Wake
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
@@ -51,7 +50,7 @@ class Plant:
     """
 
     blade: Blade
-    polar: Polar | tuple[Polar, ...] | LocalReynolds
+    polar: Polars
     inertia: float
     density: float
     coefficients: Callable
@@ -91,7 +90,7 @@ class Plant:
         radius = self.blade.rotor_radius
         ratio = np.maximum(speed * radius / inflow_speed, SLOWEST_RATIO)
         # of the flow at this instant, not the torque curve's
-        polar = polar_in_flow(self.polar, inflow_speed)
+        polar = self.polar.in_flow(inflow_speed)
         coefficient = self.coefficients(self.blade, polar, ratio).torque
         return torque_scale(self.density, radius, inflow_speed) * coefficient
 

@@ -17,10 +17,9 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.band import Band, fast_share, place_shares
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.reynolds import LocalReynolds, polar_in_flow
+from hkt_mdo.rotor.polars import Polars
 
 AT_ONCE = 0.6
 """Øye's k: the share of a change that does not pass through the slow filter."""
@@ -56,7 +55,7 @@ class Wake:
     """
 
     blade: Blade
-    polar: Polar | tuple[Polar, ...] | LocalReynolds
+    polar: Polars
     tau1: float | None = None
 
     @cached_property
@@ -65,10 +64,9 @@ class Wake:
         return fast_share(self.blade.r / self.blade.tip_radius)
 
     def _ratio(self, speed, flow):
-        """Return the tip speed ratio along the blade, and the flow's speed normal to it, m/s."""
-        blade = self.blade
-        speed = np.maximum(speed, SLOWEST_RATIO * flow / blade.rotor_radius)
-        return speed * blade.tip_radius / flow, flow * np.cos(blade.cone)
+        """Return the tip speed ratio, and the flow's speed normal to the blade, m/s."""
+        ratio = np.maximum(speed * self.blade.rotor_radius / flow, SLOWEST_RATIO)
+        return ratio, flow * np.cos(self.blade.cone)
 
     def balanced(self, speed, flow):
         """Return the velocities that a wake in equilibrium induces, m/s, and the axial at 0.7 R.
@@ -77,7 +75,7 @@ class Wake:
         have the latter.
         """
         ratio, normal = self._ratio(speed, flow)
-        found = bem.sections(self.blade, polar_in_flow(self.polar, flow), ratio)
+        found = bem.sections(self.blade, self.polar.in_flow(flow), ratio)
         induced = normal[:, None, None] * bem.induced_speeds(self.blade, found, ratio)
         at_place = induced[:, 0] @ place_shares(self.blade.r / self.blade.tip_radius)
         return induced.reshape(ratio.size, -1), at_place
@@ -112,7 +110,7 @@ class Wake:
         ratio, normal = self._ratio(speed, flow)
         induced = filters[:, filters.shape[1] // 2 :].reshape(ratio.size, 2, -1)
         induced = induced / normal[:, None, None]
-        return bem.sections_with(self.blade, polar_in_flow(self.polar, flow), ratio, induced)
+        return bem.sections_with(self.blade, self.polar.in_flow(flow), ratio, induced)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +136,8 @@ class MeanWake(Wake):
         """The band with finer nodes, and the mean induction at them."""
         nodes, last = self.band.nodes, self.band.nodes.size - 1
         finer = np.interp(np.linspace(0, last, FINER * last + 1), range(last + 1), nodes)
-        ratio = finer / np.cos(self.blade.cone)
-        found = bem.sections(self.blade, polar_in_flow(self.polar, 1.0), ratio)
-        induced = bem.induced_speeds(self.blade, found, ratio)[:, 0]
+        found = bem.sections(self.blade, self.polar.in_flow(1.0), finer)
+        induced = bem.induced_speeds(self.blade, found, finer)[:, 0]
         return replace(self.band, nodes=finer), induced @ self.band.weights
 
     def balanced(self, speed, flow):
@@ -157,7 +154,6 @@ class MeanWake(Wake):
 
     def behind(self, ratio, wake_ratio, flow):
         """Return the `Sections` in the wake of other tip speed ratios, (n_points,)."""
-        ratio, wake_ratio = (each / np.cos(self.blade.cone) for each in (ratio, wake_ratio))
-        polar = polar_in_flow(self.polar, flow)
+        polar = self.polar.in_flow(flow)
         wake = bem.sections(self.blade, polar, wake_ratio)
         return bem.sections_behind(self.blade, polar, wake, wake_ratio, ratio)

@@ -16,18 +16,17 @@ from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.exports.solids import Airfoil, airfoils
 from hkt_mdo.exports.tables import REVOLUTIONS
 from hkt_mdo.results.design import Design
+from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.inertia import extended_to_ends
 from hkt_mdo.rotor.loads import ATMOSPHERIC, VAPOUR
-from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.strength import Structure, place_weights
+from hkt_mdo.rotor.strength import place_weights
 from hkt_mdo.sections import Quantity, Section
 
 MOST_BLADES = 3  # of ElastoDyn
 UNKNOWN_DEPTH = 2.0  # rotor radii from the surface to the hub, where no case gives it
 BED = 1.5  # rotor radii from the hub to the bed, where nothing gives it
-STIFF = 1e10  # Pa, modulus of a blade that has none; its modes are switched off
 PARTS = 4  # rows of ElastoDyn's blade between two places of the structure
 WHOLE = (
     *("aerodyn_driver.dvr", "aerodyn.dat", "aerodyn_blade.dat", "airfoils/no_load.dat"),
@@ -143,9 +142,8 @@ class OpenFast(Format):
 def _elastodyn_rows(design: Design) -> np.ndarray:
     """Return the rows of ElastoDyn's blade: hub, places along the stations, and tip."""
     blade, turbine, weights = design.blade, design.turbine, place_weights(design.blade.r.size)
-    structure, places = turbine.structure, len(weights)
-    if not isinstance(structure, Structure):
-        structure = structure.at(weights @ blade.thickness)
+    places, thickness = len(weights), blade.thickness
+    structure, _ = turbine.structure.at(None if thickness is None else weights @ thickness)
     at = np.linspace(0.0, places - 1.0, PARTS * (places - 1) + 1)
 
     def fine(values):
@@ -156,10 +154,10 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
     r, chord, twist, area = (
         fine(weights @ each) for each in (blade.r, blade.chord, blade.twist, area)
     )
-    modulus, mass = structure.modulus or STIFF, design.physics.rotor.material_density * area
-    stiffness = [modulus * fine(moment) * chord**4 for moment in (structure.xx, structure.yy)]
+    moments = structure.xx, structure.yy
+    stiffness = [structure.modulus * fine(moment) * chord**4 for moment in moments]
     r = np.concatenate(([blade.hub_radius], r, [blade.tip_radius]))
-    columns = np.rad2deg(twist), mass * chord**2, *stiffness
+    columns = np.rad2deg(twist), structure.density * area * chord**2, *stiffness
     return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))
 
 
@@ -190,15 +188,16 @@ def reynolds_numbers(design: Design) -> list[float]:
         case; without that, one of the operation.
     """
     turbine, physics, blade = design.turbine, design.physics, design.blade
-    if isinstance(physics.rotor.polar, LocalReynolds):
-        return np.exp(physics.rotor.polar.log_reynolds).tolist()
+    polar: Any = physics.rotor.polar
+    if polar.follows_reynolds:
+        return np.exp(polar.log_reynolds).tolist()
     known = np.unique(np.concatenate([each.polars.reynolds for each in turbine.sections]))
     known = known[np.isfinite(known)]
     number = known[0] if known.size == 1 else turbine.reynolds_number
     if number is None:
         best = physics.rotor.best_operation(blade).tip_speed_ratio
         flow = physics.scenarios[0].mean_flow * np.cos(blade.cone)
-        speed = physics.rotor.sections(blade, [best]).relative_speed[0] * flow
+        speed = bem.sections(blade, polar, best).relative_speed[0] * flow
         number = np.median(speed * blade.chord) / physics.case.fluid.kinematic_viscosity
     return [float(number)]
 

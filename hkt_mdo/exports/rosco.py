@@ -16,7 +16,7 @@ from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled
 from hkt_mdo.results.design import Design
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.sections import Quantity
 
@@ -48,7 +48,7 @@ class Rosco(Format):
             problem = f"has no entries for the states of the law {law.law}"
             raise InputError(problem, "export controller or csv", key="--to", value="rosco")
         mean = design.physics.scenarios[0].mean_flow
-        rotor = design.physics.rotor.as_built(design.blade).at_flow(mean)
+        rotor = design.physics.rotor.at_flow(mean)
         highest = float(solution.table("coefficients")["tip_speed_ratio"][-1])
         ratios = np.arange(LOWEST_RATIO, highest + RATIO_STEP, RATIO_STEP)
         best, radius = rotor.best_operation(design.blade), design.blade.rotor_radius
@@ -161,7 +161,7 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return flows, speeds, law.torque(speeds, design.gains)
 
 
-def _coefficients(design: Design, rotor: Hydrodynamics, ratios: np.ndarray) -> dict[str, Any]:
+def _coefficients(design: Design, rotor: RotorModel, ratios: np.ndarray) -> dict[str, Any]:
     """Return the coefficients, each of shape (n_ratios, n_pitches)."""
     blade, columns = design.blade, []
     # sections without a solution at unusual pitch

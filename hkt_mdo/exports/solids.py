@@ -18,7 +18,6 @@ from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.sections import STACKING, outline_names, sides
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.sections import Quantity
@@ -300,14 +299,13 @@ def airfoils(design: Design) -> list[Airfoil]:
         From hub to tip.
     """
     outlines, r = design.outlines, design.blade.r
-    if design.physics.rotor.follows_thickness:
+    if design.plant.polar.follows_thickness:
         outlines = tuple(
             Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
             for x, upper, lower in zip(*sides(design.turbine, r), strict=True)
         )
-    built = design.physics.rotor.as_built(design.blade)
     found: dict[tuple, Airfoil] = {}
-    for station, polars in enumerate(station_polars(built.polar, r.size)):
+    for station, polars in enumerate(design.plant.polar.stations(design.blade)):
         outline = outlines[station % len(outlines)]
         kind = (*polars, outline.thickness, outline.area)
         found.setdefault(kind, Airfoil(polars, outline, [])).stations.append(station)

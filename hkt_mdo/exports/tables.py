@@ -17,6 +17,7 @@ from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import TABLES
+from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.sections import Pair, Quantity
 
@@ -241,7 +242,7 @@ def _coefficients(design: Design) -> Table:
     ratio, rotor = np.round(SLOWEST + RATIO_STEP * np.arange(count), 6), design.physics.rotor
     polars: Any = rotor.polar
     found, title = rotor.coefficients(design.blade, ratio), "coefficients by direct BEM"
-    if rotor.follows_reynolds:
+    if polars.follows_reynolds:
         title += f", Reynolds numbers at a flow of {polars.flow_speed:.6g} m/s"
     values = ratio, found.power, found.torque, found.thrust
     return Table("coefficients", title, _columns("coefficients", values))
@@ -317,7 +318,8 @@ def _station_loads(design: Design, steady: dict | None) -> list[Table]:
     blade, flow = design.blade, points["inflow_speed"]
     number = np.arange(1, len(names) + 1)
     columns = _columns("load_cases", (number, names, scenarios, points.pop("time")))
-    found = design.physics.rotor.at_flow(flow).sections(blade, points["tip_speed_ratio"])
+    polar = design.physics.rotor.polar.in_flow(flow)
+    found = bem.sections(blade, polar, points["tip_speed_ratio"])
     across = flow[:, None] * np.cos(blade.cone)  # speed of the flow normal to the blade
     pressure, speed = 0.5 * design.physics.density * across**2, found.relative_speed * across
     by_station = np.broadcast_arrays(

@@ -17,7 +17,7 @@ from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import LoadEntry, Summary, unasked
-from hkt_mdo.results.words import aligned, limit_words, measured, plain_unit, printable, texts
+from hkt_mdo.results.words import aligned, limit_words, measured, printable, texts
 from hkt_mdo.sections import Section
 
 LONGEST_CASE = 1024**2
@@ -153,9 +153,8 @@ def _headline(solution: Solution) -> dict[str, str]:
     if speeds:
         both = 30.0 / np.pi * np.array([min(map(np.min, speeds)), max(map(np.max, speeds))])
         rows["rotor speed"] = measured(both, "rpm", 4)
-    torque = summary.control_torque_max_Nm
-    rows |= {} if torque is None else {"largest generator torque": measured(torque, "N*m", 4)}
-    for name in ("power", "thrust", "root_moment", "stress", "cavitation", "tip_speed"):
+    shown = "control_torque", "power", "thrust", "root_moment", "stress", "cavitation", "tip_speed"
+    for name in shown:
         if name in largest:
             row = largest[name].row(name)
             rows[row.label] = measured(row.value, row.unit, 4)
@@ -211,12 +210,10 @@ def _flat(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, str]
     elif isinstance(value, list | tuple) and any(isinstance(each, Section) for each in value):
         for number, each in enumerate(value):
             yield from _flat(each, f"{key}[{number}]")
-    elif isinstance(value, float) and unit != "rad/s":
-        yield key, measured(value, unit, 10)
     elif value is not None and value != ():
         several = value if isinstance(value, list | tuple) else [value]
-        words = ", ".join(f"{x:.10g}" if isinstance(x, float) else str(x) for x in several)
-        yield key, f"{words} {plain_unit(unit)}".rstrip()
+        words = (measured(x, unit, 10) if isinstance(x, float) else str(x) for x in several)
+        yield key, ", ".join(words)
 
 
 def not_modelled(case: Case) -> list[str]:

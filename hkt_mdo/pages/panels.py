@@ -118,12 +118,6 @@ def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
     """Return a curve as traces, of at most so many points; `shades` names what its colours are."""
     index, name = curve.index or 0, escaped(curve.name)
     named: Chart = {"name": name, "legendgroup": name, "showlegend": bool(name)}
-    if curve.kind == "across":
-        look = {"type": "bar", "orientation": "h", "offsetgroup": str(index)}
-        look |= {"textposition": "auto", "insidetextanchor": "end"}
-        pattern = {"shape": HATCHES[index % len(HATCHES)], "fillmode": "overlay"}
-        values = {"x": plain(curve.x), "y": curve.y.tolist(), "text": f"{curve.x[0]:.1f} %"}
-        return [named | look | values | {"marker": {"color": curve.color, "pattern": pattern}}]
     kept = thinned(curve.x, curve.y, most) if curve.kind in ("line", "marked") else slice(None)
     dash = "dot" if curve.index is None else DASHES[index % len(DASHES)]
     trace = named | {"type": "scatter", "mode": "lines"}
@@ -137,7 +131,8 @@ def _traces(curve: Curve, most: int, shades: str = "") -> list[Chart]:
             marker["colorbar"] = {"title": {"text": shades}}
         return [trace | {"mode": "markers", "marker": marker}]
     if curve.kind == "bar":
-        return [trace | {"type": "bar", "marker": marker}]
+        marker["pattern"] = {"shape": HATCHES[index % len(HATCHES)], "fillmode": "overlay"}
+        return [trace | {"type": "bar", "offsetgroup": str(index), "marker": marker}]
     trace["line"] = {"color": curve.color, "dash": dash, "width": 1.6}
     if curve.kind == "band":
         edge = trace | {"line": {"color": curve.color, "width": 1.0}}
@@ -170,11 +165,14 @@ def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE)
     panels = [panel for panel in panels if panel.curves]
     if not panels:
         return None
-    height += 26 * sum(curve.kind == "across" for panel in panels for curve in panel.curves)
     plotted = len(panels) * (height + GAP)
     layout: Chart = {"height": plotted, "annotations": [], "shapes": []}
     last = "y" if len(panels) == 1 else f"y{len(panels)}"
     layout["xaxis"] = {"title": {"text": panels[-1].across}, "anchor": last}
+    if ticks := panels[-1].ticks:
+        texts = [escaped(each).replace("\n", "<br>") for each in ticks]
+        layout["xaxis"] |= {"tickvals": [*range(len(texts))], "ticktext": texts}
+        layout["xaxis"]["range"] = [-1, len(texts)]
     if panels[-1].across_from_zero:
         layout["xaxis"]["rangemode"] = "tozero"
     data: list[Chart] = []
@@ -187,7 +185,7 @@ def stacked(panels: Sequence[Panel], height: int = 150, most: int = MOST_OF_ONE)
         title = {"text": text, "x": 0, "xanchor": "left", "xref": "paper"}
         layout["annotations"].append(title | _at(f"y{key} domain", 1.0))
         traces = [trace for curve in panel.curves for trace in _traces(curve, most, panel.shades)]
-        layout[f"yaxis{key}"] = axis | _vertical(panel, traces)
+        layout[f"yaxis{key}"] = axis | _vertical(panel)
         for trace in traces:
             first = trace["name"] not in named and trace["showlegend"]
             named |= {trace["name"]} if first else set()
@@ -201,28 +199,20 @@ def _at(reference: str, place: float, size: int = 12) -> Chart:
     return {"yref": reference, "y": place, "showarrow": False, "font": font, "yanchor": "bottom"}
 
 
-def _vertical(panel: Panel, traces: Sequence[Chart]) -> Chart:
-    """Return the vertical axis of a panel, which shows its levels too."""
-    if panel.curves[0].kind == "across":
-        return {"autorange": "reversed", "ticksuffix": "  ", "showgrid": False}
+def _vertical(panel: Panel) -> Chart:
+    """Return the vertical axis of a panel."""
     if panel.log:
         return {"type": "log", "exponentformat": "power", "dtick": 2}
     if panel.in_scale:
         return {"scaleanchor": "x", "nticks": 3, "zeroline": False}
-    values = [x for trace in traces for x in trace["y"] if x is not None]
-    values += [*panel.levels.values(), *([0.0] if panel.from_zero else [])]
-    low, high = (min(values), max(values)) if values else (0.0, 1.0)
-    middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)
-    least = low if panel.from_zero and low >= 0.0 else middle - half
-    room = 0.14 * 2.0 * half if panel.levels else 0.0
-    return {"range": plain([least, middle + half + room]), "nticks": 5}
+    return {"range": plain(panel.ends), "nticks": 5}
 
 
 def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
     """Draw the levels, marks, spans and notes of a panel with their names."""
     look: Chart = {"line": {"color": GREY, "width": 1.2, "dash": "dashdot"}, "type": "line"}
-    across = panel.curves[0].kind == "across"
-    look["layer"] = "above" if across else "below"  # a curve at its limit is seen
+    bars = panel.curves[0].kind == "bar"
+    look["layer"] = "above" if bars else "below"  # a curve at its limit is seen
     shapes, notes = layout["shapes"], layout["annotations"]
     for name, level, left in panel.placed_levels:
         ends = {"xref": "paper", "x0": 0, "x1": 1, "yref": f"y{key}", "y0": level, "y1": level}
@@ -235,7 +225,7 @@ def _draw_lines(layout: Chart, panel: Panel, key: str) -> None:
         ends = {"xref": "x", "x0": at, "x1": at, "yref": f"y{key} domain", "y0": 0, "y1": 1}
         shapes.append(look | ends)
         words = {"text": escaped(name), "xref": "x", "x": at, "xanchor": "right"}
-        notes.append(words | _at(f"y{key} domain", 1.0 if across else 0.0, 11))
+        notes.append(words | _at(f"y{key} domain", 0.0, 11))
     for low, high, _, color, index in panel.spans:
         foot = 0.0 if index is None else 0.05 * index
         tall = {"y0": foot, "y1": 1.0 if index is None else foot + 0.04}
@@ -261,24 +251,16 @@ def views(results: Results) -> dict[str, dict[str, Chart]]:
     """
     most, found = points_each(results), {}
     names = list(dict.fromkeys(name for each in results for name in each.solution.scenarios))
-    if len(names) > 1:
-        flow = [charts.envelope(results, each, "inflow_speed") for each in charts.FLOW]
-        time = [charts.envelope(results, each, "time") for each in charts.TIME]
-        found["all scenarios"] = _drawn(
-            flow=stacked(flow, 170),
-            time=stacked([*time, charts.smallest_margin(results)], 130),
-            limits=stacked(charts.limits(results), 40),
-            span=stacked(charts.loads(results), 160),
-        )
-    for name in names:
-        alone = charts.of_scenario(results, name)
-        time = [*charts.operation(alone), charts.margins_over_time(alone)]
+    parts = {"all scenarios": results} if len(names) > 1 else {}
+    parts |= {name: charts.of_scenario(results, name) for name in names}
+    for name, some in parts.items():
+        time = [*charts.operation(some), charts.margins_over_time(some)]
         found[name] = _drawn(
-            flow=stacked(charts.power_curve(alone), 170),
-            year=stacked(charts.year(alone), 130),
+            flow=stacked(charts.power_curve(some), 170),
+            year=stacked(charts.year(some), 130),
             time=stacked(time, 130, most),
-            limits=stacked(charts.limits(alone), 40),
-            span=stacked(charts.loads(alone), 160),
+            limits=stacked(charts.limits(some)),
+            span=stacked(charts.loads(some), 160),
         )
     return found
 

@@ -143,8 +143,8 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om
         barrier=barrier / segments,
         # under a law the equation of motion hinders every long step (turbine 12 of `make verify
         # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
-        cautious=physics.rotor.several_sections and not law.is_feedback,
-        memory=steps if segments > MANY_SEGMENTS and not physics.rotor.several_sections else None,
+        cautious=physics.rotor.polar.several and not law.is_feedback,
+        memory=steps if segments > MANY_SEGMENTS and not physics.rotor.polar.several else None,
         progress=progress,
     )
 
@@ -153,7 +153,7 @@ def _scales(physics, setup):
     """Return the reference magnitudes of the phases, from the start."""
     operation = setup.start.operation
     torque = float(np.max(np.abs(operation.hydrodynamic_torque)))
-    _, inertia = physics.mass_and_inertia(setup.start.blade)
+    _, inertia = physics.rotor.mass_and_inertia(setup.start.blade)
     speed = float(np.mean(operation.rotor_speed))
     limit = physics.law.torque_limit
     if limit is not None:
@@ -201,7 +201,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
     given += [(f"{name}_control", value, refs.get(name, value)) for name, value in control.items()]
     if physics.designs_hub:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
-        given.append(("hub_inertia", hub, physics.mass_and_inertia(blade)[1]))
+        given.append(("hub_inertia", hub, physics.rotor.mass_and_inertia(blade)[1]))
     given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
     others = {"hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades")}
     others |= law.named_gains

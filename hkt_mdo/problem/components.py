@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.formulas import STEP, Formula, slope
 from hkt_mdo.dynamics.rotor_ode import CurveComp
-from hkt_mdo.quantities import QUANTITIES, is_over_time, names
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES, names
 from hkt_mdo.rotor.blade import Blade
 
 _NONE = np.empty(0)
@@ -64,7 +64,7 @@ def area_component(blade: Blade) -> om.ExecComp:
 def _add_known(component, name, place, n_times):
     """Add a quantity as a component's input; along the span, or of a curve, it is the source's."""
     known = QUANTITIES.get(name)
-    shape = {"shape": n_times} if is_over_time(name) else {"shape_by_conn": name not in _NUMBERS}
+    shape = {"shape": n_times} if name in OVER_TIME else {"shape_by_conn": name not in _NUMBERS}
     component.add_input(place, **shape, **(known.meta if known else {}))
 
 
@@ -140,7 +140,7 @@ class IntegralComp(om.ExplicitComponent):
             self.add_output(output, shape=self._size, units=unit, desc=type(integrand).__doc__)
             for scenario, weights in self._weights.items():
                 places = {
-                    name: f"{scenario}:{name}" if is_over_time(name) else name
+                    name: f"{scenario}:{name}" if name in OVER_TIME else name
                     for name in integrand.inputs
                 }
                 term = output, integrand.rate, self._rows.get(scenario, 0), weights, places
@@ -153,7 +153,7 @@ class IntegralComp(om.ExplicitComponent):
         for output, _, row, weights, places in self._terms:
             at = {"rows": np.full(weights.size, row), "cols": np.arange(weights.size)}
             for name, place in places.items():
-                self.declare_partials(output, place, **(at if is_over_time(name) else {}))
+                self.declare_partials(output, place, **(at if name in OVER_TIME else {}))
 
     def compute(self, inputs, outputs):
         outputs.set_val(0.0)
@@ -166,7 +166,7 @@ class IntegralComp(om.ExplicitComponent):
         for output, rate, row, weights, places in self._terms:
             values = _known(inputs, places)
             for name, place in places.items():
-                over_time = is_over_time(name)
+                over_time = name in OVER_TIME
                 by = slope(rate, values, name, diagonal=over_time)
                 if over_time:
                     partials[output, place] = weights * by

@@ -20,8 +20,7 @@ from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, Operation, StartingPoint
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import SOLVERS
-from hkt_mdo.rotor.model import RotorModel
+from hkt_mdo.rotor.model import SOLVERS, RotorModel
 from hkt_mdo.rotor.scales import torque_scale
 
 RATIOS = 1001  # tip speed ratios at which loads are computed at most
@@ -96,21 +95,19 @@ def loads_along(
     if not names:
         return {}
 
-    def largest(rotor, ratio, **sections):
-        found = rotor.loads(blade, ratio, names=names, **sections)
+    def largest(rotor, ratio, sections=None):
+        found = rotor.loads(blade, ratio, names=names, flow=sections)
         return {
             name: load._replace(exact=load.exact[:, load.r <= reach]).largest
             for name, load in found.items()
         }
 
+    parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
     if "sections" in known:
-        found = largest(rotor, ratio, flow=known["sections"])
-    elif rotor.follows_reynolds:  # the flow counts too: every instant by itself
-        parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
+        found = largest(rotor, ratio, known["sections"])
+    elif len(parts) == 1 or rotor.polar.follows_reynolds:  # the flow counts too
         each = [largest(rotor.at_flow(flow[part]), ratio[part]) for part in parts]
         found = {name: np.concatenate([part[name] for part in each]) for name in names}
-    elif ratio.size <= RATIOS:
-        found = largest(rotor, ratio)
     else:
         at = np.linspace(ratio.min(), ratio.max(), RATIOS)
         found = {name: np.interp(ratio, at, x) for name, x in largest(rotor, at).items()}
@@ -141,9 +138,9 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
 
 def steady_plant(physics: Physics, rotor: RotorModel, blade: Blade) -> Plant:
     """Return a rotor, one of those of the physics, with direct BEM, its wake in equilibrium."""
-    polar, inertia = rotor.as_built(blade).polar, float(rotor.mass_and_inertia(blade).inertia)
+    water, inertia = rotor.water_density, float(rotor.mass_and_inertia(blade).inertia)
     solver = SOLVERS[physics.case.hydrodynamics.check]
-    return Plant(blade, polar, inertia, rotor.water_density, solver, physics.case.generator)
+    return Plant(blade, rotor.polar, inertia, water, solver, physics.case.generator)
 
 
 def united(physics: Physics, integrals: Iterable[float]) -> float:

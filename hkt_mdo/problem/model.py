@@ -153,7 +153,7 @@ class Physics:
 
         A local Reynolds number depends on the speed of the flow too, which the curve does not have.
         """
-        return self.case.hydrodynamics.torque == "curve" and not self.rotor.follows_reynolds
+        return self.case.hydrodynamics.torque == "curve" and not self.rotor.polar.follows_reynolds
 
     @property
     def designs_hub(self) -> bool:
@@ -203,8 +203,3 @@ class Physics:
         if isinstance(self.objective, ElectricalEnergy):
             captured *= self.case.generator.largest_efficiency
         return self.objective.bound(captured)
-
-    def mass_and_inertia(self, blade: Blade) -> tuple[float, float]:
-        """Return mass (kg) and inertia (kg*m**2) of the rotor with a blade."""
-        mass, inertia = self.rotor.mass_and_inertia(blade)
-        return float(mass), float(inertia)

@@ -20,9 +20,9 @@ from hkt_mdo.problem.evaluation import epigraph, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, dm
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.quantities import QUANTITIES, RATES, is_over_time
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES, RATES
 from hkt_mdo.rotor.band import Band
-from hkt_mdo.rotor.hydrodynamics import SOLVERS
+from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -210,7 +210,7 @@ class OperationGroup(om.Group):
         physics, blade, band = self._physics, self._start.start.blade, self._band
         time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
         ratio = speed * blade.rotor_radius / flow
-        tables = band.solve(physics.rotor_in(scenario).as_built(blade), blade, ())
+        tables = band.solve(physics.rotor_in(scenario), blade, ())
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
         steady = flow * band.spline.curve(table)(ratio)
         tau1 = physics.case.inflow_dynamics.tau1
@@ -271,10 +271,10 @@ class OperationGroup(om.Group):
         """Add the integrals of some rates over all scenarios."""
         component = IntegralComp(weights, integrands, **about)
         needed = {each for integrand in integrands.values() for each in integrand.inputs}
-        fixed = sorted(each for each in needed if not is_over_time(each))
+        fixed = sorted(each for each in needed if each not in OVER_TIME)
         self.add_subsystem(name, component, promotes_inputs=fixed, promotes_outputs=["*"])
         for scenario in self._physics.scenarios:
-            for quantity in sorted(filter(is_over_time, needed)):
+            for quantity in sorted(needed & {*OVER_TIME}):
                 target = f"{name}.{scenario.name}:{quantity}"
                 self.connect(scenario.source(quantity), target)
 

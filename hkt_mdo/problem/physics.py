@@ -30,9 +30,7 @@ from hkt_mdo.problem.plausible import doubts
 from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.quantities import LOADS, RATES
-from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.scales import power_scale, torque_scale
 from hkt_mdo.rotor.shape import Shape
@@ -197,8 +195,8 @@ def physics(case: Case) -> Physics:
 @lru_cache(maxsize=1)  # a second on several sections, and the checks and the notes of a run ask
 def with_many_stations(physics: Physics) -> Physics:
     """Return the physics of the same turbine with `STATIONS` stations, whatever the case gives."""
-    case = physics.case
-    turbine = build_turbine(case.rotor, case.fluid, 1.0, case.design, STATIONS)
+    case, many = physics.case, {"stations": None, "station_count": STATIONS}
+    turbine = build_turbine(case.rotor.model_copy(update=many), case.fluid, 1.0, case.design)
     shape = replace(physics.shape, blade=turbine.blade)
     rotors = _rotors(case, turbine, shape, physics.scenarios)
     return replace(physics, shape=shape, rotors=rotors, turbine=turbine)
@@ -252,19 +250,19 @@ def _rotors(
 
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot compute."""
-    flow = Hydrodynamics(_polar_in_condition(turbine, case))
+    polar = _polar_in_condition(turbine, case)
     limited = {name: each for each in case.all_limits for name in each.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
     optimized = case.objective.is_of(LOADS)
-    if (limited or optimized) and (direct or flow.follows_reynolds):
+    if (limited or optimized) and (direct or polar.follows_reynolds):
         key = "objective" if optimized else f"limits.{next(iter(limited))}"
         problem = "uses a load, which needs a curve over the tip speed ratio"
         remedy = "give hydrodynamics.torque: curve and rotor.reynolds: invariant"
         raise InputError(problem, remedy, key=key)
-    if flow.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
+    if polar.follows_thickness and (direct or case.hydrodynamics.bem != "vectorized"):
         problem = "takes hydrodynamics.torque: curve and hydrodynamics.bem: vectorized"
         raise InputError(problem, "give these", key="design.thickness_points")
-    polars = {x for each in station_polars(flow.polar, shape.blade.r.size) for x in each}
+    polars = {x for each in polar.tables for x in each}
     asked = limited.get("cavitation", CavitationLimit())
     depth = case.site.hub_depth if asked.depth is None else asked.depth
     if "cavitation" in limited:
@@ -276,11 +274,10 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     if depth is not None and depth <= (tip := shape.radii[1]):
         problem = f"is within the blade's radius of {tip:.4g} m: the tip would leave the water"
         raise InputError(problem, "give a larger depth of the hub", key=key, value=depth)
-    computable = not flow.follows_reynolds and all(each.suction is not None for each in polars)
+    computable = not polar.follows_reynolds and all(each.suction is not None for each in polars)
     return RotorModel(
-        polar=flow.polar,
+        polar=polar,
         section_area=turbine.section_area,
-        material_density=case.rotor.blade_material.density,
         hub_inertia=case.rotor.hub_inertia,
         water_density=case.fluid.density,
         structure=turbine.structure,
@@ -300,8 +297,6 @@ def _polar_in_condition(turbine: Turbine, case: Case):
     if condition.polar is not None:
         rotor = case.rotor.model_copy(update={"polar": condition.polar})
         polar = build_turbine(rotor, case.fluid, 1.0).polar
-    if isinstance(polar, tuple):
-        return tuple(each.scaled(condition.lift, condition.drag) for each in polar)
     return polar.scaled(condition.lift, condition.drag)
 
 
@@ -337,7 +332,7 @@ def _with_chord_bounds(case: Case, blade: Blade) -> Case:
 
 def _shape(case: Case, turbine: Turbine) -> Shape:
     """Return the design variables of a case's blade."""
-    design, blade, flow = case.design, turbine.blade, Hydrodynamics(turbine.polar)
+    design, blade = case.design, turbine.blade
     if design.hub_inertia_bounds is not None:
         hub = float(np.clip(case.rotor.hub_inertia, *design.hub_inertia_bounds))
         blade = replace(blade, hub_inertia=hub)
@@ -353,7 +348,7 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
     if design.thickness_points:
         points["thickness"] = design.thickness_points
         bounds["thickness"] = turbine.polar.bounds
-    return Shape.designed(blade, points, bounds, radius_bounds, flow.several_sections)
+    return Shape.designed(blade, points, bounds, radius_bounds, turbine.polar.several)
 
 
 def _given(case: Case, shape: Shape, limits: Iterable[Limit]) -> Iterator[Limit]:

@@ -82,7 +82,7 @@ class RotorGroup(om.Group):
 
     def setup(self):
         world, given = physics(self.options["case"]), self.options["given"]
-        if world.rotor.follows_reynolds:
+        if world.rotor.polar.follows_reynolds:
             problem = "uses polars at local Reynolds numbers, for which loads have no derivatives"
             raise InputError(problem, "give invariant", key="rotor.reynolds", value="local")
         blade, points = self.options["blade"] or world.blade, (self.options["num_points"],)

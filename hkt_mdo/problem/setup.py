@@ -85,7 +85,7 @@ class Setup:
         blade = self.start.blade
         ratios = [known["tip_speed_ratio"] for known in on_start(physics, self.start)]
         mean = float(np.mean(np.concatenate(ratios)))
-        return Band.of(physics.rotor.as_built(blade), blade, mean, self.nodes)
+        return Band.of(physics.rotor.polar, blade, mean, self.nodes)
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""

@@ -16,6 +16,7 @@ from hkt_mdo.files.shipped import shipped_names, shipped_rotor
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.polars import ByStation, Polars
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, material_section
 from hkt_mdo.rotor.thickness import ByThickness, over_thickness
@@ -37,11 +38,11 @@ class Turbine(NamedTuple):
     """
 
     blade: Blade
-    polar: Polar | tuple[Polar, ...] | LocalReynolds | ByThickness
-    section_area: float | np.ndarray | CubicSpline
-    """Area of the section's material over chord squared."""
-    thickness: float | np.ndarray
-    """Largest thickness over chord."""
+    polar: Polars
+    section_area: np.ndarray | CubicSpline
+    """Area of the section's material over chord squared: of one, or of each station."""
+    thickness: np.ndarray
+    """Largest thickness over chord, of the same."""
     structure: Structure | StructureByThickness
     messages: tuple[str, ...]
     """What was converted, extrapolated or left out."""
@@ -108,11 +109,7 @@ class _Section(NamedTuple):
 
 
 def build_turbine(
-    rotor: Rotor,
-    fluid: Fluid,
-    flow_speed: float,
-    design: Design | None = None,
-    station_count: int | None = None,
+    rotor: Rotor, fluid: Fluid, flow_speed: float, design: Design | None = None
 ) -> Turbine:
     """Read the files of a rotor section and return its turbine.
 
@@ -129,8 +126,6 @@ def build_turbine(
         Speed of the flow for local Reynolds numbers (m/s).
     design : Design, optional
         What is designed; None: not the thickness.
-    station_count : int, optional
-        Number of stations in place of those of the section.
 
     Returns
     -------
@@ -142,8 +137,6 @@ def build_turbine(
         If a file is broken, or files do not fit together.
     """
     table, tip_radius, hub_radius = _blade_table(rotor)
-    if station_count is not None:
-        rotor = rotor.model_copy(update={"stations": None, "station_count": station_count})
     stations, messages = _stations(rotor, table, tip_radius, hub_radius)
     reach = float(min(stations[-1], table.r[-1])) / tip_radius
     read = () if rotor.blade in shipped_names("blade") else table.messages
@@ -164,15 +157,15 @@ def build_turbine(
         sections, blended, blends = _sections(rotor, table, named)
         areas = [x.area or material_section(x.outline, x.wall)[0] for x in sections]
         sections = [x._replace(area=own) for x, own in zip(sections, areas, strict=True)]
-        area, thickness = _together(areas), _together([each.thickness for each in sections])
+        area, thickness = np.array(areas), np.array([each.thickness for each in sections])
         families = [each.polars for each in sections]
         if rotor.reynolds == "local":
-            families = families if len(families) > 1 else families * stations.size
             polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
         else:
-            one = all(family is families[0] for family in families)
-            polar = tuple(_invariant(family, rotor.reynolds_number) for family in families)
-            polar = polar[0] if one else polar
+            polars = {each: _invariant(each, rotor.reynolds_number) for each in families}
+            polar, *others = polars.values()
+            if others:
+                polar = ByStation.of(polars[each] for each in families)
         structure = _structure(rotor, sections)
     outlines = tuple(each.outline for each in sections)
     walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
@@ -333,11 +326,6 @@ def _starting_thickness(rotor, table, named) -> np.ndarray:
         given = [each.thickness for each in named.values()]
         return np.full(table.r.size, 0.5 * (min(given) + max(given)))
     return np.array([each.thickness for each in _sections(rotor, table, named)[0]])
-
-
-def _together(values):
-    """Return values of sections as an array; of one section its value."""
-    return np.array(values) if len(values) > 1 else values[0]
 
 
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:

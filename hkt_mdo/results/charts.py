@@ -5,7 +5,7 @@ colour, line style and marker, so that they can be told apart in grey. Of a sing
 has the same colour in every chart.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain
 from typing import Any, NamedTuple
@@ -20,6 +20,7 @@ from hkt_mdo.results.sections import sections as sections_of
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable
+from hkt_mdo.rotor.airfoil import Polar
 
 UNITS = {"rad/s": ("rpm", 30.0 / np.pi), "W": ("kW", 1e-3), "N": ("kN", 1e-3), "Pa": ("MPa", 1e-6)}
 """Unit, and scale of the values, that are drawn in place of a unit of the registry."""
@@ -57,12 +58,10 @@ ENVELOPE = 300
 
 MOST_NAMED = 8
 """Of more polars, only the first and the last have labels."""
-POLARS = {
-    "lift": "lift coefficient (-)",
-    "drag": "drag coefficient (-)",
-    "ratio": "lift over drag (-)",
-    "suction": "largest suction, -cp (-)",
-}
+POLARS = (
+    *("lift coefficient (-)", "drag coefficient (-)", "lift over drag (-)"),
+    "largest suction, -cp (-)",
+)
 
 Solutions = Solution | Sequence[Solution]
 
@@ -174,17 +173,21 @@ def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]
     return named
 
 
-# ---- over time and over the flow speed, of results of one scenario each
+# ---- over time and over the flow speed
 
 
 def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
     """Return a quantity over time with its limits, interrupted at a standstill.
 
-    With `nodes`, a single result is shown at the collocation nodes, too.
+    Of several scenarios, from the smallest to the largest value, as in `over_flow`. With `nodes`, a
+    single result is shown at the collocation nodes, too.
     """
     column, (panel, scale) = QUANTITIES[quantity].column, _panel_of(results, quantity, "time (s)")
     for each in results:
         one = each.solution
+        if len(one.scenarios) > 1:
+            panel.curves += _envelope(each, quantity, "time", scale)
+            continue
         both = {"simulation": one.simulation, "collocation nodes": one.trajectory}
         known = [(name, x) for name, x in both.items() if column in x and not one.steady]
         for name, table in known[:1]:
@@ -209,6 +212,9 @@ def over_flow(results: Results, quantity: str) -> Panel:
     panel, scale = _panel_of(results, quantity, "inflow speed (m/s)")
     panel.from_zero = panel.across_from_zero = True
     for each in results:
+        if len(each.solution.scenarios) > 1:
+            panel.curves += _envelope(each, quantity, "inflow_speed", scale)
+            continue
         solution, label, table = each.solution, each.label, each.table
         if column not in table:
             continue
@@ -256,79 +262,65 @@ def year(results: Results) -> list[Panel]:
     for column, (title, scale, quantity) in YEAR.items():
         panel = Panel(title, "inflow speed (m/s)", from_zero=True)
         for each in results:
-            if table := each.solution.year:
+            if len(each.solution.scenarios) == 1 and (table := each.solution.year):
                 x, y = table["inflow_speed_m_s"], scale * table[column]
                 panel.curves.append(each.curve(x, y, each.label, quantity, kind="bar"))
         panels.append(panel)
     return panels
 
 
-def margins(solution: Solution) -> dict[str, np.ndarray]:
-    """Return what is left up to each limit over time (%), (n_times,), by its name."""
-    return {name: 100.0 * (1.0 - share) for name, share in solution.limit_shares().items()}
-
-
 def limits(results: Results) -> list[Panel]:
     """Return a bar for each limit of each result: the largest value over the limit (%)."""
-    across = "largest value over its limit (%)"
-    panel = Panel("", across, marks={"limit": 100.0}, across_from_zero=True)
+    title = "largest value over its limit (%)"
+    panel = Panel(title, "", levels={"limit": 100.0}, from_zero=True)
+    told: dict[str, list[str]] = {}
     for each in results:
         shares = [one.limit_shares() for one in each.solution.by_scenario]
         for limit in dict.fromkeys(chain.from_iterable(shares)):
-            most = max(float(np.nanmax(share[limit])) for share in shares if limit in share)
-            value, row = np.array([100.0 * most]), np.array([limit_words(limit)])
-            name = each.label or "largest value"
-            panel.curves.append(each.curve(value, row, name, limit, kind="across"))
+            most = 100.0 * max(float(np.nanmax(x[limit])) for x in shares if limit in x)
+            told.setdefault(limit, []).append(f"{most:.1f}")
+            x, y = np.array([[*told].index(limit)]), np.array([most])
+            panel.curves.append(each.curve(x, y, each.label or "largest value", limit, kind="bar"))
+    values = ((limit_words(x).replace(" ", "\n"), ", ".join(y)) for x, y in told.items())
+    panel.ticks = [f"{words}\n{numbers} %" for words, numbers in values]
     return [panel]
 
 
 def margins_over_time(results: Results) -> Panel:
-    """Return the margin of each limit of a single result, the smallest of each of several."""
-    several = any(each.label for each in results)
+    """Return the margin of each limit, or the smallest of several results or scenarios."""
+    several = any(each.label or len(each.solution.scenarios) > 1 for each in results)
     words = "smallest margin of all limits" if several else "margin of each limit"
     panel = Panel(f"{words} (%)", "time (s)", levels={"limit": 0.0})
     for each in results:
-        left = {} if each.solution.steady else margins(each.solution)
-        if several and left:
-            left = {each.label: np.min([*left.values()], axis=0)}
-        for number, (limit, values) in enumerate(left.items()):
-            x, y = each.solution.across_gaps(each.table["time_s"], values)
-            name = each.label or f"margin: {limit_words(limit)}"
-            style = each.index if several else number
-            panel.curves.append(Curve(x, y, name, each.color(limit), style))
+        alone = _alone([each], "time")
+        used = [(x.solution, x.table["time_s"], x.solution.limit_shares()) for x in alone]
+        for solution, time, shares in used if not several else ():
+            for number, (limit, share) in enumerate(shares.items()):
+                x, y = solution.across_gaps(time, 100.0 * (1.0 - share))
+                name = f"margin: {limit_words(limit)}"
+                panel.curves.append(Curve(x, y, name, each.color(limit), number))
+        used = [part for part in used if part[2]]
+        parts = [(time, 100.0 * (1.0 - np.max([*x.values()], axis=0))) for _, time, x in used]
+        if several and parts:
+            x, y = used[0][0].across_gaps(*parts[0])
+            if len(parts) > 1:
+                x, _, y, _ = _ranges(parts, ENVELOPE)
+            panel.curves.append(each.curve(x, y, each.label or "smallest margin"))
     return panel
 
 
-# ---- from the smallest to the largest value of all scenarios
+# ---- from the smallest to the largest value of several scenarios
 
 
-def envelope(results: Results, quantity: str, over: str) -> Panel:
-    """Return the range of a quantity over all scenarios, over `time` or `inflow_speed`."""
+def _envelope(each: Labelled, quantity: str, over: str, scale: float) -> Iterator[Curve]:
+    """Yield the range of a quantity over several scenarios, over `time` or `inflow_speed`."""
     x, column = QUANTITIES[over].column, QUANTITIES[quantity].column
-    across = "time (s)" if over == "time" else "inflow speed (m/s)"
-    panel, scale = _panel_of(results, quantity, across)
-    panel.from_zero = panel.across_from_zero = over != "time"
-    for each in results:
-        tables = [one.table for one in _alone([each], over)]
-        parts = [(table[x], scale * table[column]) for table in tables if column in table]
-        if parts:
-            place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
-            name = each.label or "smallest to largest of all scenarios"
-            panel.curves.append(each.curve(place, high, name, quantity, kind="band", low=low))
-    return panel
-
-
-def smallest_margin(results: Results) -> Panel:
-    """Return the smallest margin of all limits and scenarios over time."""
-    title = "smallest margin of all limits and scenarios (%)"
-    panel = Panel(title, "time (s)", levels={"limit": 0.0})
-    for each in results:
-        left = [(one.table["time_s"], margins(one.solution)) for one in _alone([each], "time")]
-        parts = [(time, np.min([*each.values()], axis=0)) for time, each in left if each]
-        if parts:
-            x, _, low, _ = _ranges(parts, ENVELOPE)
-            panel.curves.append(each.curve(x, low, each.label or "smallest margin"))
-    return panel
+    tables = [one.table for one in _alone([each], over)]
+    parts = [(table[x], scale * table[column]) for table in tables if column in table]
+    if parts:
+        place, _, low, high = _ranges(parts, ENVELOPE if over == "time" else BINS)
+        name = each.label or "smallest to largest of all scenarios"
+        yield each.curve(place, high, name, quantity, kind="band", low=low)
 
 
 def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> Binned:
@@ -510,14 +502,14 @@ def convergence(results: Results) -> list[Panel]:
 # ---- polars, for `hkt check` and `hkt polar`
 
 
-def polar_panels(curves: Sequence[Mapping[str, Any]]) -> list[Panel]:
+def polar_panels(curves: Sequence[tuple[str, Polar, np.ndarray, np.ndarray]]) -> list[Panel]:
     """Return lift, drag, their ratio and suction, where it is known, over the angle of attack.
 
     Parameters
     ----------
-    curves : sequence of mapping
-        `alpha_deg`, `lift`, `drag` and `suction`, NaN where it is not known, (n_angles,), a
-        `label`, and where a curve is `sure`; elsewhere it is dotted.
+    curves : sequence of tuple
+        Name, polar, angles of attack (rad), (n_angles,), and where the curve is sure, (n_angles,);
+        elsewhere it is dotted.
 
     Returns
     -------
@@ -529,17 +521,16 @@ def polar_panels(curves: Sequence[Mapping[str, Any]]) -> list[Panel]:
 
     several = len(curves) > MOST_NAMED
     shades = [to_hex(each) for each in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
-    panels = []
-    for column, title in POLARS.items():
-        panel = Panel(title, "angle of attack (deg)")
-        for number, (curve, color) in enumerate(zip(curves, shades, strict=True)):
-            x = curve["alpha_deg"]
-            y = curve["lift"] / curve["drag"] if column == "ratio" else curve[column]
-            if np.all(np.isnan(y)):
-                continue
-            name = "" if several and 0 < number < len(curves) - 1 else curve["label"]
-            sure = np.where(curve["sure"], y, np.nan)
+    panels = [Panel(title, "angle of attack (deg)") for title in POLARS]
+    for number, (label, polar, angle, sure) in enumerate(curves):
+        lift, drag = polar.evaluate(angle)
+        columns = [lift, drag, lift / drag]
+        if polar.suction is not None:  # none is known beyond the table
+            inside = (angle >= polar.alpha_min) & (angle <= polar.alpha_max)
+            columns.append(np.where(inside, np.max(polar.suction_at(angle)[0], axis=0), np.nan))
+        name = "" if several and 0 < number < len(curves) - 1 else label
+        for panel, y in zip(panels, columns, strict=False):
+            x, color, known = np.rad2deg(angle), shades[number], np.where(sure, y, np.nan)
             panel.curves.append(Curve(x, y, "", color, None))
-            panel.curves.append(Curve(x, sure, name, color, 0 if several else number))
-        panels.append(panel)
+            panel.curves.append(Curve(x, known, name, color, 0 if several else number))
     return panels

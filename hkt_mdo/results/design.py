@@ -27,6 +27,7 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.sections import blade_of
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.polars import Polars
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +40,8 @@ class Design:
         The result of the run.
     blade : Blade
         The blade, its twist with the set angle.
-    polars : Polar, tuple of Polar or LocalReynolds
-        One polar for all stations, or one a station.
+    polars : Polars
+        A `Polar` for all stations, or those of the stations (`Polars.stations`).
     outlines : tuple of Outline
         One for all stations, or one a station; where the thickness is designed, those of the
         case's sections, from thin to thick.
@@ -60,7 +61,7 @@ class Design:
 
     solution: Any
     blade: Blade
-    polars: Any
+    polars: Polars
     outlines: tuple[Outline, ...]
     gains: np.ndarray
     inertia: float

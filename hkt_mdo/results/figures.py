@@ -26,7 +26,7 @@ FIGURES: dict[str, tuple[Callable[[Results], list[Panel]], float, float]] = {
     "operation": (partial(charts.operation, nodes=True), 7.4, 1.55),
     "power_curve": (charts.power_curve, 7.0, 2.05),
     "year": (charts.year, 6.4, 2.05),
-    "limits": (charts.limits, 7.0, 0.8),
+    "limits": (charts.limits, 7.0, 2.2),
     "loads": (charts.loads, 5.6, 2.0),
     "convergence": (charts.convergence, 6.2, 2.7),
 }

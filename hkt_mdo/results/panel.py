@@ -30,7 +30,7 @@ class Curve:
     """A curve, points, a band or bars.
 
     `kind` is one of line, marked (a line with markers), points, runs (points of which each is
-    drawn), band (from `low` to `y`), bar and across, one horizontal bar, whose row `y` names.
+    drawn), band (from `low` to `y`) and bar.
     `index` is the place of the result among several, which gives line style and marker; None: a
     reference, which is dotted. A curve without a `name` is not in the legend.
     """
@@ -72,12 +72,28 @@ class Panel:
     """Texts above points x, y."""
     shades: str = ""
     """What the shades of curves are."""
+    ticks: Sequence[str] = ()
+    """Texts at 0, 1, ... of a horizontal axis that has no numbers."""
     from_zero: bool = False
     """Whether the vertical axis begins at zero, if no value is below."""
     across_from_zero: bool = False
     log: bool = False
     log_across: bool = False
     in_scale: bool = False
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Ends of a linear vertical axis, with room for curves and the names of levels.
+
+        At least 1 % of the value apart, so that a constant is a straight line.
+        """
+        known = [x for curve in self.curves for x in (curve.y, curve.low) if x is not None]
+        values = np.concatenate([*known, [*self.levels.values()], [0.0] * self.from_zero])
+        values = values[np.isfinite(values)]
+        low, high = (np.min(values), np.max(values)) if values.size else (0.0, 1.0)
+        middle, half = 0.5 * (low + high), max(0.54 * (high - low), 0.005 * abs(high), 1e-9)
+        begin = 0.0 if self.from_zero and low > -0.01 * high else middle - half
+        return float(begin), float(middle + half * (1.28 if self.levels else 1.0))
 
     @property
     def placed_levels(self) -> Iterator[tuple[str, float, bool]]:

@@ -266,7 +266,8 @@ class Solution:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Limits of the case on quantities over time, that of the torque first."""
-        torque = TorqueLimit(bound=self.case.control.torque_limit)
+        most = self.case.control.torque_limit  # of the torque that the law demands
+        torque = TorqueLimit(bound=most and most * self.case.condition.torque_constant)
         material = self.case.rotor.blade_material  # which may have the allowable stress
         over_time = (each for each in self.case.limits.given if each.place == "time")
         given = (torque, *(each.on(None, material) for each in over_time))

@@ -86,9 +86,7 @@ def figure_of_panels(panels: Sequence[Panel], width: float, height: float, title
     panels = [panel for panel in panels if panel.curves]
     share = sum(1 for _ in takewhile(lambda x: x.across == panels[-1].across, reversed(panels)))
     plots = [partial(draw, panel) for panel in panels]
-    bars = sum(curve.kind == "across" for panel in panels for curve in panel.curves)
-    height = BESIDES + height * len(plots) + 0.2 * bars
-    return figure_of(width, height, plots, share, title)
+    return figure_of(width, BESIDES + height * len(plots), plots, share, title)
 
 
 def line(index: int) -> dict[str, Any]:
@@ -119,11 +117,8 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")
         ax.xaxis.set_minor_formatter(NullFormatter())
-    bars = [each for each in panel.curves if each.kind == "across"]
-    rows = list(dict.fromkeys(str(each.y[0]) for each in bars))[::-1]
-    _draw_bars(bars, rows, ax)
-    for curve in panel.curves if not bars else ():
-        ranks = sorted({each.index or 0 for each in panel.curves if each.kind == "bar"})
+    ranks = sorted({each.index or 0 for each in panel.curves if each.kind == "bar"})
+    for curve in panel.curves:
         _draw_curve(curve, ax, ranks)
         if curve.shade is not None:
             ax.figure.colorbar(ax.collections[-1], ax=ax, label=panel.shades)
@@ -136,27 +131,20 @@ def draw(panel: Panel, ax: Axes | None = None) -> Axes:
     for x, y, text in panel.notes:
         above: dict[str, Any] = {"xytext": (0, 3), "textcoords": "offset points", "ha": "center"}
         ax.annotate(text, (x, y), fontsize=FONT_SIZE - 1.5, **above)
-    values = [x for curve in panel.curves for x in (curve.y, curve.low) if x is not None]
     if panel.in_scale:
         ax.set_aspect("equal", adjustable="datalim")
-    elif panel.from_zero and all(np.nanmin(x) > -0.01 * np.nanmax(x) for x in values if x.size):
-        ax.set_ylim(bottom=0.0)
-    elif not panel.log and not bars:
-        # at least 1 % of the value, so that a constant is a straight line
-        low, high = ax.get_ylim()
-        middle = 0.5 * (low + high)
-        half = max(0.5 * (high - low), 0.005 * abs(middle))
-        ax.set_ylim(middle - half, middle + half)
+    elif not panel.log and panel.curves:
+        ax.set_ylim(panel.ends)
     if panel.across_from_zero:
         ax.set_xlim(left=0.0)
     for name, value, left in panel.placed_levels:
         _draw_level(ax, value, name, left)
     for name, place in panel.marks.items():
         ax.axvline(place, label=name, linestyle=":", **REFERENCE)
-    finish(ax, panel.across, panel.title)
-    if bars:
-        ax.set_yticks(range(len(rows)), rows)
-    return ax
+    if panel.ticks:
+        ax.set_xticks(range(len(panel.ticks)), panel.ticks)
+        ax.set_xlim(-1.0, len(panel.ticks))
+    return finish(ax, panel.across, panel.title)
 
 
 def legend_name(name: str) -> str:
@@ -174,7 +162,7 @@ def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:
         look = {"color": curve.color, "alpha": 0.2, "linewidth": 0}
         ax.fill_between(curve.x, curve.low, curve.y, label=label, **look)
     elif curve.kind == "bar":
-        step = float(np.min(np.diff(curve.x), initial=0.1)) / len(ranks)
+        step = min(np.diff(curve.x), default=0.5) / len(ranks)
         at, look = curve.x + step * (ranks.index(index) - 0.5 * (len(ranks) - 1)), bar(index)
         look["color"] = curve.color
         ax.bar(at, curve.y, width=0.9 * step, label=label, **look)
@@ -189,27 +177,9 @@ def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:
         ax.plot(curve.x, curve.y, **look)
 
 
-def _draw_bars(bars: Sequence[Curve], rows: Sequence[str], ax: Axes) -> None:
-    """Draw horizontal bars with their values; those of several results beside one another."""
-    results = list(dict.fromkeys(each.index for each in bars))
-    for each in bars:
-        height, number = 0.8 / len(results), results.index(each.index)
-        place = rows.index(str(each.y[0])) + (0.5 * len(results) - number - 0.5) * height
-        look = bar(each.index or 0) | {"color": each.color, "label": legend_name(each.name)}
-        ax.barh(place, each.x, height=0.9 * height, alpha=0.85, **look)
-        words: dict[str, Any] = {"va": "center", "fontsize": FONT_SIZE - 1.5}
-        ax.text(max(each.x[0], 100.0), place, f" {each.x[0]:.1f} %", **words)  # beyond the limit
-    if bars:
-        room = max(0.6, 0.5 * (4 - len(rows)))  # a single bar does not fill the axes
-        ax.set_ylim(-room, len(rows) - 1 + room)
-        ax.set_xlim(right=1.12 * max(100.0, *(each.x[0] for each in bars)))
-
-
 def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:
     """Draw a horizontal line with its label above it; no legend has it."""
     ax.axhline(value, linestyle="-.", gid=label, **REFERENCE)
-    low, high = ax.get_ylim()
-    ax.set_ylim(low, max(high, value + 0.16 * (max(high, value) - low)))  # room for the label
     side, place = ("left", 0.005) if left else ("right", 0.995)
     words: dict[str, Any] = {"fontsize": FONT_SIZE - 1.5, "color": "0.3", "ha": side}
     words["bbox"] = {"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.8}

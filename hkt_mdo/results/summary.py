@@ -366,8 +366,8 @@ class Achieved(_Entry):
     limits: dict[str, LoadEntry] | None = None
     loads: dict[str, LoadEntry] | None = None
     """Largest loads: thrust, root moment of one blade, stress in a blade, and, where the depth of
-    the hub and the suction of the sections are known, cavitation; shaft power of the generator,
-    rotor speed and tip speed."""
+    the hub and the suction of the sections are known, cavitation; torque and shaft power of the
+    generator, rotor speed and tip speed."""
 
     def at_limits(self) -> dict[str, tuple[str, LoadEntry]]:
         """Return name and entry of each limit and of each load without one, by words for them.
@@ -426,7 +426,8 @@ class ScenarioEntry(Achieved):
             share = 100.0 * self.mean_power_W / self.ceiling_W
             yield Row("mean power over its ceiling", share, "%", note)
         yield Row("tip speed ratio", ratio.ends, note=f"mean {measured(ratio.mean)}")
-        yield from _in_operation(self, case, self.duration_s)
+        yield from self.year.rows() if self.year else ()
+        yield from in_operation(self, case, self.duration_s)
 
 
 class Summary(Achieved, Mapping[str, Any]):
@@ -694,18 +695,11 @@ class Summary(Achieved, Mapping[str, Any]):
             gain, units = self.gain, self.gain_units or [None]
             label, several = f"gain, {case.control.law} feedback", isinstance(gain, list)
             yield Row(label, amounts(gain, units)) if several else Row(label, gain, units[0] or "")
-        ratio, torque = self.tip_speed_ratio or Span(), self.control_torque_max_Nm
+        ratio = self.tip_speed_ratio or Span()
         yield Row("tip speed ratio", ratio.ends, "", f"mean {measured(ratio.mean, digits=4)}", 4)
         peak = measured(self.tip_speed_ratio_at_power_coefficient_max, digits=4)
         at_peak = f"at tip speed ratio {peak}"
         yield Row("largest power coefficient", self.power_coefficient_max, "", at_peak, 4)
-        limit = (self.limits or {}).get("control_torque")
-        given = case.control.torque_limit
-        if limit is None or given is None:
-            note = "no limit" if given is None else f"limit {measured(given, 'N*m')}"
-            yield Row("largest generator torque", torque, "N*m", note)
-        else:
-            yield limit.row("control_torque")
         yield Row("stations", self.chord_m and len(self.chord_m))
         if case.design.radius_bounds is not None:
             yield Row("tip radius", self.tip_radius_m, "m", digits=4)
@@ -741,21 +735,32 @@ class Summary(Achieved, Mapping[str, Any]):
 
     def _operation(self, case: Case) -> Iterator[Row]:
         """Yield the rows of operation, limits and loads, and of the blade's bending."""
-        yield from _in_operation(self, case, case.phase.duration, apart="control_torque")
+        yield from self.year.rows() if self.year else ()
+        yield from in_operation(self, case, case.phase.duration)
         yield from bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
 
 
-def _in_operation(
-    of: Summary | ScenarioEntry, case: Case, duration: float | None, apart: str = ""
-) -> Iterator[Row]:
-    """Yield the rows of a year, standstill, limits and loads; one limit may be told apart."""
-    yield from of.year.rows() if of.year else ()
+def in_operation(of: Achieved, case: Case, duration: float | None = None) -> Iterator[Row]:
+    """Yield the rows of standstill, limits and loads.
+
+    Parameters
+    ----------
+    of : Achieved
+        A result, or the starting blade.
+    case : Case
+        The case, which gives the remarks on loads without a limit.
+    duration : float, optional
+        Of the flow, s.
+
+    Yields
+    ------
+    Row
+    """
     if of.operation is not None:
         yield of.operation.row(duration)
     for words, (name, entry) in of.at_limits().items():
-        if name != apart:
-            row = entry.row(words)
-            yield replace(row, note=joined(row.note, unasked(name, entry, case)))
+        row = entry.row(words)
+        yield replace(row, note=joined(row.note, unasked(name, entry, case)))
 
 
 def unasked(name: str, load: LoadEntry, case: Case) -> str:

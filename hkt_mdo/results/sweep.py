@@ -20,6 +20,7 @@ from hkt_mdo.case.document import quantities
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, read_text, write_files
+from hkt_mdo.quantities import column_of
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import PREFIXED, plain_unit, prefixed
 
@@ -31,8 +32,8 @@ NULL = "null"
 MAX_BYTES = 1024**3
 _MERITS = (
     *("simulated_energy_J", "generator_energy_J", "electrical_energy_J", "energy_bound_J"),
-    *("certified_gap", "power_coefficient_max", "control_torque_max_Nm", "rotor_radius_m"),
-    *("inertia_kg_m2", "mass_kg", "iterations", "wall_seconds"),
+    *("certified_gap", "power_coefficient_max", "rotor_radius_m", "inertia_kg_m2", "mass_kg"),
+    *("iterations", "wall_seconds"),
 )
 """Numbers of a summary that have a column under their own names."""
 
@@ -61,8 +62,7 @@ def row_of(solution: Solution) -> Row:
         **{name: getattr(summary, name) for name in _MERITS},
     }
     for name, load in (summary.loads or {}).items():
-        unit = load.unit.replace("*", "").replace("/", "_")
-        row[f"{name}_{unit}" if unit else name] = load.value
+        row[column_of(name, load.unit)] = load.value
     gains = np.atleast_1d([] if summary.gain is None else summary.gain)
     row |= {f"gain_{number}": float(gain) for number, gain in enumerate(gains)}
     row["binding"] = " ".join(x for x, each in (summary.limits or {}).items() if each.binding)

@@ -9,13 +9,14 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
 from hkt_mdo.files.polar_table import LARGEST
 from hkt_mdo.rotor.angle_curves import curves_at, periodic_curves, stacked
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.suction import require_suction, surface_curves
 
 ASPECT_RATIO = 10.0  # of the blade, for the drag of the plate (Viterna and Janetzke 1982, eq. 4)
 
 
 @dataclass(frozen=True, eq=False)
-class Polar:
+class Polar(Polars):
     """Lift and drag coefficient of a section over the full circle, a C² function.
 
     A periodic cubic spline through the table on equally spaced knots: coefficients[n_knots, 8] are
@@ -35,6 +36,17 @@ class Polar:
     alpha_min: float
     alpha_max: float
     suction: np.ndarray | None = None
+
+    @property
+    def tables(self):
+        """The polar as the one of all stations.
+
+        Returns
+        -------
+        tuple of tuple of Polar
+            See `Polars`.
+        """
+        return ((self,),)
 
     @classmethod
     def from_polar_table(cls, table):

@@ -81,12 +81,12 @@ class Band:
     direction: float = 1.0
 
     @classmethod
-    def of(cls, rotor, blade, tip_speed_ratio, nodes):
+    def of(cls, polar, blade, tip_speed_ratio, nodes):
         """Return the band of a blade; its weights are the effects of the inductions on the torque.
 
         Parameters
         ----------
-        rotor : Hydrodynamics
+        polar : Polars
             Polars of the sections.
         blade : Blade
             The blade.
@@ -100,17 +100,17 @@ class Band:
         Band
             With weights whose sum is one.
         """
-        ratio = np.array([tip_speed_ratio]) / np.cos(blade.cone)
-        flow = rotor.sections(blade, tip_speed_ratio)
+        ratio = np.array([tip_speed_ratio])
+        flow = bem.sections(blade, polar, ratio)
         ends = []
         for move in (1e-4, -1e-4):
             induced = bem.induced_speeds(blade, flow, ratio)
             induced[:, 0] += move
-            ends.append(bem.sections_with(blade, rotor.polar, ratio, induced).tangential_load[0])
+            ends.append(bem.sections_with(blade, polar, ratio, induced).tangential_load[0])
         weights = bem.torque_weights(blade) * np.abs(ends[0] - ends[1])
         places, weights = blade.r / blade.tip_radius, weights / np.sum(weights)
         share = float(weights @ fast_share(places))
-        beside = rotor.sections(blade, tip_speed_ratio * np.array([0.95, 1.05]))
+        beside = bem.sections(blade, polar, ratio * np.array([0.95, 1.05]))
         slower, faster = _induction(blade, weights, beside).values
         direction = 1.0 if faster >= slower else -1.0
         nodes = np.asarray(nodes, dtype=float)
@@ -229,15 +229,14 @@ class Band:
             equilibrium; torque_coefficient_band and, of each load over the dynamic pressure,
             <load>_band (n_nodes * n_factors).
         """
-        along = self.nodes / np.cos(blade.cone)
-        wake = rotor.sections(blade, self.nodes, derivatives)
+        wake = bem.sections(blade, rotor.polar, self.nodes, derivatives)
         repeated = bem.Sections(
             *(np.repeat(each, FACTORS.size, axis=0) for each in wake[:-1]),
             np.repeat(wake.derivatives, FACTORS.size, axis=2) if derivatives else np.empty(0),
         )
         ratio = np.outer(self.nodes, FACTORS).ravel()
-        ratios = np.repeat(along, FACTORS.size), ratio / np.cos(blade.cone)
-        flow = bem.sections_behind(blade, rotor.polar, repeated, *ratios)
+        wakes = np.repeat(self.nodes, FACTORS.size)
+        flow = bem.sections_behind(blade, rotor.polar, repeated, wakes, ratio)
         torque, beside = (
             bem.rotor_coefficients(blade, rotor.polar, at, derivatives, state).torque_table
             for at, state in ((self.nodes, wake), (ratio, flow))

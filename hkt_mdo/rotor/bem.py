@@ -25,10 +25,6 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.compiled import compiled
-from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.angle_curves import stacked
-from hkt_mdo.rotor.reynolds import LocalReynolds
-from hkt_mdo.rotor.thickness import ByThickness
 
 PHI_MIN = 1e-6  # rad, CCBlade's distance from the singular points phi = 0 and pi
 
@@ -473,90 +469,37 @@ def _solve(
     return state, branch, derivatives
 
 
-@compiled(error_model="numpy")
-def _forces(phi, twist, polars, section, weights):
-    """Return tangential and normal force coefficients, (2, *phi.shape), at given inflow angles.
-
-    phi is (n_points, n_stations); polars and section are those of `_solve`, weights the first part
-    of its mixture. All but the polars may be complex.
-    """
-    n_mixed, last = weights.shape[2], weights.shape[1] - 1
-    found = np.empty((2, *phi.shape), dtype=phi.dtype)
-    for j in range(phi.shape[1]):
-        station_polars = polars[section[j] : section[j] + n_mixed]
-        for i in range(phi.shape[0]):
-            force = _mixed_force(phi[i, j], twist[j], station_polars, weights[j, min(i, last)])
-            found[0, i, j], found[1, i, j] = force
-    return found
-
-
-def station_polars(polar, n_stations):
-    """Return the polars of every station: by Reynolds number or thickness, or its only one.
-
-    Parameters
-    ----------
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
-    n_stations : int
-        Number of stations.
-
-    Returns
-    -------
-    tuple of tuple of Polar
-        All that a station's section is mixed of, for each.
-
-    Raises
-    ------
-    ValueError
-        If there is neither one polar nor one a station.
-    """
-    if isinstance(polar, Polar):
-        return ((polar,),) * n_stations
-    if isinstance(polar, LocalReynolds | ByThickness):
-        stations = polar.polars * n_stations if len(polar.polars) == 1 else polar.polars
-    else:
-        stations = tuple((single,) for single in polar)
-    if len(stations) != n_stations:
-        text = f"{len(stations)} polars for {n_stations} stations: give one polar, or one for each"
-        raise ValueError(text)
-    return stations
-
-
-def _arguments(blade, polar, blade_ratio=()):
+def _arguments(blade, polar, tip_speed_ratio):
     """Return a blade and its polars as `_solve` takes them, from r to mixture."""
-    stations = station_polars(polar, blade.r.size)
-    mixture = np.repeat([1.0, 0.0], len(stations)).reshape(2, -1, 1, 1)  # of one polar each
-    if isinstance(polar, LocalReynolds | ByThickness):
-        mixture = polar.mixture(blade, blade_ratio)
-    places = {family: i * len(family) for i, family in enumerate(dict.fromkeys(stations))}
+    curves, first = polar.curves(blade.r.size, "coefficients")
     return (
         *(np.ascontiguousarray(x, dtype=float) for x in (blade.r, blade.chord, blade.twist)),
         float(blade.hub_radius),
         float(blade.tip_radius),
         int(blade.blade_count),
-        stacked(tuple(polar for family in places for polar in family), "coefficients"),
-        np.array([places[family] for family in stations]),
-        mixture,
+        curves,
+        first,
+        polar.weights(blade, tip_speed_ratio),
     )
 
 
 def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """Solve every station of a blade at every tip speed ratio; return the `Sections`.
 
-    Stations lie strictly between hub and tip, in any order; the polar is one for all stations, a
-    sequence of one for each, a `LocalReynolds` or a `ByThickness`. tip_speed_ratio[n_points] is
-    positive. Here, and in the derivatives, it is Omega R / V with R along the blade, which for
-    coned blades is larger than the tip speed ratio of the disc. Raises ValueError where one of
-    these does not hold.
+    Stations lie strictly between hub and tip, in any order; tip_speed_ratio[n_points] is positive.
+    Raises ValueError where one of these does not hold.
+
+    Coned blades meet V cos(cone) at Omega r cos(cone) (CCBlade): a section sees the ratio of blade
+    speed and flow, Omega r / V, that a plane rotor would at the tip speed ratio over cos(cone).
 
     Parameters
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections.
     tip_speed_ratio : array_like of shape (n_points,)
-        Omega R / V with R along the blade, positive.
+        Omega R / V of the disc, positive.
     derivatives : bool
         Whether the derivatives are computed.
 
@@ -570,8 +513,10 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     ValueError
         Where one of the conditions above does not hold.
     """
-    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    state, branch, gradient = _solve(points, *_arguments(blade, polar, points), derivatives)
+    points, cosine = _points(tip_speed_ratio), float(np.cos(blade.cone))
+    about = *_arguments(blade, polar, points), derivatives
+    state, branch, gradient = _solve(points / cosine, *about)
+    gradient[:, :1] /= cosine
     return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
 
 
@@ -585,10 +530,10 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections.
     tip_speed_ratio : array_like of shape (n_points,)
-        Omega R / V with R along the blade.
+        Omega R / V of the disc.
     induced : ndarray of shape (n_points, 2, n_stations)
         Axial velocity against the flow and tangential velocity against the rotation, over the
         speed of the flow normal to the blade.
@@ -598,19 +543,19 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
     Sections
         State of the flow, (n_points, n_stations), without derivatives.
     """
-    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    *_, polars, section, mixture = _arguments(blade, polar, points)
-    state = _state_under(blade, points, induced, polars, section, mixture[0])
+    points = _points(tip_speed_ratio)
+    state = _state_under(blade, points, induced, polar)
     nothing = np.zeros(state[0].shape)
     return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
 
 
-def _state_under(blade, tip_speed_ratio, induced, polars, section, weights):
+def _state_under(blade, tip_speed_ratio, induced, polar, followed=0.0):
     """Return the first seven fields of `Sections` under given induced velocities.
 
-    All but the polars and the radii may have a complex step.
+    All but the polars and the radii may have a complex step; followed is that of what the polars
+    follow.
     """
-    lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.tip_radius)
+    lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.rotor_radius)
     axial, swirl = induced[:, 0], induced[:, 1]
     normal, tangential = 1.0 - axial, lambda_r + swirl
     phi = np.arctan2(normal.real, tangential.real)
@@ -618,9 +563,11 @@ def _state_under(blade, tip_speed_ratio, induced, polars, section, weights):
     if np.iscomplexobj(squared):  # arctan2 takes no complex numbers
         turned = np.cos(phi) * normal.imag - np.sin(phi) * tangential.imag
         phi = phi + 1j * turned / np.sqrt(squared.real)
-    around, along = blade.chord * squared * _forces(phi, blade.twist, polars, section, weights)
-    speed = np.sqrt(squared)
-    return phi, phi - blade.twist, axial, swirl / lambda_r, speed, along, around
+    alpha, sine, cosine = phi - blade.twist, np.sin(phi), np.cos(phi)
+    found = polar.along("coefficients", blade, tip_speed_ratio, alpha)
+    lift, drag = blade.chord * squared * (found[0] + followed * found[2])
+    loads = lift * cosine + drag * sine, lift * sine - drag * cosine
+    return phi, alpha, axial, swirl / lambda_r, np.sqrt(squared), *loads
 
 
 def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
@@ -632,12 +579,12 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections.
     wake : Sections
         What `sections` returns at the tip speed ratios of the wake.
     wake_ratio, tip_speed_ratio : ndarray of shape (n_points,)
-        Omega R / V with R along the blade, of the wake and of the blade.
+        Omega R / V of the disc, of the wake and of the blade.
 
     Returns
     -------
@@ -649,7 +596,6 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
     found = sections_with(blade, polar, tip_speed_ratio, induced_speeds(blade, wake, wake_ratio))
     if not wake.derivatives.size:
         return found
-    *_, polars, section, mixture = _arguments(blade, polar, tip_speed_ratio)
     derivatives = np.zeros((4, len(INPUTS), *found.inflow_angle.shape))
     for column in range(len(INPUTS)):
         step = 1j * STEP * (np.arange(len(INPUTS)) == column)
@@ -660,8 +606,7 @@ def sections_behind(blade, polar, wake, wake_ratio, tip_speed_ratio):
         )
         moved = replace(blade, chord=blade.chord + step[1], twist=blade.twist + step[2])
         induced = induced_speeds(blade, changed, wake_ratio)
-        weights = mixture[0] + step[3] * mixture[1]
-        state = _state_under(moved, tip_speed_ratio + step[0], induced, polars, section, weights)
+        state = _state_under(moved, tip_speed_ratio + step[0], induced, polar, step[3])
         phi, *_, speed, normal, tangential = state
         derivatives[:, column] = np.imag((tangential, normal, phi, speed)) / STEP
     return found._replace(derivatives=derivatives)
@@ -677,14 +622,14 @@ def induced_speeds(blade, flow, tip_speed_ratio):
     flow : Sections
         What `sections` returns.
     tip_speed_ratio : ndarray of shape (n_points,)
-        Omega R / V with R along the blade.
+        Omega R / V of the disc.
 
     Returns
     -------
     ndarray of shape (n_points, 2, n_stations)
         As `sections_with` takes it.
     """
-    lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.tip_radius)
+    lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.rotor_radius)
     axial = 1.0 - flow.relative_speed * np.sin(flow.inflow_angle)
     swirl = flow.relative_speed * np.cos(flow.inflow_angle) - lambda_r
     return np.where(flow.branch[:, None] >= 0, np.stack((axial, swirl), axis=1), 0.0)
@@ -714,9 +659,7 @@ def torque_weights(blade):
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=None):
     """Return the `Coefficients` of a rotor, and the torque's derivatives if asked.
 
-    Coned blades meet V cos(cone) at Omega r cos(cone) (CCBlade): a section sees the ratio of blade
-    speed and flow, Omega r / V, that a plane rotor would at the tip speed ratio over cos(cone). The
-    coefficients depend on lengths only through their ratios, hence the derivative by the radius.
+    The coefficients depend on lengths only through their ratios: hence the slope by the radius.
 
     Stations ascend; polar, tip_speed_ratio[n_points] and errors are those of `sections`. A
     RuntimeWarning says where a station has no root; its load is taken as zero there.
@@ -725,8 +668,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections.
     tip_speed_ratio : array_like of shape (n_points,)
         Omega R / V of the disc, positive.
     derivatives : bool
@@ -744,9 +687,9 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
     ValueError
         As `sections`.
     """
-    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    points = _points(tip_speed_ratio)
     if flow is None:
-        flow = sections(blade, polar, points / float(np.cos(blade.cone)), derivatives)
+        flow = sections(blade, polar, points, derivatives)
     if np.min(flow.branch) < 0:
         warnings.warn(
             f"no root at {np.count_nonzero(flow.branch < 0)} of {flow.branch.size} sections: their "
@@ -765,19 +708,19 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
 
 def _torque_derivatives(blade, polar, points, gradient):
     """Return the torque's slopes as `Table` has them, and those by the Reynolds number."""
-    weights, cosine = torque_weights(blade), float(np.cos(blade.cone))
-    gradient = gradient.swapaxes(-1, -2)
-    by_ratio = weights @ gradient[0] / cosine
-    by_chord, by_twist = (gradient[1:3] * weights[:, None]).transpose(0, 2, 1)
+    by_ratio, by_chord, by_twist, by_followed = gradient * torque_weights(blade)
     by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
-    by_reynolds, by_thickness = np.zeros(points.size), np.zeros(by_chord.shape)
-    if isinstance(polar, ByThickness):
-        by_thickness = (gradient[3] * weights[:, None]).T
-    if isinstance(polar, LocalReynolds):
-        # chord and tip speed ratio change the Reynolds number too; the radius does not
-        by_number = (gradient[3] * weights[:, None]).T
-        squared = (points[:, None] / cosine * blade.r / blade.tip_radius) ** 2
-        by_ratio = by_ratio + np.sum(by_number * squared / (1.0 + squared), axis=1) / points
-        by_chord = by_chord + by_number / blade.chord
-        by_reynolds = np.sum(by_number, axis=1)
-    return (by_ratio, by_chord, by_twist, by_thickness, by_radius), by_reynolds
+    if not polar.follows_reynolds:
+        slopes = np.sum(by_ratio, axis=1), by_chord, by_twist, by_followed, by_radius
+        return slopes, np.zeros(points.size)
+    # chord and tip speed ratio change the Reynolds number too; the radius does not
+    squared = (points[:, None] * blade.r / blade.rotor_radius) ** 2
+    by_ratio = by_ratio + by_followed * squared / (1.0 + squared) / points[:, None]
+    by_chord = by_chord + by_followed / blade.chord
+    slopes = np.sum(by_ratio, axis=1), by_chord, by_twist, 0.0 * by_chord, by_radius
+    return slopes, np.sum(by_followed, axis=1)
+
+
+def _points(tip_speed_ratio):
+    """Return tip speed ratios as an array of one axis."""
+    return np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))

@@ -228,17 +228,17 @@ def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
 def best_sections(blade, polar, tip_speed_ratio, bounds):
     """Return the `BestSections` over chord (m) and twist (rad) within their bounds.
 
-    Blade, polar (one, or one a station) and tip_speed_ratio[n_points] are those of
+    Blade, polar (a `Polar` or `ByStation`) and tip_speed_ratio[n_points] are those of
     `hkt_mdo.rotor.bem.sections`.
 
     Parameters
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections.
     tip_speed_ratio : array_like of shape (n_points,)
-        Omega R / V with R along the blade, positive.
+        Omega R / V of the disc, positive.
     bounds : dict of str to tuple of float
         Smallest and largest chord (m) and twist (rad).
 
@@ -247,9 +247,9 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
     BestSections
         Arrays (n_points, n_stations).
     """
-    r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar)
     points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-    lambda_r = points[:, None] * r / blade.tip_radius
+    r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar, points)
+    lambda_r = points[:, None] * r / blade.rotor_radius
     out = np.empty((3, *lambda_r.shape))
     chord_bounds, twist_bounds = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
     binding = _inside(lambda_r, r, tuple(ends), stacked, section, chord_bounds, twist_bounds, out)
@@ -259,7 +259,7 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
         few, polar_j = np.flatnonzero(binding[:, j]), stacked[section[j]]
         loads = bem.sections(
             replace(blade, r=np.full(2 * TWISTS, r[j]), chord=strip[0], twist=strip[1]),
-            bem.station_polars(polar, r.size)[j][0],
+            polar.at_station(j),
             points[few],
         ).tangential_load.reshape(few.size, 2, TWISTS)
         station = r[j], *ends

@@ -6,7 +6,7 @@ WISDEM is imported only when a function is called: its import takes seconds.
 import numpy as np
 
 from hkt_mdo.errors import needed
-from hkt_mdo.rotor.bem import Coefficients, Table, station_polars
+from hkt_mdo.rotor.bem import Coefficients, Table
 
 
 def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=None):
@@ -18,8 +18,8 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections, which do not follow the Reynolds number.
     tip_speed_ratio : array_like of shape (n_points,)
         Omega R / V of the disc, positive.
     derivatives : bool
@@ -67,8 +67,8 @@ def ccblade(blade, polar, derivatives=False):
     ----------
     blade : Blade
         The blade.
-    polar : Polar or sequence of Polar or LocalReynolds or ByThickness
-        Polars of the sections: one, one a station, or what they follow.
+    polar : Polars
+        Polars of the sections, which do not follow the Reynolds number.
     derivatives : bool
         Whether the derivatives are computed.
 
@@ -84,7 +84,7 @@ def ccblade(blade, polar, derivatives=False):
     """
     place = {"key": "hydrodynamics.bem", "value": "ccblade"}
     wisdem = needed("wisdem.ccblade.ccblade", "pip install wisdem, or choose vectorized", **place)
-    polars = [polar for (polar,) in station_polars(polar, blade.r.size)]
+    polars = [each for (each,) in polar.stations(blade)]
     stations = blade.r, blade.chord, np.rad2deg(blade.twist), polars
     about = {"B": blade.blade_count, "precone": np.rad2deg(blade.cone), "derivatives": derivatives}
     water = {"rho": 1.0, "mu": 1.0, "shearExp": 0.0}

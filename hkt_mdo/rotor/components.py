@@ -7,7 +7,7 @@ import openmdao.api as om
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
-from hkt_mdo.rotor.bem import STEP
+from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
@@ -234,7 +234,7 @@ class TablesComp(BladeComp):
         tables = {"weight_stress": rotor.weight_stress(blade)} if self._weight else {}
         if self._band is not None:
             return tables | self._band.solve(rotor, blade, loads, derivatives=True)
-        flow = rotor.sections(blade, ratio, derivatives=True)
+        flow = bem.sections(blade, rotor.polar, ratio, derivatives=True)
         if self._torque:
             found = rotor.coefficients(blade, ratio, True, flow)
             tables["torque_coefficient_table"] = found.torque_table
@@ -295,10 +295,10 @@ class InertiaComp(BladeComp):
 
     def compute_partials(self, inputs, partials):
         for name, value in inputs.items():
-            moved = value + 1j * STEP * np.eye(value.size)
+            moved = value + 1j * bem.STEP * np.eye(value.size)
             moved = self._evaluate(inputs, **{name: moved[0, 0] if name in _SCALARS else moved})
-            partials["mass", name] = np.imag(moved.mass) / STEP
-            partials["inertia", name] = np.imag(moved.inertia) / STEP
+            partials["mass", name] = np.imag(moved.mass) / bem.STEP
+            partials["inertia", name] = np.imag(moved.inertia) / bem.STEP
 
 
 class BladeGroup(om.Group):

@@ -5,14 +5,14 @@ the centrifugal force too: load = q c(tip speed ratio). Definitions are in docs/
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, spread
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, norm, place_weights
 
 GRAVITY = 9.80665  # m/s²
@@ -63,19 +63,37 @@ class Load(NamedTuple):
         return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LoadModel(Hydrodynamics):
-    """A rotor's hydrodynamics and loads: everything that they depend on besides the blade.
+@dataclass(frozen=True, eq=False)
+class LoadModel:
+    """A rotor's loads: everything that they depend on besides the blade.
 
-    water_density is in kg/m³. Without a `Structure` there is no stress, without the depth of the
-    hub (m) no cavitation: a section does that at the top of the turn. margin is a factor on the
-    suction.
+    polar has lift, drag and suction of the sections; structure is that of the material,
+    water_density in kg/m³. Without the depth of the hub (m) there is no cavitation: a section does
+    that at the top of the turn. margin is a factor on the suction.
     """
 
+    polar: Polars
+    structure: Structure | StructureByThickness
+    _: KW_ONLY
     water_density: float = 1000.0
-    structure: Structure | StructureByThickness | None = None
     depth: float | None = None
     margin: float = 1.1
+
+    def at_flow(self, flow_speed):
+        """Return the same rotor with polars at the Reynolds numbers of a flow.
+
+        Parameters
+        ----------
+        flow_speed : float or ndarray of shape (n_points,)
+            Speed of the undisturbed flow (m/s), one or one an operating point. It matters only
+            where polars follow the Reynolds number.
+
+        Returns
+        -------
+        LoadModel
+            Of the same class as this one.
+        """
+        return replace(self, polar=self.polar.in_flow(flow_speed))
 
     @property
     def load_names(self):
@@ -84,10 +102,9 @@ class LoadModel(Hydrodynamics):
         Returns
         -------
         tuple of str
-            Some of thrust, root_moment, stress and cavitation.
+            thrust, root_moment, stress and, with a depth, cavitation.
         """
-        known = {"stress": self.structure, "cavitation": self.depth}
-        return "thrust", "root_moment", *(name for name, x in known.items() if x is not None)
+        return tuple(_LOADS)[: -1 if self.depth is None else None]
 
     def loads(self, blade, tip_speed_ratio, derivatives=False, names=None, flow=None):
         """Return a `Load` for each name: thrust, root_moment, stress, cavitation, all over q.
@@ -127,27 +144,21 @@ class LoadModel(Hydrodynamics):
         ValueError
             See above.
         """
-        if derivatives and self.follows_reynolds:
+        if derivatives and self.polar.follows_reynolds:
             raise ValueError("loads have no derivatives with local Reynolds numbers")
         names = self.load_names if names is None else names
         if missing := [name for name in names if name not in self.load_names]:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
-        flow = self.sections(blade, ratio, derivatives) if flow is None else flow
+        flow = bem.sections(blade, self.polar, ratio, derivatives) if flow is None else flow
         return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
 
     def _beam(self, blade):
-        """Return the blade at the places of `place_weights`, and its structure there.
-
-        And the structure's rate by the thickness, where that is designed.
-        """
+        """Return the blade at the places of `place_weights`, its structure there, and its rate."""
         weights = place_weights(blade.r.size)
-        shape = {name: weights @ getattr(blade, name) for name in ("r", "chord", "twist")}
-        fine = replace(blade, **shape)
-        if isinstance(self.structure, Structure):
-            return fine, self.structure, None
-        thickness = weights @ blade.thickness
-        return fine, self.structure.at(thickness), self.structure.at(thickness, 1)
+        given = {name: getattr(blade, name) for name in ("r", "chord", "twist", "thickness")}
+        fine = replace(blade, **{name: weights @ x for name, x in given.items() if x is not None})
+        return fine, *self.structure.at(fine.thickness)
 
     def _centrifugal(self, blade, ratio):
         """Return the beam, the rate rho_b omega² cos²(cone) over q [n_points, 1], and two loads.
@@ -188,13 +199,13 @@ class LoadModel(Hydrodynamics):
         Table
             Of one point, which has no tip speed ratio.
         """
-        (fine, structure, change), weights = self._beam(blade), place_weights(blade.r.size)
+        (fine, structure, rate), weights = self._beam(blade), place_weights(blade.r.size)
         chord, twist = fine.chord, fine.twist
         excess = GRAVITY * (structure.density - self.water_density)
         moments = (excess * moment[1:] for _, moment in _outboard(fine, structure.area, 0))
         moment, moment_by_chord, moment_by_area = moments
         weak, strong = _about_chord(0.0, moment[None], twist)
-        bending = structure.bending(weak, strong, chord, change if derivatives else None)
+        bending = structure.bending(weak, strong, chord, rate)
         values, share, _ = norm(bending.smooth)
         if not derivatives:
             return bem.Table(np.max(np.real(bending.largest), axis=1))
@@ -203,10 +214,8 @@ class LoadModel(Hydrodynamics):
         by_places = by_moment @ moment_by_chord - 3.0 * share * bending.smooth / chord
         by_chord = by_places @ weights
         by_twist = (by_weak * strong - by_strong * weak) @ weights
-        by_thickness = np.zeros(by_chord.shape)
-        if change is not None:
-            by_places = share * bending.by_change + (by_moment @ moment_by_area) * change.area
-            by_thickness = by_places @ weights
+        by_places = share * bending.by_thickness + (by_moment @ moment_by_area) * rate.area
+        by_thickness = by_places @ weights
         by_radius = radius_slope(blade, values, by_chord, 1)
         return bem.Table(values, np.zeros(1), by_chord, by_twist, by_thickness, by_radius)
 
@@ -230,7 +239,7 @@ class LoadModel(Hydrodynamics):
     def moments(self, blade, tip_speed_ratio, r, flow=None):
         """Return the moments that bend a blade at radii r over q, m³: flapwise, and edgewise.
 
-        With the moment of the centrifugal force on coned blades, if there is a structure.
+        With the moment of the centrifugal force on coned blades.
 
         Parameters
         ----------
@@ -248,9 +257,9 @@ class LoadModel(Hydrodynamics):
         flapwise, edgewise : ndarray of shape (n_points, n_r)
             In m**3.
         """
-        flow = self.sections(blade, tip_speed_ratio) if flow is None else flow
+        flow = bem.sections(blade, self.polar, tip_speed_ratio) if flow is None else flow
         flapwise, edgewise = _moments(blade, flow, np.asarray(r, dtype=float))
-        if blade.cone and self.structure is not None:
+        if blade.cone:
             (fine, *_), rate, _, (bend, *_) = self._centrifugal(blade, tip_speed_ratio)
             flapwise = flapwise + rate * np.interp(r, fine.edges, np.append(bend, 0.0))
         return flapwise, edgewise
@@ -261,8 +270,7 @@ class LoadModel(Hydrodynamics):
         Euler-Bernoulli's beam of small deflections, clamped at the hub radius, under the loads of
         the undeformed blade, which the centrifugal force does not stiffen: integral of the
         curvature times (tip radius - r). Sections bend about their own inclined axes; chord, twist
-        and section are linear between stations and constant from there to hub and tip. Raises
-        ValueError without a structure or its modulus.
+        and section are linear between stations and constant from there to hub and tip.
 
         Parameters
         ----------
@@ -275,14 +283,7 @@ class LoadModel(Hydrodynamics):
         -------
         ndarray of shape (n_points,)
             In m/Pa.
-
-        Raises
-        ------
-        ValueError
-            Without a structure or its modulus.
         """
-        if self.structure is None:
-            raise ValueError("deflections need a structure")
         fine, structure, _ = self._beam(blade)
         r = between(fine.edges).ravel()
         several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
@@ -327,16 +328,13 @@ def _about_chord(flapwise, edgewise, twist):
     return flapwise * cosine + edgewise * sine, edgewise * cosine - flapwise * sine
 
 
-def _by_flow(flow, blade, normal, tangential):
+def _by_flow(flow, normal, tangential):
     """Return derivatives by ratio, chord, twist and thickness through the loads of the stations.
 
     normal and tangential[n_points, n_stations] are the derivatives by both loads.
     """
-    by_ratio, *by_shape = (
-        normal * flow.derivatives[1, column] + tangential * flow.derivatives[0, column]
-        for column in range(len(bem.INPUTS))
-    )
-    return np.sum(by_ratio, axis=-1) / np.cos(blade.cone), *by_shape
+    by_ratio, *by_shape = normal * flow.derivatives[1] + tangential * flow.derivatives[0]
+    return np.sum(by_ratio, axis=-1), *by_shape
 
 
 def radius_slope(blade, values, by_chord, power):
@@ -371,10 +369,10 @@ def _thrust(_model, blade, flow, _ratio):
 def _root_moment(model, blade, flow, ratio):
     hub, added = np.array([blade.hub_radius]), ()
     weights = np.cos(blade.cone) ** 2 * moment_weights(blade, hub)[:, 0]
-    if blade.cone and model.structure is not None:
+    if blade.cone:
         (*_, change), rate, _, bends = model._centrifugal(blade, ratio)
         bend, *by = (rate * each[0] for each in bends)  # by chord and by area
-        by[1] = by[1] * (0.0 if change is None else change.area)
+        by[1] = by[1] * change.area
         added = bend, 2.0 / ratio[:, None] * bend, *(x @ place_weights(blade.r.size) for x in by)
     return _whole(blade, flow, weights, 3, *added)
 
@@ -389,7 +387,7 @@ def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_chord=0.0, b
         return Load(r, values, values)
 
     def slopes(share):
-        by = _by_flow(flow, blade, share * weights, np.zeros(flow.normal_load.shape))
+        by = _by_flow(flow, share * weights, np.zeros(flow.normal_load.shape))
         own = np.sum(share * by_ratio, axis=1), share * by_chord, 0.0, share * by_thickness
         by = [each + other for each, other in zip(by, own, strict=True)]
         return *by, radius_slope(blade, (share * values)[:, 0], by[1], power)
@@ -404,9 +402,8 @@ def _stress(model, blade, flow, ratio):
     weights = place_weights(blade.r.size)
     flapwise, edgewise = _moments(blade, flow, r)
     weak, strong = _about_chord(flapwise + rate * bend, edgewise, twist)
-    wanted = change if flow.derivatives.size else None
     tension = rate * pull / (area * chord**2)
-    bending = structure.bending(weak, strong, chord, wanted, tension)
+    bending = structure.bending(weak, strong, chord, change, tension)
     exact, values = bending.largest + np.real(tension), bending.smooth + tension
     if not flow.derivatives.size:
         return Load(r, exact, values)
@@ -418,7 +415,7 @@ def _stress(model, blade, flow, ratio):
         by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
         by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
         by_loads = by_flapwise @ arms, by_edgewise @ arms
-        by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, blade, *by_loads)
+        by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, *by_loads)
         tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate
         by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
         by_places, by_area = (
@@ -428,9 +425,8 @@ def _stress(model, blade, flow, ratio):
         by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
         by_chord = by_chord + by_places @ weights
         by_twist = by_twist + (by_weak * strong - by_strong * weak) @ weights
-        if change is not None:
-            by_places = share * bending.by_change + (by_area - tensile / area) * change.area
-            by_thickness = by_thickness + by_places @ weights
+        by_places = share * bending.by_thickness + (by_area - tensile / area) * change.area
+        by_thickness = by_thickness + by_places @ weights
         by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_chord, 0)
         return by_ratio, by_chord, by_twist, by_thickness, by_radius
 
@@ -471,8 +467,8 @@ def _cavitation(model, blade, flow, ratio):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     static = model.water_density * GRAVITY * (model.depth - height)
     pressure = ATMOSPHERIC - VAPOUR + static
-    thickness = () if blade.thickness is None else (blade.thickness,)
-    suction, by_angle, *by_section = model.suction(flow.angle_of_attack, *thickness)
+    found = model.polar.along("suction", blade, ratio, flow.angle_of_attack)
+    suction, by_angle, by_followed = found
     speed = flow.relative_speed
     scale = model.margin * cosine**2 / pressure
 
@@ -488,8 +484,7 @@ def _cavitation(model, blade, flow, ratio):
         flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
         for by_attack, by_speed in zip(angle, relative, strict=True)
     ]
-    for by_own_thickness in by_section:
-        by[-1] = by[-1] + flat(scale * speed**2 * by_own_thickness)
+    by[-1] = by[-1] + flat(scale * speed**2 * by_followed)
     lift = model.water_density * GRAVITY * np.tile(height / pressure, 2)
 
     def slopes(share):
@@ -498,7 +493,7 @@ def _cavitation(model, blade, flow, ratio):
         weighted = share * values
         by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_chord, 0)
         by_radius = by_radius + weighted @ lift / blade.rotor_radius
-        return np.sum(by_ratio, axis=1) / cosine, by_chord, by_twist, by_thickness, by_radius
+        return np.sum(by_ratio, axis=1), by_chord, by_twist, by_thickness, by_radius
 
     return Load(r, values, values, slopes)
 

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.rotor import steady_optimum
+from hkt_mdo.rotor import bem, ccblade, steady_optimum
 from hkt_mdo.rotor.inertia import RotorMass, mass_and_inertia, water_inertia
 from hkt_mdo.rotor.loads import LoadModel
 
+SOLVERS = {"vectorized": bem.rotor_coefficients, "ccblade": ccblade.rotor_coefficients}
+"""Solvers of the coefficients of a rotor, by the name in a case."""
 JUMP, JUMP_SAMPLES = 1e-4, 2001
 """Share of the torque, and tip speed ratios, by which a jump of the torque is found."""
 
@@ -19,15 +21,11 @@ class RotorModel(LoadModel):
 
     Attributes
     ----------
-    polar, solver
-        See `Hydrodynamics`.
-    water_density, structure, depth, margin
+    polar, structure, water_density, depth, margin
         See `LoadModel`.
     section_area : float or ndarray of shape (n_stations,) or CubicSpline
         Area of a section's material over chord squared: one, one a station, or a function of the
         thickness over chord.
-    material_density : float
-        Density of the blades' material (kg/m**3).
     hub_inertia : float
         Inertia about the rotor's axis of all that is not a blade (kg*m**2), where a blade does not
         have its own, which is designed.
@@ -38,14 +36,44 @@ class RotorModel(LoadModel):
         plates, "plate", or of ellipses with the sections' thickness, "ellipse".
     thickness : float or ndarray of shape (n_stations,)
         Thickness of the sections over the chord, where a blade does not have its own.
+    solver : str
+        Solver of `coefficients`, one of `SOLVERS`; all else is computed by `hkt_mdo.rotor.bem`.
     """
 
     section_area: float | np.ndarray | CubicSpline
-    material_density: float
     hub_inertia: float = 0.0
     inertia_factor: float = 1.0
     added_inertia: str = "none"
     thickness: float | np.ndarray = 0.0
+    solver: str = "vectorized"
+
+    def coefficients(self, blade, tip_speed_ratio, derivatives=False, flow=None):
+        """Return torque, power and thrust coefficient of the rotor.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+        tip_speed_ratio : array_like of shape (n_points,)
+            Omega R / V of the disc, positive.
+        derivatives : bool
+            Whether the derivatives of the torque coefficient are computed.
+        flow : Sections, optional
+            What `bem.sections` returns for the same, if it is known; without effect for CCBlade.
+
+        Returns
+        -------
+        Coefficients
+            Coefficients at the points.
+
+        Raises
+        ------
+        ValueError
+            As `bem.sections` does.
+        InputError
+            If the solver is CCBlade and WISDEM is not installed.
+        """
+        return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives, flow)
 
     def mass_and_inertia(self, blade):
         """Return mass and inertia of the rotor with a blade.
@@ -62,7 +90,7 @@ class RotorModel(LoadModel):
             factor.
         """
         hub = self.hub_of(blade)
-        mass, inertia = mass_and_inertia(blade, self.section_area, self.material_density, hub)
+        mass, inertia = mass_and_inertia(blade, self.section_area, self.structure.density, hub)
         if self.added_inertia != "none":
             inertia = inertia + self.water_inertias(blade)[self.added_inertia]
         return RotorMass(mass, inertia * self.inertia_factor)
@@ -151,7 +179,7 @@ class RotorModel(LoadModel):
         SteadyOptimum
             Tip speed ratio and power coefficient there.
         """
-        return steady_optimum.best_operation(blade, self)
+        return steady_optimum.best_operation(blade, self.polar)
 
     def best_of_shape(self, shape, blade):
         """Return the best rotor of a family of blades with the radius of one of them.
@@ -169,29 +197,7 @@ class RotorModel(LoadModel):
             The best blade, where it works, and its power coefficient.
         """
         if shape.designs_chord:
-            return steady_optimum.best_rotor(blade, self, shape.bounds)
+            return steady_optimum.best_rotor(blade, self.polar, shape.bounds)
         if shape.designs_set_angle:
-            return steady_optimum.best_set_angle(shape, blade, self)
+            return steady_optimum.best_set_angle(shape, blade, self.polar)
         return self.best_operation(blade)
-
-    def best_blade(self, shape, tip_speed_ratio, start=None, tolerance=1e-14):
-        """Return the best chord and twist at one tip speed ratio; see `steady_optimum.best_blade`.
-
-        Parameters
-        ----------
-        shape : Shape
-            Its blade gives stations, hub, tip, blade count and cone; its bounds hold at stations.
-        tip_speed_ratio : float
-            Omega R / V of the disc.
-        start : Blade, optional
-            Where a local search begins; without it the search is global.
-        tolerance : float
-            Change of the power coefficient at which a local search ends.
-
-        Returns
-        -------
-        SteadyOptimum
-            The best blade and its power coefficient.
-        """
-        about = tip_speed_ratio, shape.bounds, start, tolerance
-        return steady_optimum.best_blade(shape.blade, self, *about)

@@ -174,17 +174,6 @@ class Shape:
         return {name: basis.shape[1] for name, basis in self.bases.items()}
 
     @property
-    def designs_thickness(self):
-        """Whether the thickness is designed.
-
-        Returns
-        -------
-        bool
-            True if the thickness has control points.
-        """
-        return "thickness" in self.bases
-
-    @property
     def designs_set_angle(self):
         """Whether the set angle of a fixed blade is designed.
 

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 
 GRID = (24, 49)  # chords and twists of the search where polars follow the Reynolds number
 SCAN = (12, 25)  # the same at many tip speed ratios, to find the best of them
@@ -40,50 +40,42 @@ class SteadyOptimum(NamedTuple):
     power_coefficient: float
 
 
-def best_blade(blade, rotor, tip_speed_ratio, bounds, start=None, tolerance=1e-14):
-    """Return the `SteadyOptimum` over chord and twist at one tip speed ratio.
+def best_blade(blade, polar, tip_speed_ratio, bounds):
+    """Return the `SteadyOptimum` over chord and twist at one tip speed ratio, found globally.
 
-    Also over the thickness, within the bounds of polars that follow it. The blade gives stations,
-    hub, tip, blade count and cone; bounds are in m and rad. From `start`, a blade, the nearest
-    local optimum is taken; None: the search covers the whole range of chord and twist. A local
-    search ends where the power coefficient changes by less than the tolerance.
+    Also over the thickness, within the bounds of polars that follow it.
 
     Parameters
     ----------
     blade : Blade
         Gives stations, hub, tip, blade count and cone.
-    rotor : Hydrodynamics
-        Its sections and their flow.
+    polar : Polars
+        Polars of the sections.
     tip_speed_ratio : float
         Omega R / V of the disc.
     bounds : dict of str to tuple of float
         Smallest and largest chord (m) and twist (rad).
-    start : Blade, optional
-        Where a local search begins; without it the search is global.
-    tolerance : float
-        Change of the power coefficient at which a local search ends.
 
     Returns
     -------
     SteadyOptimum
         The best blade and its power coefficient.
     """
-    if start is None:
-        (start,) = _candidates(blade, rotor, [tip_speed_ratio], bounds)
-    return _climb(start, rotor, tip_speed_ratio, bounds, tolerance)
+    (start,) = _candidates(blade, polar, [tip_speed_ratio], bounds)
+    return nearest_optimum(start, polar, tip_speed_ratio, bounds, 1e-14)
 
 
-def best_rotor(blade, rotor, bounds):
+def best_rotor(blade, polar, bounds):
     """Return the `SteadyOptimum` over chord, twist and tip speed ratios of 2 to 16.
 
-    Blade, rotor and bounds are those of `best_blade`.
+    Blade, polar and bounds are those of `best_blade`.
 
     Parameters
     ----------
     blade : Blade
         Gives stations, hub, tip, blade count and cone.
-    rotor : Hydrodynamics
-        Its sections and their flow.
+    polar : Polars
+        Polars of the sections.
     bounds : dict of str to tuple of float
         Smallest and largest chord (m) and twist (rad).
 
@@ -95,8 +87,8 @@ def best_rotor(blade, rotor, bounds):
 
     def peaks(ratios, count):
         # the best blade at each of the highest peaks, and the ratios around it
-        starts = _candidates(blade, rotor, ratios, bounds, SCAN)
-        power = [_power(start, rotor, ratio) for start, ratio in zip(starts, ratios, strict=True)]
+        starts = _candidates(blade, polar, ratios, bounds, SCAN)
+        power = [_power(start, polar, ratio) for start, ratio in zip(starts, ratios, strict=True)]
         padded = np.array([-np.inf, *power, -np.inf])
         places = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
         places = places[np.argsort(padded[places + 1])[-count:]]
@@ -104,33 +96,33 @@ def best_rotor(blade, rotor, bounds):
 
     def refined(start, near):
         # the best optimum between the ratios, by continuation from a blade
-        return _bracketed(lambda ratio: _climb(start, rotor, ratio, bounds, 1e-12), near)
+        return _bracketed(lambda ratio: nearest_optimum(start, polar, ratio, bounds, 1e-12), near)
 
     # Stations that jump between stalled and attached flow leave several peaks over the ratio.
     candidates = peaks(RATIOS, PEAKS)
-    if not rotor.follows_reynolds:
+    if not polar.follows_reynolds:
         finer = (np.linspace(near[0], near[-1], FINER) for _, near in candidates)
         candidates = [peak for ratios in finer for peak in peaks(ratios, 1)]
     optima = [(refined(*candidate), candidate[1]) for candidate in candidates]
     best, near = max(optima, key=lambda candidate: candidate[0].power_coefficient)
     for _ in range(4):
         # Another local optimum of a station may be the better one at this tip speed ratio.
-        other = best_blade(blade, rotor, best.tip_speed_ratio, bounds)
+        other = best_blade(blade, polar, best.tip_speed_ratio, bounds)
         if other.power_coefficient <= best.power_coefficient + WORTHWHILE:
             break
         best = refined(other.blade, near)
     return best
 
 
-def best_operation(blade, rotor):
+def best_operation(blade, polar):
     """Return the `SteadyOptimum` of a given blade over tip speed ratios of 1 to 20.
 
     Parameters
     ----------
     blade : Blade
         The blade.
-    rotor : Hydrodynamics
-        Its sections and their flow.
+    polar : Polars
+        Polars of the sections.
 
     Returns
     -------
@@ -140,12 +132,12 @@ def best_operation(blade, rotor):
     ratios = np.linspace(1.0, 20.0, 200)
 
     def at(ratio):
-        return SteadyOptimum(blade, float(ratio), _power(blade, rotor, ratio))
+        return SteadyOptimum(blade, float(ratio), _power(blade, polar, ratio))
 
-    return _peak(at, ratios, rotor.coefficients(blade, ratios).power)
+    return _peak(at, ratios, bem.rotor_coefficients(blade, polar, ratios).power)
 
 
-def best_set_angle(shape, blade, rotor):
+def best_set_angle(shape, blade, polar):
     """Return the `SteadyOptimum` over a `Shape`'s set angle at the radius of a blade.
 
     Parameters
@@ -154,8 +146,8 @@ def best_set_angle(shape, blade, rotor):
         The family of blades.
     blade : Blade
         Gives the radius.
-    rotor : Hydrodynamics
-        Its sections and their flow.
+    polar : Polars
+        Polars of the sections.
 
     Returns
     -------
@@ -164,18 +156,18 @@ def best_set_angle(shape, blade, rotor):
     """
 
     def at(angle):
-        return best_operation(shape.at({"twist": [angle]}, blade.rotor_radius), rotor)
+        return best_operation(shape.at({"twist": [angle]}, blade.rotor_radius), polar)
 
     angles = np.linspace(*shape.bounds["twist"], 25)
     return _peak(at, angles, [at(angle).power_coefficient for angle in angles])
 
 
-def _power(blade, rotor, ratio):
+def _power(blade, polar, ratio):
     """Return the power coefficient at one tip speed ratio."""
-    return float(rotor.coefficients(blade, ratio).power[0])
+    return float(bem.rotor_coefficients(blade, polar, ratio).power[0])
 
 
-def _candidates(blade, rotor, ratios, bounds, grid=GRID):
+def _candidates(blade, polar, ratios, bounds, grid=GRID):
     """Return a blade near the best one for each tip speed ratio, found globally.
 
     By `best_sections`; where polars follow the thickness, at `THICKNESSES` of them, the best of
@@ -183,23 +175,20 @@ def _candidates(blade, rotor, ratios, bounds, grid=GRID):
     of a section than the best, the best of a grid of chord (geometric) and twist.
     """
     ratios = np.array(ratios)
-    if rotor.follows_thickness:
-        tried = np.linspace(*rotor.polar.bounds, THICKNESSES)
-        by_thickness = [
-            _candidates(blade, Hydrodynamics(polar), ratios, bounds, grid)
-            for polar in rotor.polar.at(tried)
-        ]
+    if polar.follows_thickness:
+        tried = np.linspace(*polar.bounds, THICKNESSES)
+        by_thickness = [_candidates(blade, each, ratios, bounds, grid) for each in polar.at(tried)]
         return [
-            _best_stations(blades, rotor, ratio, tried)
+            _best_stations(blades, polar, ratio, tried)
             for ratio, *blades in zip(ratios, *by_thickness, strict=True)
         ]
-    if rotor.follows_reynolds:
+    if polar.follows_reynolds:
         chord, twist = np.empty((2, ratios.size, blade.r.size))
         unreached = np.ones(chord.shape, dtype=bool)
     else:
-        load, chord, twist = rotor.best_sections(blade, ratios, bounds)
+        load, chord, twist = best_sections(blade, polar, ratios, bounds)
         reached = [
-            rotor.sections(blade.with_shape(*shape), ratio).tangential_load[0]
+            bem.sections(blade.with_shape(*shape), polar, ratio).tangential_load[0]
             for *shape, ratio in zip(chord, twist, ratios, strict=True)
         ]
         unreached = np.array(reached) < load - 1e-9 * np.abs(load)
@@ -209,35 +198,53 @@ def _candidates(blade, rotor, ratios, bounds, grid=GRID):
     for j in np.flatnonzero(unreached.any(axis=0)):
         few = unreached[:, j]
         strip = replace(blade, r=np.full(chords.size, blade.r[j]), chord=chords, twist=twists)
-        load = rotor.at_station(j).sections(strip, ratios[few]).tangential_load
+        load = bem.sections(strip, polar.at_station(j), ratios[few]).tangential_load
         best = np.argmax(load, axis=1)
         chord[few, j], twist[few, j] = chords[best], twists[best]
     return [blade.with_shape(*section) for section in zip(chord, twist, strict=True)]
 
 
-def _best_stations(blades, rotor, ratio, thickness):
+def _best_stations(blades, polar, ratio, thickness):
     """Return the blade that combines the best stations of blades of constant thickness."""
     shapes = np.stack(
         [(b.chord, b.twist, np.full(b.r.size, t)) for b, t in zip(blades, thickness, strict=True)]
     )
     loads = [
-        rotor.sections(blade.with_shape(*shape), ratio).tangential_load[0]
+        bem.sections(blade.with_shape(*shape), polar, ratio).tangential_load[0]
         for blade, shape in zip(blades, shapes, strict=True)
     ]
     best, stations = np.argmax(loads, axis=0), np.arange(blades[0].r.size)
     return blades[0].with_shape(*shapes[best, :, stations].T)
 
 
-def _climb(start, rotor, ratio, bounds, tolerance):
+def nearest_optimum(start, polar, tip_speed_ratio, bounds, tolerance):
     """Return the local optimum over chord, twist and maybe thickness next to a blade.
 
     Newton's method, for all stations at once and each within bounds and a trust region of its own:
     stations do not depend on each other, so a difference of gradients has every second derivative.
+
+    Parameters
+    ----------
+    start : Blade
+        Where the search begins.
+    polar : Polars
+        Polars of the sections.
+    tip_speed_ratio : float
+        Omega R / V of the disc.
+    bounds : dict of str to tuple of float
+        Smallest and largest chord (m) and twist (rad).
+    tolerance : float
+        Change of the power coefficient at which the search ends.
+
+    Returns
+    -------
+    SteadyOptimum
+        The best blade and its power coefficient.
     """
     weights = bem.torque_weights(start)
     bounds, x = [bounds["chord"], bounds["twist"]], [start.chord, start.twist]
-    if rotor.follows_thickness:
-        bounds, x = [*bounds, rotor.polar.bounds], [*x, start.thickness]
+    if polar.follows_thickness:
+        bounds, x = [*bounds, polar.bounds], [*x, start.thickness]
     bounds = np.array(bounds).T[:, :, None]
     x = np.clip(np.stack(x), *bounds)
     unit = np.repeat([[1.0], [TWIST_MOVE], [THICKNESS_MOVE]][: len(x)], x[0].size, axis=1)
@@ -245,11 +252,11 @@ def _climb(start, rotor, ratio, bounds, tolerance):
 
     def at(x):
         # the tangential loads of the stations, and their derivatives by their shape
-        flow = rotor.sections(start.with_shape(*x), ratio, derivatives=True)
+        flow = bem.sections(start.with_shape(*x), polar, tip_speed_ratio, derivatives=True)
         _, *by_shape, by_followed = flow.derivatives[0, :, 0]
-        if rotor.follows_reynolds:
+        if polar.follows_reynolds:
             by_shape[0] = by_shape[0] + by_followed / x[0]
-        if rotor.follows_thickness:
+        if polar.follows_thickness:
             by_shape.append(by_followed)
         return flow.tangential_load[0], np.stack(by_shape)
 
@@ -260,7 +267,7 @@ def _climb(start, rotor, ratio, bounds, tolerance):
         moved = [at(x + direction[:, None] * 1e-5 * unit)[1] for direction in np.eye(len(x))]
         bend = np.stack([(slopes - slope) * unit for slopes in moved]) / 1e-5
         step = _newton_step(slope * unit, bend, (bounds - x) / unit, radius) * unit
-        if ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
+        if tip_speed_ratio * weights @ np.abs(np.sum(slope * step, axis=0)) <= tolerance:
             break
         better, better_slope = at(x + step)
         taken = better > load
@@ -268,7 +275,7 @@ def _climb(start, rotor, ratio, bounds, tolerance):
         slope = np.where(taken, better_slope, slope)
         radius = np.where(taken, np.minimum(2.0 * radius, 4.0), 0.25 * radius)
     blade = start.with_shape(*x)
-    return SteadyOptimum(blade, float(ratio), _power(blade, rotor, ratio))
+    return SteadyOptimum(blade, float(tip_speed_ratio), _power(blade, polar, tip_speed_ratio))
 
 
 def _newton_step(slope, bend, room, radius):

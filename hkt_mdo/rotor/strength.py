@@ -4,7 +4,7 @@ A section has the axes x along its chord, from the leading to the trailing edge,
 towards the upper (suction) side, both from the centroid of its material; see docs/rotor_model.md.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -25,15 +25,15 @@ class Bending(NamedTuple):
     """Largest bending stress of sections (Pa), each of shape (n_points, n_places).
 
     largest is over the outline; smooth, never below it, a norm over it with the derivatives by_weak
-    and by_strong by both moments (1/m³), and by_change by the sections where a change of them is
-    given. At places with too little stress for the norm along the blade, smooth is the largest.
+    and by_strong by both moments (1/m³), and by_thickness by that of the sections. At places with
+    too little stress for the norm along the blade, smooth is the largest.
     """
 
     largest: np.ndarray
     smooth: np.ndarray
     by_weak: np.ndarray
     by_strong: np.ndarray
-    by_change: np.ndarray | None = None
+    by_thickness: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ class Structure:
     yy = integral of x² dA, xy = integral of x y dA about the centroid; each of shape (n,) or, for
     equal sections, (1,). points[n or 1, n_points, 2] are those (x, y) of the outline that can have
     the largest stress, over the chord, from the centroid. density (kg/m³) and Young's modulus (Pa)
-    are the material's; the latter is needed for deflections only. n_stations is that of the blade,
-    None for equal sections.
+    are the material's; the latter is needed for deflections only (NaN: they are NaN, too).
+    n_stations is that of the blade, None for equal sections.
     """
 
     area: np.ndarray
@@ -54,11 +54,11 @@ class Structure:
     xy: np.ndarray
     points: np.ndarray
     density: float
-    modulus: float | None = None
+    modulus: float = np.nan
     n_stations: int | None = None
 
     @classmethod
-    def of(cls, outlines, density, modulus=None, wall=None, given=None):
+    def of(cls, outlines, density, modulus=np.nan, wall=None, given=None):
         """Return the structure of a blade with one `Outline`, or one for each station.
 
         Between stations the outlines are blended (`Outline.blend`). wall is the thickness of the
@@ -98,12 +98,27 @@ class Structure:
         points = _governing([points for _, _, points in sections])
         return cls(*numbers.T, points, float(density), modulus, n if n > 1 else None)
 
-    def bending(self, weak, strong, chord, change=None, tension=0.0):
+    def at(self, _thickness=None):
+        """Return the structure of places, and its rate by the thickness, which is not designed.
+
+        Parameters
+        ----------
+        _thickness : ndarray of shape (n_places,), optional
+            Without effect.
+
+        Returns
+        -------
+        structure, rate : Structure
+            This one, and zeros.
+        """
+        nothing = dict.fromkeys(("area", "xx", "yy", "xy"), 0.0)
+        return self, replace(self, **nothing, points=np.zeros(self.points.shape))
+
+    def bending(self, weak, strong, chord, rate=None, tension=0.0):
         """Return the `Bending` stress by moments weak and strong[n_points, n_places] (N m).
 
-        weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m,
-        change is the rate of the structure by what `by_change` is the derivative by. The stress is
-        x u + y v with
+        weak is the moment of forces towards +y, strong of forces towards -x; chord[n_places] in m.
+        The stress is x u + y v with
 
             u = (xx strong + xy weak) / d,  v = -(yy weak + xy strong) / d,  d = (xx yy - xy²) c³.
 
@@ -115,8 +130,8 @@ class Structure:
             Moment of forces towards -x (N*m).
         chord : ndarray of shape (n_places,)
             Chord (m).
-        change : Structure, optional
-            Rate of the structure by what `by_change` is by.
+        rate : Structure, optional
+            Rate of the structure by the thickness; by default that of `at`.
         tension : float or ndarray of shape (n_points, n_places)
             Stress (Pa) that is added at each place.
 
@@ -127,17 +142,16 @@ class Structure:
         """
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
-        moved = None if change is None else change.points
-        around = _around(u, v, self.points, moved, np.real(tension))
+        rate = self.at()[1] if rate is None else rate
+        around = _around(u, v, self.points, rate.points, np.real(tension))
         smooth, largest, by_u, by_v, by_points = around
         by_weak = (self.xy * by_u - self.yy * by_v) / d
-        by_strong, by_change = (self.xx * by_u - self.xy * by_v) / d, None
-        if change is not None:
-            u_d, v_d = change._gradient(weak, strong, d)
-            grown = self.xx * change.yy + change.xx * self.yy - 2.0 * self.xy * change.xy
-            grown = grown / (self.xx * self.yy - self.xy**2)
-            by_change = by_points + by_u * (u_d - u * grown) + by_v * (v_d - v * grown)
-        return Bending(largest, smooth, by_weak, by_strong, by_change)
+        by_strong = (self.xx * by_u - self.xy * by_v) / d
+        u_t, v_t = rate._gradient(weak, strong, d)
+        grown = self.xx * rate.yy + rate.xx * self.yy - 2.0 * self.xy * rate.xy
+        grown = grown / (self.xx * self.yy - self.xy**2)
+        by_thickness = by_points + by_u * (u_t - u * grown) + by_v * (v_t - v * grown)
+        return Bending(largest, smooth, by_weak, by_strong, by_thickness)
 
     def _gradient(self, weak, strong, d):
         """Return the stress' gradients u and v along x and y; see `bending`."""
@@ -147,7 +161,6 @@ class Structure:
         """Return the curvature (1/m) of a blade out of the rotor plane; see `bending`.
 
         The section bends about its own inclined axes, so both moments count. Twist is in rad.
-        Raises ValueError without a modulus.
 
         Parameters
         ----------
@@ -164,14 +177,7 @@ class Structure:
         -------
         ndarray of shape (n_points, n_places)
             In 1/m.
-
-        Raises
-        ------
-        ValueError
-            Without a modulus.
         """
-        if self.modulus is None:
-            raise ValueError("deflections need the modulus of the material")
         d = (self.xx * self.yy - self.xy**2) * chord**4 * self.modulus
         u, v = self._gradient(weak, strong, d)
         return -(v * np.cos(twist) + u * np.sin(twist))
@@ -189,10 +195,10 @@ class StructureByThickness:
     thickness: np.ndarray
     numbers: CubicSpline
     density: float
-    modulus: float | None = None
+    modulus: float = np.nan
 
     @classmethod
-    def of(cls, thickness, outlines, density, modulus=None, wall=None, given=None):
+    def of(cls, thickness, outlines, density, modulus=np.nan, wall=None, given=None):
         """Return the structure of sections of a thickness[n_sections], which increases.
 
         Outlines between them are splines through theirs, at equal fractions of the chord, as are
@@ -220,8 +226,7 @@ class StructureByThickness:
         """
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
-        x, upper, lower = np.moveaxis([outline.resampled() for outline in outlines], 1, 0)
-        along = over_thickness(thickness, np.stack((x, upper, lower), axis=1))(at)
+        along = over_thickness(thickness, [outline.resampled() for outline in outlines])(at)
         walls = [None] * at.size
         if wall is not None:
             walls = np.clip(over_thickness(thickness, wall)(at), np.min(wall), np.max(wall))
@@ -253,24 +258,25 @@ class StructureByThickness:
         """
         return self.numbers(thickness, order)[..., 0]
 
-    def at(self, thickness, order=0):
-        """Return the `Structure` of places with a thickness[n_places], or its rate by it.
+    def at(self, thickness):
+        """Return the `Structure` of places with a thickness[n_places], and its rate by it.
 
         Parameters
         ----------
         thickness : ndarray of shape (n_places,)
             Thickness over chord.
-        order : int
-            1: its rate by the thickness.
 
         Returns
         -------
-        Structure
-            The structure at the places, or its rate.
+        structure, rate : Structure
+            At the places.
         """
-        table = self.numbers(thickness, order)
-        points = table[:, 4:].reshape(table.shape[0], -1, 2)
-        return Structure(*table[:, :4].T, points, self.density, self.modulus)
+        found = []
+        for order in (0, 1):
+            table = self.numbers(thickness, order)
+            points = table[:, 4:].reshape(table.shape[0], -1, 2)
+            found.append(Structure(*table[:, :4].T, points, self.density, self.modulus))
+        return tuple(found)
 
 
 def place_weights(n_stations):
@@ -330,12 +336,12 @@ def _around(u, v, points, moved, added):
     """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
 
     u, v and added, the stress besides, are [n_points, n_places]; points[n or 1, n_outline, 2] and
-    their rates moved, or None, as in `Structure`. Returned are the `norm`, the largest, and the
+    their rates moved as in `Structure`. Returned are the `norm`, the largest, and the
     norm's derivatives by u, by v and by what moves the points, each [n_points, n_places].
     """
     shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
     rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v, added))
-    outlines = points.transpose(0, 2, 1), (points if moved is None else moved).transpose(0, 2, 1)
+    outlines = (each.transpose(0, 2, 1) for each in (points, moved))
     slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), EXPONENT)
     return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
 

@@ -1,6 +1,6 @@
 """Polars that follow the thickness of their station, where that is designed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.airfoil import Polar, mixture
+from hkt_mdo.rotor.polars import Polars
 
 BETWEEN = 9  # thicknesses between two sections at which the drag is checked
 
@@ -34,17 +35,18 @@ def over_thickness(thickness, values):
 
 
 @dataclass(frozen=True, eq=False)
-class ByThickness:
+class ByThickness(Polars):
     """Polars of sections over their thickness; the blade gives the thickness of its stations.
 
     Lift, drag and suction at an angle of attack are splines through the sections' (see
-    `over_thickness`). thickness[n_sections], over the chord, increases, with one of sections each;
+    `over_thickness`). thickness[n_sections], over the chord, increases, with a table of each;
     bounds are the smallest and the largest thickness that a blade may have, within the sections'.
     """
 
     thickness: np.ndarray
-    sections: tuple[Polar, ...]
+    tables: tuple[tuple[Polar, ...], ...]
     bounds: tuple[float, float]
+    follows_thickness = several = True
 
     @classmethod
     def of(cls, thickness, sections, bounds):
@@ -69,7 +71,7 @@ class ByThickness:
         InputError
             Where the drag between sections is not positive.
         """
-        family = cls(np.array(thickness, dtype=float), tuple(sections), tuple(bounds))
+        family = cls(np.array(thickness, dtype=float), (tuple(sections),), tuple(bounds))
         between = [np.linspace(*ends, BETWEEN + 2)[1:-1] for ends in pairwise(family.thickness)]
         between = np.concatenate(between)
         for at, polar in zip(between, family.at(between), strict=True):
@@ -79,67 +81,30 @@ class ByThickness:
                 raise InputError(f"{problem} {at:.3g}", remedy, key="rotor.sections")
         return family
 
-    def scaled(self, lift, drag):
-        """Return the family with factors on lift and drag, as `Polar.scaled`.
-
-        Parameters
-        ----------
-        lift, drag : float
-            The factors.
-
-        Returns
-        -------
-        ByThickness
-            Of the same thicknesses.
-        """
-        return replace(self, sections=tuple(each.scaled(lift, drag) for each in self.sections))
-
-    @property
-    def polars(self):
-        """The tables by station, one tuple for all, as `LocalReynolds` has them.
-
-        Returns
-        -------
-        tuple of tuple of Polar
-            The sections from thin to thick.
-        """
-        return (self.sections,)
-
     @cached_property
     def _cardinal(self):
         return over_thickness(self.thickness, np.eye(self.thickness.size))
 
-    def weights(self, thickness):
-        """Return the sections' weights at thickness[n] and their slopes, (2, n, n_sections).
-
-        Parameters
-        ----------
-        thickness : ndarray of shape (n,)
-            Thickness over chord.
-
-        Returns
-        -------
-        ndarray of shape (2, n, n_sections)
-            Weights, and their slopes by the thickness.
-        """
-        return np.stack((self._cardinal(thickness), self._cardinal(thickness, 1)))
-
-    def mixture(self, blade, _blade_ratio=()):
-        """Return the weights at a blade's stations, the same at all points: axis 2 has length 1.
+    def weights(self, blade, _tip_speed_ratio=()):
+        """Return the sections' weights at a blade's stations and their slopes by the thickness.
 
         Parameters
         ----------
         blade : Blade
             Gives the thickness of its stations.
-        _blade_ratio : array_like
+        _tip_speed_ratio : array_like
             Without effect.
 
         Returns
         -------
         ndarray of shape (2, n_stations, 1, n_sections)
-            Weights, and their slopes by the thickness.
+            The same at all points.
         """
-        return self.weights(blade.thickness)[:, :, None]
+        each = self._cardinal(blade.thickness), self._cardinal(blade.thickness, 1)
+        return np.stack(each)[:, :, None]
+
+    def stations(self, blade):
+        return tuple((polar,) for polar in self.at(blade.thickness))
 
     def at(self, thickness):
         """Return a `Polar` for each of thickness[n].
@@ -154,4 +119,4 @@ class ByThickness:
         tuple of Polar
             One polar for each thickness.
         """
-        return tuple(mixture(self.sections, weights) for weights in self.weights(thickness)[0])
+        return tuple(mixture(*self.tables, weights) for weights in self._cardinal(thickness))

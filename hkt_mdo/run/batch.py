@@ -93,12 +93,15 @@ def begun(folder: Path, case: Case) -> bool:
 
 
 def _is(case: Case, written: Case) -> bool:
-    """Tell whether a case is one that a run has written, with what that took from its files."""
-    case = complete(case)
+    """Tell whether a case is one that a run has written, with what that took from its files.
+
+    A result that was begun from another's design is one of the case as well.
+    """
+    case, source = complete(case), written.start.from_
     if case.design.chord_bounds is None:
         design = case.design.model_copy(update={"chord_bounds": written.design.chord_bounds})
         case = case.model_copy(update={"design": design})
-    return case == written
+    return written in (case, passed_on(case, source or ""))
 
 
 def finished_result(folder: Path, case: Case) -> Solution | None:
@@ -118,14 +121,10 @@ def is_current(found: Solution, case: Case) -> bool:
 def ended_result(folder: Path, case: Case) -> Solution | None:
     """Return what a folder holds if it is a finished result of an equal case, of any version.
 
-    The files that the case names may have changed, too. A result that was begun from another's
-    design is one of the case as well.
+    The files that the case names may have changed, too.
     """
     try:
         solution = Solution.load(folder, extensions=case.extensions)
-        source = solution.case.start.from_
-        cases = case, *([passed_on(case, source)] if source else [])
-        same = any(_is(each, solution.case) for each in cases)
+        return solution if _is(case, solution.case) and solution.finished else None
     except InputError:
         return None
-    return solution if same and solution.summary.checks is not None else None

@@ -11,6 +11,7 @@ from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.bem import STEP
+from hkt_mdo.rotor.best_section import best_sections
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 
 LOWEST, HIGHEST = 0.3, 20.0  # tip speed ratios for which the bound holds
@@ -30,11 +31,11 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     """
     shape, law, limit = physics.shape, physics.law, physics.law.torque_limit
     rotor, designs_radius = physics.rotor, shape.radius_bounds is not None
-    designed = designs_radius or physics.designs_hub or shape.designs_thickness
+    designed = designs_radius or physics.designs_hub or "thickness" in shape.bases
     moves_more = rotor.inertia_factor != 1.0 or rotor.added_inertia != "none"
     several = len(physics.rotors) > 1
     fast = optimum.tip_speed_ratio > 0.8 * HIGHEST
-    if rotor.follows_reynolds or designed or moves_more or several or fast:
+    if rotor.polar.follows_reynolds or designed or moves_more or several or fast:
         return None
     known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
     free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
@@ -77,7 +78,7 @@ def _best_power(physics, optimum):
         )
     )
     if shape.designs_chord:
-        load = physics.rotor.best_sections(blade, ratios, shape.bounds).load
+        load = best_sections(blade, physics.rotor.polar, ratios, shape.bounds).load
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         angles = np.linspace(*shape.bounds["twist"], ANGLES)
@@ -89,7 +90,7 @@ def _best_power(physics, optimum):
         power = physics.rotor.coefficients(blade, ratios).power
     fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
     power = between(ratios, power, fine)
-    return BestPower(fine, power, 2 * (physics.mass_and_inertia(blade)[1],))
+    return BestPower(fine, power, 2 * (physics.rotor.mass_and_inertia(blade)[1],))
 
 
 def _inertia_of_heavy(physics, optimum):
@@ -107,11 +108,11 @@ def _inertia_of_heavy(physics, optimum):
     unit = np.ones(blade.r.size)
     moved = replace(blade.with_shape(unit, unit), chord=unit + 1j * STEP * np.eye(unit.size))
     slope = np.imag(physics.rotor.mass_and_inertia(moved).inertia) / STEP
-    lightest = physics.mass_and_inertia(blade.with_shape(bounds["chord"][0] * unit, unit))[1]
-    prices = PRICES * optimum.power_coefficient / physics.mass_and_inertia(best)[1]
+    lightest = physics.rotor.mass_and_inertia(blade.with_shape(bounds["chord"][0] * unit, unit))[1]
+    prices = PRICES * optimum.power_coefficient / physics.rotor.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)
     weights = bem.torque_weights(blade)
-    whole = physics.rotor.best_sections(blade, ratios, bounds)
+    whole = best_sections(blade, physics.rotor.polar, ratios, bounds)
     chords = np.geomspace(*bounds["chord"], CHORDS + 1)
     twists = np.linspace(*bounds["twist"], TWISTS)
     sums = np.zeros((prices.size, RATIOS))
@@ -123,7 +124,7 @@ def _inertia_of_heavy(physics, optimum):
                 each.ravel() for each in np.meshgrid(chords[first:-1], twists, indexing="ij")
             )
             strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
-            found = physics.rotor.at_station(j).sections(strip, ratios).tangential_load
+            found = bem.sections(strip, physics.rotor.polar.at_station(j), ratios).tangential_load
             # the increase between twists, by a parabola; then the best of this and larger chords
             load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
             load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]

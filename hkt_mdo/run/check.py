@@ -3,13 +3,14 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.generator import BEYOND
-from hkt_mdo.dynamics.limits import DesignBounds, Limit
+from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.equilibrium import refuse_slow
@@ -19,8 +20,8 @@ from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.results.rows import bending, bends_far, duration, flow_words, water_inertia
+from hkt_mdo.results.summary import Achieved, in_operation
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
 from hkt_mdo.run.checks import FLOW_ERROR, designed, in_case
@@ -49,8 +50,6 @@ class CheckReport:
 
     Attributes
     ----------
-    name : str
-        Name of the case.
     tables : dict of list of Row
         Quantities, by the title of their table.
     notes : list of Row
@@ -61,7 +60,6 @@ class CheckReport:
         The quantities behind the rows.
     """
 
-    name: str
     tables: dict[str, list[Row]]
     notes: list[Row]
     warnings: list[Row]
@@ -106,7 +104,6 @@ def check_case(case: Case) -> CheckReport:
     notes = [Row("", text) for text in world.messages]
     warnings = [Row("", text) for text in world.warnings]
     return CheckReport(
-        case.name,
         {title: [row for row in table if not row.severity] for title, table in rows.items()},
         notes + [row for row in every if row.severity == "note"],
         warnings + [row for row in every if row.severity == "warning"],
@@ -145,7 +142,7 @@ def _turbine(found: Findings) -> Rows:
                 f"{off[worst]:.2g} {unit} at {place}: the run begins with the "
                 "spline; more points follow the file more closely",
             )
-    mass, inertia = found.physics.mass_and_inertia(blade)
+    mass, inertia = found.physics.rotor.mass_and_inertia(blade)
     source = "given in the case" if rotor.chord is not None else Path(rotor.blade).name
     if found.case.start.from_ is not None:
         source = f"design of {found.case.start.from_}"
@@ -185,7 +182,7 @@ def _stations(found: Findings) -> Rows:
     if len(numbers) > 1 and turbine.reynolds_number and found.case.rotor.reynolds == "invariant":
         known += f", taken at {powers(turbine.reynolds_number)}"
     how = "at every speed"
-    if isinstance(found.plant.polar, LocalReynolds):
+    if found.plant.polar.follows_reynolds:
         how, (low, high) = "which follow them", np.exp(found.plant.polar.log_reynolds[[0, -1]])
         met = found.reynolds
         off = np.any((met < 0.99 * low) | (met > 1.01 * high), axis=0)
@@ -337,15 +334,17 @@ def _control(found: Findings) -> Rows:
 
 
 def _reached(found: Findings) -> tuple[str, str] | None:
-    """Return key and bounds of the limit that the starting blade breaks most, or reaches."""
+    """Return key and bound of the limit that the starting blade breaks most, or reaches."""
     limits = [
-        (float(np.max(limit.excess(found.at_start[flow.name]))), limit.key, _ends(limit))
+        (float(np.max(limit.excess(found.at_start[flow.name]))), limit)
         for flow in found.flows
         for limit in found.physics.limits_in(flow.scenarios[0])
         if np.isfinite(limit.upper)
     ]
-    share, *named = max(limits, default=(-1.0,))
-    return tuple(named) if share > -REACHED else None
+    share, most = max(limits, key=itemgetter(0), default=(-1.0, None))
+    if most is None or share <= -REACHED:
+        return None
+    return most.key, f"at most {measured(most.upper, most.unit or '', 4)}"
 
 
 def _within_bounds(found: Findings) -> str:
@@ -477,66 +476,33 @@ def _bounds(found: Findings) -> Rows:
 
 
 def _limits(found: Findings) -> Rows:
-    """Yield by how much the starting blade keeps or breaks each limit, and its other loads.
+    """Yield limits and loads of the starting blade as a result has them, and how it bends.
 
     In quasi-steady operation under the control law; warn of limits that are broken.
     """
     for flow in found.flows:
-        limits = *found.physics.limits_in(flow.scenarios[0]), *found.physics.design_limits
         name = f"{flow.name}: " * (len(found.flows) > 1)
-        for row in _of_scenario(found, limits, found.at_start[flow.name]):
+        values, limits = found.at_start[flow.name], {}
+        for limit in (*found.physics.limits_in(flow.scenarios[0]), *found.physics.design_limits):
+            if isinstance(limit, DesignBounds) or not np.isfinite(limit.end):
+                continue
+            known = found.running or limit.place != "time"
+            limits[limit.name] = loads.of_limit(limit, values if known else None)
+            broken, speed = limit.excess(values) > START_EXCESS, values["inflow_speed"]
+            if known and np.any(broken):
+                where = f"in flows from {speed[broken].min():.4g} m/s" * (broken.size == speed.size)
+                row = limits[limit.name].row(limit.name)
+                text = joined(f"broken at the start, {row}", where)
+                yield _warning(name + limit.key, f"{text}: the run has to meet it")
+        largest = loads.largest([values]) if found.running else {}
+        case, start = found.case.of_scenario(flow.name), Achieved(limits=limits, loads=largest)
+        for row in in_operation(start, case):
             yield replace(row, label=name + row.label)
     rotor, blade, bent = found.physics.rotor, found.start.blade, None
-    if found.running and not rotor.follows_reynolds:
+    if found.running and not rotor.polar.follows_reynolds:
         bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
-    yield from bending(bent, blade.tip_radius, rotor.structure and rotor.weight_moment(blade))
+    yield from bending(bent, blade.tip_radius, rotor.weight_moment(blade))
     yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
-
-
-def _of_scenario(found: Findings, limits: tuple[Limit, ...], values: dict) -> Rows:
-    """Yield limits and loads of the starting blade in one scenario."""
-    limited = {limit.name for limit in limits}
-    for limit in limits:
-        endless = not np.isfinite(limit.upper) and limit.lower <= 0.0
-        if isinstance(limit, DesignBounds) or endless:
-            continue
-        words, kept = _ends(limit), ""
-        if found.running or limit.place != "time":
-            kept = _kept(limit, limit.value_of(values))
-            broken, flow = limit.excess(values) > START_EXCESS, values["inflow_speed"]
-            if np.any(broken):
-                if broken.size == flow.size:
-                    kept += f", in flows from {flow[broken].min():.4g} m/s"
-                text = f"broken at the start, {words}; {kept}: the run has to meet it"
-                yield _warning(limit.key, text)
-        yield Row(limit.key, words, "", kept)
-    if found.running:
-        for name, entry in loads.largest([values]).items():
-            if name not in limited:
-                yield entry.row(name)
-
-
-def _ends(limit: Limit) -> str:
-    """Return the bounds of a limit; none below that is zero."""
-    ends = {"at least": limit.lower, "at most": limit.upper}
-    finite = {word: float(end) for word, end in ends.items() if np.isfinite(end)}
-    if finite.get("at least") == 0.0:
-        del finite["at least"]
-    return " and ".join(f"{word} {measured(x, limit.unit or '', 4)}" for word, x in finite.items())
-
-
-def _kept(limit: Limit, value) -> str:
-    """Return the range of a limited value, and by how much it is kept or broken."""
-    unit, value = limit.unit or "", np.atleast_1d(value)
-    bounds = [(limit.lower - value, limit.lower), (value - limit.upper, limit.upper)]
-    if limit.lower == 0.0 <= np.min(value):  # as of a torque, which never drives
-        del bounds[0]
-    over, bound = max((float(np.max(each)), abs(float(bound))) for each, bound in bounds)
-    text = f"{measured(value, unit, 4)}: "
-    if abs(over) <= START_EXCESS * bound:
-        return text + "at the limit"
-    share = f" ({100.0 * abs(over) / bound:.3g} %)" if bound else ""
-    return f"{text}{'broken' if over > 0.0 else 'kept'} by {measured(abs(over), unit, 3)}{share}"
 
 
 def _first_line(kind) -> str:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel, Span
 from hkt_mdo.results.words import powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.run.check import CheckReport
 from hkt_mdo.run.findings import Findings, Flow
@@ -41,7 +39,7 @@ def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
     charts["coefficients"] = [_power_panel(found)]
     for name, panels in charts.items():
         width, height = SIZES.get(name, (6.8, 2.6))
-        title = f"{report.name}: {name.replace('_', ' ')}"
+        title = f"{found.case.name}: {name.replace('_', ' ')}"
         figures[name] = style.figure_of_panels(panels, width, height, title)
     return style.save(figures, folder)
 
@@ -73,26 +71,19 @@ def _blade_panels(found: Findings) -> list[Panel]:
     return panels
 
 
-def _polar_curves(found: Findings) -> Iterator[dict[str, Any]]:
-    """Yield the different polars, root to tip."""
+def _polar_curves(found: Findings) -> Iterator[tuple[str, Polar, np.ndarray, np.ndarray]]:
+    """Yield the different polars, root to tip, as `polar_panels` takes them."""
     groups: dict[tuple[Polar, ...], list[int]] = {}
     for station, polars in enumerate(found.stations.polars):
         groups.setdefault(polars, []).append(station)
-    alpha = np.linspace(-40.0, 50.0, 361)
-    angle = np.deg2rad(alpha)
+    angle = np.deg2rad(np.linspace(-40.0, 50.0, 361))
     for tables, where in groups.items():
         label = "all stations" if len(groups) == 1 else found.stations.places(where)
         labels = [label]
-        if isinstance(polar := found.plant.polar, LocalReynolds):
+        if (polar := found.plant.polar).follows_reynolds:
             labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
         for table, label in zip(tables, labels, strict=True):
-            lift, drag = table.evaluate(angle)
-            inside = (angle >= table.alpha_min) & (angle <= table.alpha_max)
-            suction = np.full(alpha.size, np.nan)
-            if table.suction is not None:  # none is known beyond the table
-                suction[inside] = np.max(table.suction_at(angle[inside])[0], axis=0)
-            curve = {"alpha_deg": alpha, "lift": lift, "drag": drag, "suction": suction}
-            yield curve | {"sure": inside, "label": label}
+            yield label, table, angle, (angle >= table.alpha_min) & (angle <= table.alpha_max)
 
 
 def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
@@ -121,11 +112,9 @@ def power_spectrum(speed: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarr
     A periodogram of even samples (m/s), `step` (s) apart, under Hann's window after the mean is
     taken out, averaged over twelfths of an octave.
     """
-    window = np.hanning(speed.size)
-    rest = speed - np.average(speed, weights=window)
     from scipy.signal import periodogram  # takes a third of the time that this package takes
 
-    frequency, density = periodogram(rest, 1.0 / step, window, detrend=False)
+    frequency, density = periodogram(speed, 1.0 / step, "hann")
     band = np.floor(12.0 * np.log2(frequency[1:] / frequency[1]) + 1e-9).astype(int)
     _, band, count = np.unique(band, return_inverse=True, return_counts=True)
     return tuple(np.bincount(band, each[1:]) / count for each in (frequency, density))

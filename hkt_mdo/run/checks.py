@@ -436,9 +436,9 @@ def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
     if not result.curve.size:
         return probe, np.zeros(probe.size)
     basis, errors = TorqueSpline(result.setup.nodes).basis(probe), []
-    for own in dict.fromkeys(map(physics.rotor_in, physics.scenarios)):
-        rotor, curve = own.as_built(blade), result.curve
-        if own is not physics.rotor:
+    for rotor in dict.fromkeys(map(physics.rotor_in, physics.scenarios)):
+        curve = result.curve
+        if rotor is not physics.rotor:
             curve = rotor.coefficients(blade, result.setup.nodes).torque
         errors.append(np.abs(basis @ curve / rotor.coefficients(blade, probe).torque - 1.0))
     return probe, np.max(errors, axis=0)

@@ -47,8 +47,8 @@ class Stations:
     """
 
     def __init__(self, blade: Blade, polar, working: tuple[float, float]):
-        polars = bem.station_polars(polar, blade.r.size)
-        found = bem.sections(blade, polar, np.linspace(*working, 31) / np.cos(blade.cone))
+        polars = polar.stations(blade)
+        found = bem.sections(blade, polar, np.linspace(*working, 31))
         angles = found.angle_of_attack
         lowest = [max(each.alpha_min for each in tables) for tables in polars]
         highest = [min(each.alpha_max for each in tables) for tables in polars]
@@ -230,9 +230,8 @@ class Findings:
         """Set the angles of attack and Reynolds numbers of the stations at the start, by BEM."""
         blade, polar = self.plant.blade, self.plant.polar
         self.stations = Stations(blade, polar, self.working)
-        cosine = np.cos(blade.cone)
-        ratio = np.array(self.working)[:, None] / cosine * blade.r / blade.tip_radius
-        flow = np.array([[self.slowest], [self.fastest]]) * cosine
+        ratio = np.array(self.working)[:, None] * blade.r / blade.rotor_radius
+        flow = np.array([[self.slowest], [self.fastest]]) * np.cos(blade.cone)
         relative = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = relative / self.case.fluid.kinematic_viscosity
 

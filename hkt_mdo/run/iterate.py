@@ -124,7 +124,7 @@ def _over_time(physics, data) -> tuple[Physics, Operation]:
 def _design(physics, data):
     """Return blade, gains and reference of an iterate."""
     shape, stations = physics.shape, physics.blade.r.size
-    names = ["chord_m", "twist_rad", *["thickness_over_chord"] * shape.designs_thickness]
+    names = ["chord_m", "twist_rad", *["thickness_over_chord"] * ("thickness" in shape.bases)]
     found = [_numbers(data[name], stations) for name in names]
     radius, reference = (
         float(_numbers(data[key], 1)[0]) for key in ("rotor_radius_m", "reference_energy_J")

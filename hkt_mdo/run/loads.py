@@ -1,10 +1,11 @@
-"""The report of the loads of a result, and of a starting blade: the largest, and their places."""
+"""The largest loads and limited values of a result, or a starting blade, and their places."""
 
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.evaluation import loads_along
 from hkt_mdo.problem.model import Physics
@@ -15,15 +16,20 @@ from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 
+# relative distance from its bound within which a limit counts as binding; that of a load, of whose
+# values along the blade the optimization has a smooth largest that is up to as much above them
+BINDING, ENVELOPE = 1e-3, 1e-2
+
 Known = dict[str, Any]
 """Quantities and loads of a trajectory, (n_times,), and the scalars of the design."""
 
 
 def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
-    """Return the largest loads of some trajectories, and the largest power and speeds."""
+    """Return the largest loads of some trajectories, and the largest torque, power and speeds."""
     found: dict[str, LoadEntry] = {}
     for known in trajectories:
         reported = {n: (known[n], QUANTITIES[n].unit) for n in LOADS if n in known}
+        reported["control_torque"] = known["control_torque"], "N*m"
         reported["power"] = known["generator_power"], "W"
         reported["rotor_speed"] = known["rotor_speed"], "rad/s"
         reported["tip_speed"] = known["rotor_speed"] * known["rotor_radius"], "m/s"
@@ -33,6 +39,26 @@ def largest(trajectories: Iterable[Known]) -> dict[str, LoadEntry]:
             if before is None or value > before.value:
                 found[name] = LoadEntry(value=value, unit=unit or "", **place(known, worst))
     return found
+
+
+def of_limit(limit: Limit, known: Known | None) -> LoadEntry:
+    """Return a limit with its value that is closest to the bound; none where `known` is None.
+
+    With the value, whether the limit binds, and, of one over time, when.
+    """
+    about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
+    if known is None:
+        return LoadEntry(**about)
+    values, shares = np.ravel(limit.reported(known)), np.ravel(limit.share(known))
+    worst = int(np.argmax(shares))
+    when = place(known, worst) if limit.place == "time" else {}
+    binding = bool(shares[worst] >= binds_from(limit))
+    return LoadEntry(value=float(values[worst]), binding=binding, **about, **when)
+
+
+def binds_from(limit: Limit) -> float:
+    """Return the share of a limit from which it counts as binding."""
+    return 1.0 - (ENVELOPE if limit.name in LOADS else BINDING)
 
 
 def place(known: Known, at: int) -> dict[str, float]:
@@ -114,7 +140,7 @@ def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -
 
 def tip_deflection(rotor: RotorModel, blade: Blade, known: Known) -> float | None:
     """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
-    if rotor.follows_reynolds:
+    if rotor.polar.follows_reynolds:
         return None
     ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
     at = np.linspace(ratio.min(), ratio.max(), 201)

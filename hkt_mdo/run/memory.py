@@ -84,7 +84,7 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     heavier = stable_hub(physics, start.blade, found, SAFE)
     if heavier is not None:
         return with_memory(physics, replace(start, blade=replace(start.blade, hub_inertia=heavier)))
-    inertia, least = physics.mass_and_inertia(start.blade)[1], found.least_inertia_kg_m2
+    inertia, least = physics.rotor.mass_and_inertia(start.blade)[1], found.least_inertia_kg_m2
     if least is not None and inertia >= HOPELESS * least:
         return start
     remedy = "give another control.law, or inflow_dynamics: quasi_steady"

@@ -76,7 +76,7 @@ class Task:
         The torque of several sections is rough: their curve has twice the nodes, since its
         accuracy for the blade of the start says little of others (iea3_4 needed five passes).
         """
-        nodes = curve_nodes(physics, start, finer=physics.rotor.several_sections)
+        nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
         setup = Setup(start, nodes, least_hub=first_hub(physics, start))
         return cls(start, physics, setup, **others)
 
@@ -106,7 +106,7 @@ class Pass:
         They are long then, and the torque depends on the tip speed ratio alone.
         """
         physics = self.physics
-        exact = self.exact or physics.remembers or physics.rotor.follows_reynolds
+        exact = self.exact or physics.remembers or physics.rotor.polar.follows_reynolds
         return not exact and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
 
     @property
@@ -256,7 +256,7 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
     """
     physics, point = result.physics, result.point
     nodes = curve_nodes(physics, point, finer=True)
-    curve = physics.rotor.as_built(point.blade).coefficients(point.blade, nodes).torque
+    curve = physics.rotor.coefficients(point.blade, nodes).torque
     finer = replace(result, setup=replace(result.setup, nodes=nodes), curve=curve)
     return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 

@@ -15,7 +15,7 @@ from hkt_mdo.files.blade import write_blade_csv
 from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.problem.point import START_EXCESS
-from hkt_mdo.quantities import LOADS, OVER_TIME, QUANTITIES, Described
+from hkt_mdo.quantities import OVER_TIME, QUANTITIES, column_of
 from hkt_mdo.results.folder import to_json, write_csv
 from hkt_mdo.results.solution import TABLES
 from hkt_mdo.results.summary import VERSION, Summary
@@ -25,10 +25,6 @@ from hkt_mdo.run import year as a_year
 from hkt_mdo.run.checks import RESOLVED, Checked, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.memory import stability, stability_of
-
-# relative distance from its bound within which a limit counts as binding; that of a load, of whose
-# values along the blade the optimization has a smooth largest that is up to as much above them
-BINDING, ENVELOPE = 1e-3, 1e-2
 
 LEAST_WEIGHT = 1e-30
 """Of a load case, for a mean where all scenarios are load cases."""
@@ -75,7 +71,7 @@ def summarize(
     design, blade, outcome = _design(finished), result.point.blade, result.outcome
     ratios = design["tip_speed_ratio"]
     working = max(float(ratios["min"]), SLOWEST_RATIO), float(ratios["max"])
-    stations = Stations(blade, physics.rotor.as_built(blade).polar, working)
+    stations = Stations(blade, physics.rotor.polar, working)
     messages = list(stations.messages("found blade"))
     warned, noted = ([text for x, text in messages if x == kind] for kind in ("warning", "note"))
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
@@ -195,7 +191,8 @@ def _at_bounds(finished):
         value, (unit, scale) = limit.value_of(values), units[limit.name]
         for end in ("lower", "upper"):
             bound = getattr(limit, end)
-            at = np.isclose(value, bound, BINDING, 0.1 * BINDING * np.max(np.abs(value)))
+            near = loads.BINDING
+            at = np.isclose(value, bound, near, 0.1 * near * np.max(np.abs(value)))
             if np.any(at):
                 spans = np.flatnonzero(np.diff(at, prepend=False, append=False)).reshape(-1, 2)
                 along = limit.place == "span"
@@ -214,7 +211,7 @@ def _extremes(finished, scenarios, shadow_prices):
     whole = verification.design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
-            limits[limit.name] = _entry(limit, whole)
+            limits[limit.name] = loads.of_limit(limit, whole).model_dump(exclude_unset=True)
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
     limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
@@ -225,7 +222,7 @@ def _extremes(finished, scenarios, shadow_prices):
         "limits": limits,
         "loads": found,
         "tip_deflection_m": None if None in bent else max(bent),
-        "weight_moment_Nm": model.structure and model.weight_moment(blade),
+        "weight_moment_Nm": model.weight_moment(blade),
     }
 
 
@@ -354,19 +351,6 @@ def _over_time(finished, verifications, several=False):
     return {name: _limit(own, several) for name, own in pairs.items()}
 
 
-def _entry(limit, known):
-    """Return the value of a limit that is closest to its bound, the bound, and whether it binds."""
-    values, shares = np.ravel(limit.reported(known)), limit.share(known)
-    about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
-    binding = bool(np.max(shares) >= _least(limit))
-    return {"value": float(values[np.argmax(shares)]), "binding": binding} | about
-
-
-def _least(limit):
-    """Return the share of a limit from which it counts as binding."""
-    return 1.0 - (ENVELOPE if limit.name in LOADS else BINDING)
-
-
 def _limit(pairs, several):
     """Return the worst value of a limit over time, at the nodes and in the integration.
 
@@ -374,12 +358,12 @@ def _limit(pairs, several):
     """
     found, binding = [], []
     for limit, run in pairs:
-        shares = limit.share(run.simulated)
-        about = loads.place(run.simulated, np.argmax(shares))
-        about |= {"scenario": run.scenario.group} if several else {}
+        where = {"scenario": run.scenario.group} if several else {}
         for known in (run.simulated, run.at_nodes):
-            found.append((np.max(limit.share(known)), _entry(limit, known) | about))
-        binding.append(np.where(shares >= _least(limit), 1.0, 0.0))
+            entry = loads.of_limit(limit, known).model_dump(exclude_unset=True)
+            found.append((np.max(limit.share(known)), entry | where))
+        bound = limit.share(run.simulated) >= loads.binds_from(limit)
+        binding.append(np.where(bound, 1.0, 0.0))
     share = _mean([run for _, run in pairs], binding)
     return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
 
@@ -396,7 +380,7 @@ def write_tables(out: Path, finished: Checked) -> None:
     """
     physics, blade = finished.physics, finished.result.point.blade
     headers, states = {x: QUANTITIES[x].column for x in OVER_TIME}, physics.law.states.items()
-    headers |= {x: Described(x, *about, "time", "trajectory").column for x, about in states}
+    headers |= {name: column_of(name, unit) for name, (unit, _) in states}
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
         for name, known in (("trajectory", "at_nodes"), ("simulation", "simulated")):

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,26 +30,11 @@ SECONDS_BETWEEN_TABLES = 30.0
 RUNS = "runs"
 
 
-class Status(NamedTuple):
-    """How far a sweep is: numbers of runs, and an estimate of the time that is left, s.
-
-    `older` is the number of finished results that are replaced, since the version or a file is
-    another one now.
-    """
-
-    total: int
-    reused: int
-    computed: int
-    failed: int
-    left: float | None
-    older: int
-
-
 def run_sweep(
     sweep: Sweep | str | Path,
     out: str | Path,
     jobs: int | None = None,
-    report: Callable[[Status], None] = lambda status: None,
+    report: Callable[[Plan], None] = lambda plan: None,
     *,
     scheduler: str | None = None,
     extensions: Iterable[Extension] = (),
@@ -62,10 +47,10 @@ def run_sweep(
     in a folder named after the content of its case. A result of an equal case, with the files and
     the source code that are there now, is used again, so that a sweep goes on after any kill.
 
-    `jobs` and `scheduler` are those of `in_processes`; report(status) is called when a run ends;
-    `most`: run no more points than these; `run`: what runs a case, called as `run_case`.
+    `jobs` and `scheduler` are those of `in_processes`; report(plan) is called when a run ends;
+    `extensions`: of the cases of a file; `most`: run no more points than these; `run`: what runs a
+    case, called as `run_case`.
     """
-    extensions = tuple(extensions)
     sweep = sweep if isinstance(sweep, Sweep) else load_sweep(sweep, extensions)
     out = Path(out).absolute()
     inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
@@ -75,7 +60,7 @@ def run_sweep(
     with locked(out):
         (out / RUNS).mkdir(exist_ok=True)
         write_text(out / SWEEP, sweep.to_yaml())
-        plan = _Plan(sweep, out, extensions, run, report, most or sweep.size)
+        plan = Plan(sweep, out, run, report, most or sweep.size)
         try:
             in_processes(plan.tasks(), jobs, plan.ended, scheduler, out)
         finally:
@@ -83,11 +68,15 @@ def run_sweep(
         return plan.table()
 
 
-class _Plan:
-    """The points of a sweep, what of them is done, and what is to be run next."""
+class Plan:
+    """The points of a sweep, what of them is done, and what is to be run next.
 
-    def __init__(self, sweep, out, extensions, run, report, total) -> None:
-        self.sweep, self.out, self.extensions = sweep, out, extensions
+    Numbers of runs are the `total`, those `reused`, `computed` and `failed`, and `older`, finished
+    results that are replaced, since the version or a file is another one now.
+    """
+
+    def __init__(self, sweep, out, run, report, total) -> None:
+        self.sweep, self.out = sweep, out
         self.run, self.report, self.total = run, report, total
         self.points: list[tuple[Row, str]] = []  # values of the keys, and the run's name
         self.rows: dict[str, Row] = {}  # by the run's name
@@ -100,17 +89,17 @@ class _Plan:
         for place in islice(self.sweep.places(), self.total):
             point = self.sweep.point_at(place)
             try:
-                case = self.sweep.case_at(point, self.extensions)
+                case = self.sweep.case_at(point)
             except InputError as error:
                 name = f"none-{len(self.points)}"
-                self.points.append((self.sweep.row_at(point, self.extensions), name))
+                self.points.append((self.sweep.row_at(point), name))
                 self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
             about = case.model_dump_json(exclude={"name"}).encode()
             name = hashlib.sha256(about).hexdigest()[:16]
             case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
-            self.points.append((self.sweep.row_at(point, self.extensions), name))
+            self.points.append((self.sweep.row_at(point), name))
             if name in self.rows:  # the same case at another point
                 self.total -= 1
                 continue
@@ -123,7 +112,7 @@ class _Plan:
                     self.done(name, _row(found, case))
                     continue
                 self.older += 1
-                self.tell()
+                self.report(self)
             yield name, partial(run_one, case, folder, self.nearest(name), self.run)
 
     def ended(self, name: str, future: Any) -> None:
@@ -149,15 +138,15 @@ class _Plan:
         """Keep a row, and tell of it."""
         self.rows[name] = row
         self.failed += row["state"] != VERIFIED
-        self.tell()
+        self.report(self)
 
-    def tell(self) -> None:
-        """Tell how far the sweep is."""
-        left = None
-        if self.computed:
-            each = (time.monotonic() - self.began) / self.computed
-            left = each * max(0, self.total - self.reused - self.computed)
-        self.report(Status(self.total, self.reused, self.computed, self.failed, left, self.older))
+    @property
+    def left(self) -> float | None:
+        """Estimate of the time that is left, s; None before a run has been computed."""
+        if not self.computed:
+            return None
+        each = (time.monotonic() - self.began) / self.computed
+        return each * max(0, self.total - self.reused - self.computed)
 
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""

@@ -27,7 +27,7 @@ from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, reco
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
+from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
 from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
 from hkt_mdo.start.result import RESULT, design_of_result
 from hkt_mdo.start.steady import co_designed, optimized, without_time
@@ -85,7 +85,7 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
         found.append(optimum)
     else:
         rotors.append(physics.rotor)
-    if physics.rotor.follows_reynolds:
+    if physics.rotor.polar.follows_reynolds:
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
         rotors += [physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max())]
     found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
@@ -155,11 +155,12 @@ def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]
     turns slower (0.5 % of the energy of `rm1_turbulent_limits`). Without limits that make branches
     all blades led to one optimum, within 3e-5, in 24 cases of eight random turbines.
     """
-    shape, rotor = physics.shape, physics.rotor
+    shape = physics.shape
     yield Candidate(BEST, shape.nearest(optimum.blade))
     if shape.designs_chord and has_branches(physics):
         name, factor = SLOWER if len(physics.law.gain_units) == 1 else FASTER
-        other = rotor.best_blade(shape, factor * optimum.tip_speed_ratio, optimum.blade, 1e-8)
+        ratio = factor * optimum.tip_speed_ratio
+        other = nearest_optimum(optimum.blade, physics.rotor.polar, ratio, shape.bounds, 1e-8)
         yield Candidate(name, shape.nearest(other.blade))
 
 
@@ -237,7 +238,7 @@ class Search:
         law keeps its limits. On a second branch the flow is stalled, which makes optimizations
         long: one blade is enough.
         """
-        law, found = self.physics.law, list(map(self._optimum, self._at_constant_torque()))
+        law, found = self.physics.law, []
         follows = bool(law.states) or len(law.gain_units) > 1
         for branch in self.branches:
             some = candidates if branch == self.branches[0] else candidates[:1]
@@ -257,6 +258,8 @@ class Search:
                     found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
                     if found[-1].excess <= START_EXCESS:
                         followed.add(about)
+        # last, since rivals end it: its curve may have 1,700 nodes (`two_flows`)
+        found += map(self._optimum, self._at_constant_torque())
         rank = MERIT if law.is_feedback else self._less_stall
         found.sort(key=rank, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
@@ -291,7 +294,7 @@ class Search:
         kept, value = rank(found[0])
         least = kept, value - TIE * abs(value)
         ties = [found[0], *(each for each in found[1:] if rank(each) >= least)]
-        return max(ties, key=lambda end: self.physics.mass_and_inertia(end.blade)[1])
+        return max(ties, key=lambda end: self.physics.rotor.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return a candidate as it is, in operation over the whole flow."""
@@ -342,7 +345,7 @@ class Search:
         """Return the optimum that is reached from a point, by default under the case's law."""
         steady = steady or self.steady
         law, rivals = steady.law.law, []
-        if point.branch != self.branches[0]:
+        if point.branch != self.branches[0] or point.strategy == CONSTANT:
             known = [each for each in self.tried if each.law == law]
             rivals = [each.objective for each in known if each.excess <= START_EXCESS]
         end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
@@ -373,7 +376,8 @@ class Search:
         if not one or law.torque_limit is None or not physics.shape.designs_chord:
             return
         ratio = SOLID_RATIO * self.optimum.tip_speed_ratio
-        slow = physics.rotor.best_blade(physics.shape, ratio, self.optimum.blade, 1e-8).blade
+        about = physics.rotor.polar, ratio, physics.shape.bounds, 1e-8
+        slow = nearest_optimum(self.optimum.blade, *about).blade
         blade = physics.shape.nearest(replace(slow, chord=SOLID_WIDTH * slow.chord))
         problem = self._quasi_steady(blade, self.steady)
         speed = ratio * problem.inflow_speed / blade.rotor_radius

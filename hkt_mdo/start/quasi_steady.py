@@ -20,6 +20,7 @@ from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, by_curve
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
@@ -61,7 +62,7 @@ class QuasiSteady:
     def of(cls, physics: Physics, blade: Blade, curve: Callable) -> QuasiSteady:
         """Return the operation of a blade, with a curve of its torque, in all flows of a case."""
         about = physics.density, by_curve(curve), physics.case.generator
-        plant = Plant(blade, (), np.nan, *about)
+        plant = Plant(blade, Polars(), np.nan, *about)
         return cls(plant, physics.law, *sampled_flow(physics))
 
     def operate(self, gains) -> Operation:

@@ -71,7 +71,7 @@ def _blade(physics: Physics, summary) -> Blade:
         return np.interp(blade.r, places, values)
 
     thickness = blade.thickness
-    if shape.designs_thickness and summary.thickness_over_chord is not None:
+    if "thickness" in shape.bases and summary.thickness_over_chord is not None:
         thickness = at_stations(summary.thickness_over_chord)
     chord, twist = scale * at_stations(summary.chord_m), np.deg2rad(at_stations(summary.twist_deg))
     return shape.nearest(blade.with_shape(chord, twist, thickness))

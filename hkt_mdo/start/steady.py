@@ -122,7 +122,7 @@ def optimized(
         *("casadi", "IPOPT", TOLERANCE, (2 if free else 1) * ITERATIONS),
         barrier=BARRIER / count,
         # a law of one gain has better optima far from its start (rm1_turbulent_limits)
-        cautious=physics.rotor.several_sections and not free and len(physics.law.gain_units) != 1,
+        cautious=physics.rotor.polar.several and not free and len(physics.law.gain_units) != 1,
         progress=progress,
     )
     # without equations, corrections for their curvature only cost time

@@ -20,7 +20,6 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.design import Design, phase_in
-from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.scales import torque_scale
 
 RATIOS = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
@@ -160,7 +159,7 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     plant, radius = design.plant, design.plant.blade.rotor_radius
-    if isinstance(plant.polar, LocalReynolds):
+    if plant.polar.follows_reynolds:
         problem = "has polars that follow the Reynolds number, for which the noisy runs have no "
         problem += "table, since theirs is over the tip speed ratio alone"
         remedy = "leave --noise-snr out, or use a result with rotor.reynolds: invariant"

@@ -7,7 +7,7 @@ from hkt_mdo.case import read_case
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.rotor.hydrodynamics import SOLVERS, Hydrodynamics
+from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.verification import verify
@@ -33,7 +33,7 @@ def start_of(case, cold=False):
     """Return physics of a case and the setup it begins with; cold: the blade as it is given."""
     world = physics(case)
     blade, polar = world.blade, world.rotor.polar
-    optimum = best_operation(blade, Hydrodynamics(polar)) if cold else steady_optimum(world, blade)
+    optimum = best_operation(blade, polar) if cold else steady_optimum(world, blade)
     start = find_start(world, optimum)
     return world, Setup(start, curve_nodes(world, start))
 

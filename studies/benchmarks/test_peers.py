@@ -17,7 +17,6 @@ from scipy.optimize import minimize
 from cases import OPEN_LOOP, case_of, optimize, start_of
 from hkt_mdo.problem.build import assemble
 from hkt_mdo.rotor.bem import rotor_coefficients
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 
 LIMIT, FASTER = 700.0, 1.2
@@ -35,8 +34,8 @@ class Plant:
         self.radius, self.density = case.rotor.radius, case.fluid.density
         blade, polar, self.nodes = self.world.blade, self.world.rotor.polar, self.setup.nodes
         self.table = rotor_coefficients(blade, polar, self.nodes).torque
-        _, self.inertia = self.world.mass_and_inertia(blade)
-        best = best_operation(blade, Hydrodynamics(polar)).tip_speed_ratio
+        _, self.inertia = self.world.rotor.mass_and_inertia(blade)
+        best = best_operation(blade, polar).tip_speed_ratio
         self.ratio, self.segments, self.duration = FASTER * best, segments, duration
 
     def scale(self, flow):

@@ -363,7 +363,7 @@ def _perturbed(design):
                 if low <= changed[i] <= high:
                     x = {key: each for key, (each, *_) in variables.items()} | {name: changed}
                     shape = blade.with_shape(x["chord"], x["twist"])
-                    inertia = design.physics.mass_and_inertia(shape)[1]
+                    inertia = design.physics.rotor.mass_and_inertia(shape)[1]
                     plant = replace(design.plant, blade=shape, inertia=inertia)
                     moved = {"plant": plant, "known": plant, "gains": x["gain"]}
                     yield f"{name}{sign:+.0f}_{i}", replace(design, **moved)

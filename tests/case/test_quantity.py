@@ -41,7 +41,7 @@ def test_units_are_converted_however_they_are_written(unit):
 
 
 REFUSED = {
-    "which does not convert to m": ["3 kg", "3 m^2", "3 m m"],
+    "which does not convert to m": ["3 kg", "3 m^2", "3 m m", "3 " + 30 * "m "],
     "has the unknown unit": ["3 foo", "3 m s foo"],
     r"m2 \(did you mean m\*\*2\?\)": ["3 m2"],
     "is a text without a unit": ["3"],
@@ -50,7 +50,6 @@ REFUSED = {
     "must be a number, or a number and a unit, decimals with a point": ["1,5", "-1,5 m"],
     "number and a unit": ["3 m*9**9**9", "3 m^9^9", "3 m^99", "3 m.__class__", "3 m\tm", "3 ((m))"],
     "must be": ["3" * 100 + " m", True, [3], None, float("nan"), 10**400, "1e999 m"],
-    "too long a unit": ["3 " + 30 * "m "],
     # a nanometre, a nautical mile and no unit: none of them is taken for N m
     "does not convert|unknown unit": ["3 Nm", "3 nm m", "3 mNm", "3 NMm"],
     "must be greater than 0 m": [0, "-1 mm"],

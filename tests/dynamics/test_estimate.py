@@ -10,7 +10,6 @@ from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.steady_optimum import best_operation
 from tests.dynamics.test_simulation import constant_torque_coefficient
@@ -41,7 +40,7 @@ def test_dense_water_looks_like_a_fast_flow(blade, polar):
 
 
 def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says(plant):
-    best = best_operation(plant.blade, Hydrodynamics(plant.polar))
+    best = best_operation(plant.blade, plant.polar)
     unit = best.tip_speed_ratio / plant.blade.rotor_radius
     gains, estimate = np.array([unit, 2.0 * unit, 150.0, 600.0]), FlowEstimate(plant)
     states = [float(plant.torque(np.array([1.5 * unit]), np.array([1.5]))[0]), 1.5]

@@ -48,7 +48,7 @@ class Driven:
 def plant_of(run, inertia=HEAVY):
     """Return the rotor of a run, with memory of the wake."""
     design = design_of(run.blade)
-    polar = design.physics.rotor.as_built(design.blade).polar
+    polar = design.physics.rotor.polar
     about = inertia, design.physics.density, bem.rotor_coefficients
     return Plant(design.blade, polar, *about).with_memory(run.tau1)
 
@@ -136,7 +136,7 @@ def test_a_wake_in_equilibrium_has_the_torque_and_loads_of_direct_bem(blade, tau
     np.testing.assert_allclose(torque, plant.torque(speed, flow), rtol=1e-10)
     rates = plant.wake.rates(state, flow, plant.wake.balanced(speed, flow))
     assert np.max(np.abs(rates)) < 1e-12
-    model = design_of(blade).physics.rotor.as_built(plant.blade)
+    model = design_of(blade).physics.rotor
     ratio = speed * plant.blade.rotor_radius / flow
     about = {"tip_speed_ratio": ratio, "names": ("thrust", "root_moment")}
     seen = plant.wake.sections(speed, flow, state)

@@ -20,6 +20,7 @@ from hkt_mdo.dynamics.wide_laws import (
     RatedFeedback,
 )
 from hkt_mdo.rotor import bem
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -42,7 +43,7 @@ def quasi_steady(table, law):
     weights = np.full(TIME.size, TIME[1])
     weights[[0, -1]] *= 0.5
     blade = SimpleNamespace(rotor_radius=1.4)
-    plant = Plant(blade, (), 0.0, 1000.0, by_curve(SPLINE.curve(table)))
+    plant = Plant(blade, Polars(), 0.0, 1000.0, by_curve(SPLINE.curve(table)))
     return QuasiSteady(plant, law, FLOW, weights)
 
 

@@ -36,7 +36,7 @@ def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solut
         "gain_units": list(world.law.gain_units),
         "scenarios": {name: {"weight": 1.0} for name in names},
         "rotor_radius_m": blade.rotor_radius,
-        "inertia_kg_m2": float(world.mass_and_inertia(blade)[1]),
+        "inertia_kg_m2": float(world.rotor.mass_and_inertia(blade)[1]),
         "r_m": blade.r,
         "chord_m": blade.chord,
         "twist_deg": np.rad2deg(blade.twist),

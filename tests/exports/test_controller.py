@@ -15,7 +15,7 @@ from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.simulation import Plant
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
-from hkt_mdo.rotor.hydrodynamics import SOLVERS
+from hkt_mdo.rotor.model import SOLVERS
 from tests.exports.made import made
 
 LAWS = {

@@ -33,7 +33,7 @@ MOST_SWIRL = 1.0  # tangential induction to which AeroDyn limits what it finds
 
 
 def rotor_of(design):
-    return design.physics.rotor.as_built(design.blade)
+    return design.physics.rotor
 
 
 def columns(path):
@@ -70,7 +70,7 @@ def points(name, kept):
         rows = kept[np.isclose(kept["tip_speed_ratio"], ratio)][1:-1]  # without hub and tip
         loads = np.array([rows["normal_load_N_m"], rows["tangential_load_N_m"]]) / pressure
         angle = np.deg2rad(rows["phi_deg"])
-        own, polars = rotor.sections(blade, [ratio]), bem.station_polars(rotor.polar, blade.r.size)
+        own, polars = bem.sections(blade, rotor.polar, [ratio]), rotor.polar.stations(blade)
         at, apart = [], []
         for j, phi in enumerate(angle):
             station = (blade.chord[j], blade.twist[j], blade.r[j], blade.hub_radius)
@@ -163,7 +163,7 @@ def test_openfast_io_reads_the_rotor_back(exported, name):
     angles = np.deg2rad(np.linspace(-10.0, 20.0, 121))  # knots: every quarter of a degree
     for station, number in enumerate(rows["BlAFID"][inner].astype(int)):
         (table,) = aerodyn["af_data"][number - 1]
-        polar = bem.station_polars(rotor_of(design).polar, blade.r.size)[station][0]
+        polar = rotor_of(design).polar.stations(blade)[station][0]
         read = [np.interp(np.rad2deg(angles), table["Alpha"], table[each]) for each in ("Cl", "Cd")]
         np.testing.assert_allclose(read, polar.evaluate(angles), atol=1e-12)
         lowest = -np.max(polar.suction_at(angles)[0], axis=0)

@@ -76,7 +76,7 @@ def operate(solution, tmp_path, step=0.01, duration=None):
     energy is captured, generated delivered, J.
     """
     design = solution.design()
-    blade, rotor = design.blade, design.physics.rotor.as_built(design.blade)
+    blade, rotor = design.blade, design.physics.rotor
     scenario = design.physics.scenarios[0]
     duration = duration or scenario.mesh.duration
     time = np.arange(0.0, duration + 0.5 * step, step)
@@ -131,7 +131,7 @@ def away(operation, begin=0.5):
 def test_table_has_the_coefficients_of_direct_bem(kept):
     design, folder = kept("river")
     pitch, ratio, power, thrust, torque = load_from_txt(str(folder / "Cp_Ct_Cq.txt"))
-    rotor, blade = design.physics.rotor.as_built(design.blade), design.blade
+    rotor, blade = design.physics.rotor, design.blade
     assert 0.0 in pitch
     for place in (list(pitch).index(0.0), -1):
         pitched = blade.with_shape(blade.chord, blade.twist + pitch[place])
@@ -162,7 +162,7 @@ def test_schedule_is_the_equilibrium_of_the_law(kept, name):
     design, folder = kept(name)
     found = read_DISCON(str(folder / "DISCON.IN"))
     flow, speed, torque = (np.array(found[f"VS_FBP_{each}"]) for each in ("U", "Omega", "Tau"))
-    blade, rotor = design.blade, design.physics.rotor.as_built(design.blade)
+    blade, rotor = design.blade, design.physics.rotor
     scale = torque_scale(design.physics.density, blade.rotor_radius, flow)
     driving = scale * rotor.coefficients(blade, speed * blade.rotor_radius / flow).torque
     np.testing.assert_allclose(driving, torque, rtol=1e-7)

@@ -14,7 +14,6 @@ from hkt_mdo.exports.base import export, provenance
 from hkt_mdo.exports.solids import airfoils
 from hkt_mdo.exports.tables import steady_operation
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.rotor.bem import station_polars
 from hkt_mdo.rotor.outline import Outline
 from tests.exports.made import made
 
@@ -91,8 +90,8 @@ def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
     other = rotor.coefficients(read.blade, ratio)
     np.testing.assert_allclose(other.power, own.power, atol=1e-7)
     np.testing.assert_allclose(other.thrust, own.thrust, atol=1e-7)
-    mass = design.physics.mass_and_inertia(blade)
-    np.testing.assert_allclose(read.mass_and_inertia(read.blade), mass, rtol=5e-4)
+    mass = design.physics.rotor.mass_and_inertia(blade)
+    np.testing.assert_allclose(read.rotor.mass_and_inertia(read.blade), mass, rtol=5e-4)
     np.testing.assert_allclose(read.rotor.thickness_of(read.blade), design.thickness, rtol=1e-9)
 
 
@@ -125,22 +124,22 @@ def test_the_airfoils_are_those_of_the_stations(turbine):
     positions = data["components"]["blade"]["outer_shape"]["airfoils"]
     place = [each["spanwise_position"] for each in positions]
     assert (place[0], place[-1]) == (0.0, 1.0)
-    blade, built = design.blade, design.physics.rotor.as_built(design.blade)
+    blade, known = design.blade, design.plant.polar.stations(design.blade)
     span = (blade.r - blade.hub_radius) / (blade.tip_radius - blade.hub_radius)
     outlines = {n: each.outline for each in airfoils(design) for n in each.stations}
     for station, outline in sorted(outlines.items()):
         at = np.searchsorted(place, span[station] - 1e-12)
         airfoil = written[positions[at]["name"]]
         sets = airfoil["polars"][0]["re_sets"]
-        polars = station_polars(built.polar, blade.r.size)[station]
+        polars = known[station]
         assert len(sets) == len(polars)
         if design.physics.case.rotor.polar is None and not design.physics.case.rotor.sections:
             assert [each["re"] for each in sets] == [2e5]  # of the shipped polar
         for each, polar in zip(sets, polars, strict=True):
             alpha, probes = np.deg2rad(each["cl"]["grid"]), np.linspace(-3.1, 3.1, 777)
-            for name, known in zip(("cl", "cd"), polar.evaluate(probes), strict=True):
+            for name, own in zip(("cl", "cd"), polar.evaluate(probes), strict=True):
                 curve = CubicSpline(alpha, each[name]["values"], bc_type="periodic")
-                np.testing.assert_allclose(curve(probes), known, atol=1e-6)
+                np.testing.assert_allclose(curve(probes), own, atol=1e-6)
         x, y = (np.array(airfoil["coordinates"][name]) for name in "xy")
         assert Outline(x, y).area == pytest.approx(outline.area, rel=3e-4)
         # thickness is linear between sections; that of the outline between them is a bit less

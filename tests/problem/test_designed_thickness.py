@@ -33,7 +33,7 @@ def test_the_start_has_the_thickness_of_the_file_within_the_bounds():
     inside = found.blade.r < r[-1]
     expected = np.clip(0.01 * np.interp(found.blade.r, r, percent), 0.14, 0.2)
     np.testing.assert_allclose(found.blade.thickness[inside], expected[inside], rtol=1e-12)
-    assert found.shape.designs_thickness
+    assert "thickness" in found.shape.bases
     assert found.shape.bounds["thickness"] == (0.14, 0.2)
 
 

@@ -16,9 +16,8 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
 from hkt_mdo.problem.physics import complete, physics
-from hkt_mdo.results.summary import LoadEntry
 from hkt_mdo.results.words import texts
-from hkt_mdo.run.summary import _entry
+from hkt_mdo.run.loads import of_limit
 from tests.conftest import NINE, checked
 
 CASE = {"inflow": "sine", "control": "open_loop"}
@@ -148,8 +147,8 @@ def test_a_limit_with_a_lower_bound_alone_is_reported():
 
     ratios = {"tip_speed_ratio": np.array([10.0, 7.5, 5.0])}
     np.testing.assert_allclose(Least().share(ratios), [0.0, 0.5, 1.0])
-    entry = LoadEntry.model_validate(_entry(Least(), ratios))
-    assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding"
+    entry = of_limit(Least(), ratios | {"time": np.arange(3.0)})
+    assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding, at t = 2.00 s"
     assert entry.row("least_ratio").label == "smallest least ratio"
 
 

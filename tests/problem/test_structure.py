@@ -49,7 +49,7 @@ def test_tube(wall):
     assert [*structure.xx, *structure.yy] == pytest.approx([second, second], rel=2e-3)
     assert abs(structure.xy) < 1e-12
     blades = 3.0 * DENSITY * area * CHORD**2
-    mass, inertia = found.mass_and_inertia(found.blade)
+    mass, inertia = found.rotor.mass_and_inertia(found.blade)
     assert mass == pytest.approx(blades * (TIP - HUB), rel=2e-3)
     assert inertia == pytest.approx(blades * (TIP**3 - HUB**3) / 3.0, rel=2e-3)
 
@@ -75,7 +75,7 @@ def test_given_numbers_stand_in_for_the_outlines():
     np.testing.assert_allclose(stress(weak), expected, rtol=1e-9, atol=1e-12 * expected.max())
     heavy = plant(own | {"sections": [SECTION | {"area": 0.05, "wall": 0.01}]})
     mass = 3.0 * DENSITY * 0.05 * CHORD**2 * (TIP - HUB)
-    assert heavy.mass_and_inertia(heavy.blade)[0] == pytest.approx(mass, rel=1e-12)
+    assert heavy.rotor.mass_and_inertia(heavy.blade)[0] == pytest.approx(mass, rel=1e-12)
     hollow = plant({"wall": 0.01}).rotor.structure
     assert heavy.rotor.structure.area == 0.05
     assert heavy.rotor.structure.xx == hollow.xx
@@ -132,7 +132,7 @@ def test_between_walls_mass_and_stress_are_of_one_section(design, tmp_path):
     area, structure = found.rotor.section_area, found.rotor.structure
     base, weights = Outline.from_file("naca4415"), place_weights(5)
     if design:
-        area, structure = area(thickness), structure.at(weights @ thickness)
+        area, (structure, _) = area(thickness), structure.at(weights @ thickness)
     for i, each in enumerate(thickness):
         outline, wall = base.stretched(each / base.thickness), 0.02 + 0.1 * (each - 0.12) / 0.12
         own, moments, _ = material_section(outline, wall)
@@ -149,7 +149,7 @@ def test_shipped_materials(name):
     """Mass goes with the density, deflection with one over the modulus; the stress is the bound."""
     found = plant({"material": name, "material_density": None}, stress="allowable")
     solid, own = plant(), MATERIALS[name]
-    mass = [each.mass_and_inertia(each.blade)[0] for each in (found, solid)]
+    mass = [each.rotor.mass_and_inertia(each.blade)[0] for each in (found, solid)]
     assert mass[0] / mass[1] == pytest.approx(own["density"] / DENSITY, rel=1e-12)
     sag = [each.rotor.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
     assert sag[0] / sag[1] == pytest.approx(68.9e9 / own["modulus"], rel=1e-12)

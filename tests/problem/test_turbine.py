@@ -11,7 +11,6 @@ from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.steady_optimum import best_operation
 from tests.files.broken.blades import WINDIO
@@ -56,7 +55,7 @@ def turbine(tmp_path):
 @pytest.mark.parametrize("name", shipped_names("blade"))
 def test_a_shipped_blade_brings_its_turbine_with_it(name, turbine):
     found = turbine(f"blade: {name}")
-    best = best_operation(found.blade, Hydrodynamics(found.polar))
+    best = best_operation(found.blade, found.polar)
     # bahaj2007: as measured; RM1: ROSCO (hkt_mdo/files/data/README.md); river: designed for 5
     expected, ratio = {"bahaj2007": (0.458, 5.37), "rm1": (0.447, 7.0), "river": (0.45, 5.0)}[name]
     assert best.power_coefficient == pytest.approx(expected, rel=0.04)
@@ -94,7 +93,7 @@ def test_sections_are_blended_by_thickness(turbine):
     np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
     names = "naca4415_Re2e5", "naca63815_Re2e5"
     thick, thin = (PolarFamily.from_file(name).polars[0] for name in names)
-    for polar, share in zip(found.polar, (1.0, 1.0 / 3.0, 0.0), strict=True):
+    for (polar,), share in zip(found.polar.tables, (1.0, 1.0 / 3.0, 0.0), strict=True):
         expected = share * thick.evaluate(0.1)[0] + (1.0 - share) * thin.evaluate(0.1)[0]
         assert polar.evaluate(0.1)[0] == pytest.approx(expected, rel=1e-9)
     base = Outline.from_file("naca63815")
@@ -186,9 +185,10 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
     found = turbine("blade: t.yaml, station_count: 5")
     assert any("are read at a Reynolds number of 3e+06" in line for line in found.messages)
     given = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
-    for one, other in zip(found.polar, given.polar, strict=True):
+    for (one,), (other,) in zip(found.polar.tables, given.polar.tables, strict=True):
         assert one.evaluate(0.05) == other.evaluate(0.05)
-    assert found.polar[0].evaluate(0.0)[1] > 0.011  # between both tables of the thick section
+    ((first,), *_) = found.polar.tables
+    assert first.evaluate(0.0)[1] > 0.011  # between both tables of the thick section
     assert "chooses no polar" not in str(given.messages)
     (tmp_path / "t.yaml").write_text(low, encoding="utf-8")
     single = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")

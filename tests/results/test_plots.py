@@ -70,9 +70,9 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     before = dict(mpl.rcParams)
     ax = plot(both[0])
     assert ax.lines
-    # a unit; sections lie one beside the other
-    assert ax.get_xlabel().endswith(")") or plot is PLOTS["sections"]
-    assert ax.get_ylabel().endswith(")") or plot is PLOTS["limits"]  # whose bars have names
+    # a unit; sections and bars with names stand one beside the other
+    assert ax.get_xlabel().endswith(")") or plot in (PLOTS["sections"], PLOTS["limits"])
+    assert ax.get_ylabel().endswith(")")
     if plot is not PLOTS["limits"]:  # of which the other result has none
         ax = Figure().subplots()
         assert plot(both, ax) is ax
@@ -130,12 +130,12 @@ def test_limits_are_bars_of_the_largest_value_over_the_bound(result_folder: Path
         "stress": table["stress_Pa"] / 1e8,
         "cavitation": table["cavitation"],
     }
-    names = [label.get_text() for label in ax.get_yticklabels()]
-    assert names[::-1] == [*expected]  # the first at the top
-    for bar, (name, values) in zip(ax.patches, expected.items(), strict=True):
-        assert bar.get_width() == pytest.approx(100.0 * np.max(values), rel=1e-9)
-        assert names[round(bar.get_y() + 0.5 * bar.get_height())] == name
-    assert list(line_of(ax, "limit").get_xdata()) == [100.0, 100.0]
+    names = [" ".join(label.get_text().split()) for label in ax.get_xticklabels()]
+    for bar, told, (name, values) in zip(ax.patches, names, expected.items(), strict=True):
+        most = 100.0 * np.max(values)
+        assert bar.get_height() == pytest.approx(most, rel=1e-9)
+        assert names[round(bar.get_x() + 0.5 * bar.get_width())] == told == f"{name} {most:.1f} %"
+    assert list(line_of(ax, "limit").get_ydata()) == [100.0, 100.0]
 
 
 def test_classes_of_the_flow_speed_have_mean_and_range() -> None:
@@ -176,6 +176,7 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
 def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solution) -> None:
     keys = "condition.torque_constant=1.1", "generator.shaft_friction="
     new, worn = (solution.case.with_overrides(keys[0], f"{keys[1]}{x}") for x in (0, 20))
+    assert replace(solution, case=new).limits[0].end == pytest.approx(770.0)  # of 700 N m demanded
     new, worn = (steady.steady_curve(replace(solution, case=each)) for each in (new, worn))
     law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
     np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)
@@ -187,7 +188,7 @@ def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
     bars = [Curve(x, y, f"run {index}", COLORS[index], index, "bar") for index in (1, 3)]
     drawn = style.draw(Panel("energy", "speed", bars))
     centres = [each.get_x() + 0.5 * each.get_width() for each in drawn.patches]
-    assert centres == pytest.approx([0.975, 1.975, 1.025, 2.025])
+    assert centres == pytest.approx([0.75, 1.75, 1.25, 2.25])
 
 
 def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Path) -> None:

@@ -12,7 +12,7 @@ from hkt_mdo.files.shipped import shipped_names
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.polars import ByStation
 
 POLARS = [PolarFamily.from_file(name).polars[0] for name in shipped_names("polar")]
 
@@ -260,10 +260,10 @@ def test_derivatives_are_those_of_the_complex_step(branch, study, ideal_polar):
 def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
     ratio = np.array([3.0, 7.0])
     whole = bem.sections(blade, polar, ratio, derivatives=True)
-    same = bem.sections(blade, [polar] * blade.r.size, ratio, derivatives=True)
+    same = bem.sections(blade, ByStation.of([polar] * blade.r.size), ratio, derivatives=True)
     for mine, theirs in zip(whole, same, strict=True):
         assert np.array_equal(mine, theirs)
-    mixed = [POLARS[0] if j < 4 else polar for j in range(blade.r.size)]
+    mixed = ByStation.of(POLARS[0] if j < 4 else polar for j in range(blade.r.size))
     found = bem.sections(blade, mixed, ratio)
     assert np.array_equal(found.normal_load[:, 4:], whole.normal_load[:, 4:])
     assert not np.any(found.normal_load[:, :4] == whole.normal_load[:, :4])
@@ -273,10 +273,11 @@ def test_one_polar_for_each_station_and_any_order_of_stations(blade, polar):
 
 @pytest.mark.parametrize("cone", [0.0, 0.1])
 def test_coefficients_follow_from_sections_that_are_known(blade, polar, cone):
-    rotor, ratio = Hydrodynamics(polar), np.array([5.0, 8.0, 11.0])
+    ratio = np.array([5.0, 8.0, 11.0])
     coned = replace(blade, cone=cone)
-    known = rotor.coefficients(coned, ratio, True, rotor.sections(coned, ratio, True))
-    np.testing.assert_equal(known, rotor.coefficients(coned, ratio, True))
+    known = bem.sections(coned, polar, ratio, True)
+    known = bem.rotor_coefficients(coned, polar, ratio, True, known)
+    np.testing.assert_equal(known, bem.rotor_coefficients(coned, polar, ratio, True))
 
 
 def test_ratios_must_be_positive_and_stations_inside(blade, polar):
@@ -287,7 +288,7 @@ def test_ratios_must_be_positive_and_stations_inside(blade, polar):
     with pytest.raises(ValueError, match="between hub and tip"):
         bem.rotor_coefficients(blade, polar, 5.0)
     with pytest.raises(ValueError, match="3 polars"):
-        bem.rotor_coefficients(blade, [polar] * 3, 5.0)
+        bem.rotor_coefficients(blade, ByStation.of([polar] * 3), 5.0)
 
 
 def test_section_without_a_root_is_marked_and_bears_no_load(study, ideal_polar):
@@ -338,7 +339,7 @@ def test_random_rotors_are_those_of_ccblade_and_every_difference_is_explained(st
 def test_coned_rotor_is_that_of_ccblade(blade, cone):
     """With another polar at every station."""
     coned, ratio = replace(blade, cone=cone), np.linspace(4.0, 10.0, 7)
-    polars = [POLARS[station % 6] for station in range(blade.r.size)]
+    polars = ByStation.of(POLARS[station % 6] for station in range(blade.r.size))
     mine = bem.rotor_coefficients(coned, polars, ratio, derivatives=True)
     theirs = ccblade.rotor_coefficients(coned, polars, ratio, derivatives=True)
     mine, theirs = ((*each[1:], *each.torque_table) for each in (mine, theirs))

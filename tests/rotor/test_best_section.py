@@ -9,7 +9,6 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.best_section import best_sections
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_rotor
 
 STEADY = {"inflow": {"profile": "constant", "speed": 2.0}, "control": {"law": "quadratic"}}
@@ -44,14 +43,10 @@ def test_no_section_of_a_grid_is_better(shipped, chords, twists):
     )
     for j in range(0, blade.r.size, 4):
         strip = replace(blade, r=np.full(chord.size, blade.r[j]), chord=chord, twist=twist)
-        load = bem.sections(
-            strip, bem.station_polars(polar, blade.r.size)[j][0], ratios
-        ).tangential_load
+        load = bem.sections(strip, polar.at_station(j), ratios).tangential_load
         assert np.all(load.max(axis=1) <= found.load[:, j] + 1e-12)
         own = replace(blade, r=blade.r[[j] * 5], chord=found.chord[:, j], twist=found.twist[:, j])
-        reached = bem.sections(
-            own, bem.station_polars(polar, blade.r.size)[j][0], ratios
-        ).tangential_load.diagonal()
+        reached = bem.sections(own, polar.at_station(j), ratios).tangential_load.diagonal()
         chosen = reached > found.load[:, j] - 1e-9  # else BEM takes another root
         assert np.all(chosen[1:])
 
@@ -60,7 +55,7 @@ def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sec
     """A local search that took its scale from negative loads stopped 0.13 % below."""
     turbine = {"rotor": {"blade": "rm1"}, "design": {"chord_points": 100, "twist_points": 100}}
     world = physics(load_case(STEADY | turbine))
-    best = best_rotor(world.blade, Hydrodynamics(world.rotor.polar), world.shape.bounds)
+    best = best_rotor(world.blade, world.rotor.polar, world.shape.bounds)
     for ratio in np.append(np.linspace(5.0, 15.0, 11), best.tip_speed_ratio):
         load = best_sections(world.blade, world.rotor.polar, ratio, world.shape.bounds).load[0]
         power = ratio * bem.torque_weights(world.blade) @ load

@@ -1,6 +1,7 @@
 """Mass and inertia of solid blades: closed forms and partials."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def test_water_of_a_plate_turning_like_a_paddle():
 def test_partials_are_exact(water):
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
     about = {"hub_inertia": 0.5, "added_inertia": water, "thickness": 0.2}
-    rotor = RotorModel(None, section_area=AREA, material_density=DENSITY, **about)
+    rotor = RotorModel(None, SimpleNamespace(density=DENSITY), section_area=AREA, **about)
     twisted = blade(chord, 0.1).with_shape(chord, np.linspace(0.5, 0.1, 5))
     twisted = replace(twisted, hub_inertia=0.5 if water == "plate" else None)  # designed
     values = {"rotor_radius": 1.1 * TIP} | ({"hub_inertia": 0.6} if water == "plate" else {})

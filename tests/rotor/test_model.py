@@ -7,11 +7,10 @@ from openmdao.utils.assert_utils import assert_check_partials
 
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.components import BladeGroup
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.shape import Shape
-from hkt_mdo.rotor.steady_optimum import best_operation
+from hkt_mdo.rotor.steady_optimum import best_blade, best_operation
 from hkt_mdo.rotor.strength import Structure
 from tests.rotor.test_bem import root_changes
 
@@ -26,7 +25,6 @@ def rotor():
     return RotorModel(
         polar=polar,
         section_area=outline.area,
-        material_density=2700.0,
         hub_inertia=0.5,
         structure=Structure.of(outline, 2700.0),
         depth=3.0,
@@ -39,13 +37,13 @@ def rotor():
 def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     shape = Shape.designed(blade, FREE, BOUNDS)
     best = rotor.best_of_shape(shape, blade)
-    again = rotor.best_blade(shape, best.tip_speed_ratio)
+    again = best_blade(shape.blade, rotor.polar, best.tip_speed_ratio, BOUNDS)
     assert again.power_coefficient == pytest.approx(best.power_coefficient, rel=1e-9)
     fixed = rotor.best_of_shape(Shape.fixed(blade), blade)
     assert fixed.power_coefficient == rotor.best_operation(blade).power_coefficient
     turned = rotor.best_of_shape(Shape.fixed(blade, 0.0, (-0.1, 0.1)), blade)
     assert fixed.power_coefficient < turned.power_coefficient < best.power_coefficient
-    own = best_operation(blade, Hydrodynamics(rotor.polar))
+    own = best_operation(blade, rotor.polar)
     assert own.tip_speed_ratio == fixed.tip_speed_ratio
 
 

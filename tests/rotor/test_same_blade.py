@@ -12,6 +12,7 @@ from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
+from hkt_mdo.rotor.polars import ByStation
 
 TIP, HUB, BLADES = 1.4, 0.175, 3
 TIP_SPEED_RATIOS = np.linspace(2.0, 9.0, 15)
@@ -145,7 +146,7 @@ def rotor(table, polar_of):
         for inner, outer, share in blends
     ]
     assert None not in sections  # rows lie in one section each
-    return Blade(r, table.chord[keep], table.twist[keep], HUB, TIP, BLADES), sections
+    return Blade(r, table.chord[keep], table.twist[keep], HUB, TIP, BLADES), ByStation.of(sections)
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +185,8 @@ def test_every_format_gives_one_power_curve(read, source):
     inner = slice(1, -1)
     direct = Blade(source.r[inner], source.chord[inner], source.twist[inner], HUB, TIP, BLADES)
     polars = {name: source.polar_of(name) for name in source.names}
-    expected = power(direct, [polars[source.names[number]] for number in source.number[inner]])
+    sections = [polars[source.names[number]] for number in source.number[inner]]
+    expected = power(direct, ByStation.of(sections))
     assert 0.35 < expected.max() < 0.5926
     for name, (blade, sections) in rotors.items():
         assert blade.r.size == source.r.size - 2, name
@@ -261,10 +263,10 @@ def test_wisdem_reading_the_file_in_its_own_way_agrees(read):
     pytest.importorskip("wisdem")
     rotors, folder = read
     r, chord, twist, aoa, lift, drag = wisdem_blade(folder / "version2.yaml")
-    sections = [
+    sections = ByStation.of(
         Polar.from_polar_table(polar_table(array_columns(alpha_deg=aoa, cl=cl, cd=cd)))
         for cl, cd in zip(lift, drag, strict=True)
-    ]
+    )
     # 4.8e-4 at the lowest tip speed ratios; 2.1e-4 with 800 stations in place of 400
     blade = Blade(r, chord, np.deg2rad(twist), HUB, TIP, BLADES)
     theirs = ccblade.rotor_coefficients(blade, sections, TIP_SPEED_RATIOS).power

@@ -6,7 +6,7 @@ import pytest
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.polars import ByStation
 from hkt_mdo.rotor.steady_optimum import _newton_step, best_blade, best_operation, best_rotor
 
 BOUNDS = {"chord": (0.01, 1.0), "twist": (np.deg2rad(-30.0), np.deg2rad(30.0))}
@@ -20,7 +20,7 @@ def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
     r = np.linspace(0.3, 0.9, 7)
     start = Blade(r, np.full(7, 1e-3), np.zeros(7), 0.1, 1.0, 3000)
     bounds = {"chord": (1e-6, 1e-3), "twist": (-0.3, 0.9)}
-    found = best_blade(start, Hydrodynamics(ideal_polar), 5.0, bounds)
+    found = best_blade(start, ideal_polar, 5.0, bounds)
     phi = bem.sections(found.blade, ideal_polar, 5.0).inflow_angle[0]
     assert np.allclose(phi, 2.0 / 3.0 * np.arctan(1.0 / (5.0 * r)), atol=2e-4)  # a flat optimum
 
@@ -28,24 +28,23 @@ def test_without_drag_and_losses_the_best_angles_are_glauerts(ideal_polar):
 @pytest.mark.parametrize("twists", [BOUNDS["twist"], (0.05, 0.2)])
 def test_no_tip_speed_ratio_is_better(twists, blade, polar):
     """With few twists to choose from, the power has several peaks over the tip speed ratio."""
-    best = best_rotor(blade, Hydrodynamics(polar), BOUNDS | {"twist": twists})
+    best = best_rotor(blade, polar, BOUNDS | {"twist": twists})
     for ratio in np.linspace(4.0, 9.0, 11):
-        found = best_blade(blade, Hydrodynamics(polar), ratio, BOUNDS | {"twist": twists})
+        found = best_blade(blade, polar, ratio, BOUNDS | {"twist": twists})
         assert found.power_coefficient <= best.power_coefficient + 1e-9
 
 
 def test_a_cylindrical_root_does_not_stop_the_search(blade, polar):
     """The best load of its stations is negative; the others reach their own optimum."""
     polars = [PolarFamily.from_file("cylinder").polars[0]] * 2 + [polar] * (blade.r.size - 2)
-    free, mixed = (
-        best_blade(blade, Hydrodynamics(each), 7.0, BOUNDS).blade for each in (polar, polars)
-    )
+    polars = ByStation.of(polars)
+    free, mixed = (best_blade(blade, each, 7.0, BOUNDS).blade for each in (polar, polars))
     load = [bem.sections(each, polar, 7.0).tangential_load[0, 2:] for each in (free, mixed)]
     np.testing.assert_allclose(load[1], load[0], rtol=1e-6)
 
 
 def test_one_blade_works_best_at_the_peak_of_its_curve(blade, polar):
-    found = best_operation(blade, Hydrodynamics(polar))
+    found = best_operation(blade, polar)
     sweep = bem.rotor_coefficients(blade, polar, np.linspace(4.0, 12.0, 801)).power
     assert found.power_coefficient >= sweep.max() - 1e-9
 

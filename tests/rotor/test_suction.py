@@ -1,6 +1,7 @@
 """Suction of sections over the angle of attack: smooth curves of both surfaces, along a blade."""
 
 import importlib
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from hkt_mdo.files.polar_table import SURFACES, polar_table
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate, shipped_names
 from hkt_mdo.files.table import array_columns
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.polars import ByStation
 from hkt_mdo.rotor.suction import split_at_kink
 from tests.rotor.test_airfoil import assert_smooth
 
@@ -134,23 +135,24 @@ def test_blend_is_linear_and_needs_both():
 def test_along_a_blade_every_station_has_its_own_polar():
     family = PolarFamily.from_file("naca63815").polars
     angle = np.deg2rad(np.linspace(-4.0, 12.0, 12)).reshape(4, 3)
-    for polar in (family[0], family[:3]):
-        suction, by_angle = Hydrodynamics(polar).suction(angle)
+    blade, several = SimpleNamespace(r=np.ones(3)), ByStation.of(family[:3])
+    for polar in (family[0], several):
+        suction, by_angle, _ = polar.along("suction", blade, [5.0], angle)
         assert suction.shape == by_angle.shape == (2, 4, 3)
         for station in range(3):
-            own = polar if isinstance(polar, Polar) else polar[station]
+            ((own,),) = polar.at_station(station).tables
             expected = own.suction_at(angle[:, station])
             assert np.array_equal((suction[..., station], by_angle[..., station]), expected)
-    complex_step = Hydrodynamics(family[:3]).suction(angle + 1e-30j)[0].imag / 1e-30
+    complex_step = several.along("suction", blade, [5.0], angle + 1e-30j)[0].imag / 1e-30
     assert np.allclose(by_angle, complex_step, rtol=1e-12, atol=1e-12)
 
 
 def test_polar_without_suction_is_refused_with_the_remedy():
     without = Polar.from_polar_table(table({}))
     known = PolarFamily.from_file("naca63815")
-    for polar in (without, (known.polars[0], without, known.polars[0])):
+    for polar in (without, ByStation.of((known.polars[0], without, known.polars[0]))):
         with pytest.raises(InputError, match=r"rotor\.polar .*cpmin_upper.*hkt polar"):
-            Hydrodynamics(polar).suction(np.zeros((2, 3)))
+            polar.along("suction", None, None, np.zeros((2, 3)))
     with pytest.raises(InputError, match="cpmin"):
         without.suction_at(0.1)
 

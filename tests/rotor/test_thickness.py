@@ -1,6 +1,7 @@
 """Sections over their thickness: theory, derivatives of BEM and loads, the steady optimum."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,9 +9,9 @@ import pytest
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import PolarFamily
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.loads import LoadModel
 from hkt_mdo.rotor.outline import Outline
+from hkt_mdo.rotor.polars import ByStation
 from hkt_mdo.rotor.steady_optimum import best_rotor
 from hkt_mdo.rotor.strength import Structure, StructureByThickness
 from hkt_mdo.rotor.thickness import ByThickness
@@ -58,10 +59,10 @@ def slope(function, size=1e-4):
 
 
 def test_a_curve_over_the_thickness_meets_its_sections_and_is_linear_where_they_are(family):
-    weights, slopes = family.weights(THICKNESS)
+    weights, slopes = family.weights(SimpleNamespace(thickness=THICKNESS))[:, :, 0]
     np.testing.assert_allclose(weights, np.eye(3), atol=1e-14)
     at = np.linspace(0.12, 0.24, 41)
-    weights, slopes = family.weights(at)
+    weights, slopes = family.weights(SimpleNamespace(thickness=at))[:, :, 0]
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-13)
     np.testing.assert_allclose(weights @ THICKNESS, at, rtol=1e-13)
     np.testing.assert_allclose(slopes @ THICKNESS, 1.0, rtol=1e-12)
@@ -77,9 +78,8 @@ def test_at_a_sections_thickness_the_rotor_is_that_of_the_section(thick, family,
     parts = (each.torque_table._replace(by_thickness=0.0) for each in (found, single))
     for mine, its in zip(*parts, strict=True):
         np.testing.assert_allclose(mine, its, rtol=1e-9, atol=1e-12)
-    angle = np.deg2rad(np.linspace(-5.0, 12.0, 30)).reshape(6, 5)
-    mine = Hydrodynamics(family).suction(angle, same.thickness[:5])
-    its = Hydrodynamics(sections[place]).suction(angle)
+    angle = np.deg2rad(np.linspace(-5.0, 12.0, 6 * thick.r.size)).reshape(6, -1)
+    mine, its = (each.along("suction", same, RATIO, angle) for each in (family, sections[place]))
     np.testing.assert_allclose(mine[0], its[0], rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(mine[1], its[1], rtol=1e-10, atol=1e-10)
 
@@ -89,11 +89,10 @@ def test_ellipses_have_their_closed_forms_between_the_sections():
     angle = np.linspace(0.0, 2.0 * np.pi, 1001)
     ellipses = [Outline(0.5 + 0.5 * np.cos(angle), 0.5 * t * np.sin(angle)) for t in THICKNESS]
     at = np.array([0.13, 0.18, 0.2, 0.24])
-    found = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at)
+    found, rate = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at)
     np.testing.assert_allclose(found.area, np.pi / 4.0 * at, rtol=3e-4)
     np.testing.assert_allclose(found.xx, np.pi / 64.0 * at**3, rtol=6e-4)
     np.testing.assert_allclose(found.yy, np.pi / 64.0 * at, rtol=6e-4)
-    rate = StructureByThickness.of(THICKNESS, ellipses, METAL).at(at, 1)
     np.testing.assert_allclose(rate.xx, 3.0 * np.pi / 64.0 * at**2, rtol=6e-4)
 
 
@@ -102,7 +101,7 @@ def test_the_stress_at_a_sections_thickness_is_that_of_the_section(thick, family
     same = replace(thick, thickness=np.full(thick.r.size, THICKNESS[1]))
     found = model_of(family, wall).loads(same, RATIO, names=("stress",))
     single = Structure.of(outlines()[1], METAL, wall=wall)
-    model = LoadModel(family, structure=single).as_built(same)
+    model = LoadModel(ByStation(family.stations(same)), structure=single)
     expected = model.loads(same, RATIO, names=("stress",))["stress"]
     np.testing.assert_allclose(found["stress"].exact, expected.exact, rtol=2e-3)
 
@@ -167,9 +166,7 @@ def test_derivatives_of_loads_by_thickness(thick, family, cone, wall):
 
 def test_more_freedom_of_the_thickness_never_lowers_the_steady_optimum(thick, family, sections):
     families = [replace(family, bounds=bounds) for bounds in ((0.14, 0.2), (0.12, 0.24))]
-    *fixed, narrow, wide = (
-        best_rotor(thick, Hydrodynamics(each), BOUNDS) for each in (*sections, *families)
-    )
+    *fixed, narrow, wide = (best_rotor(thick, each, BOUNDS) for each in (*sections, *families))
     assert max(each.power_coefficient for each in fixed) <= wide.power_coefficient + 1e-8
     assert narrow.power_coefficient <= wide.power_coefficient + 1e-8
     assert np.all((narrow.blade.thickness >= 0.14) & (narrow.blade.thickness <= 0.2))

@@ -29,7 +29,7 @@ def _certified(world):
 
 def _simulated(world, blade, torque, speed):
     """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
-    about = world.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
+    about = world.rotor.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
     plant = Plant(blade, world.rotor.polar, *about)
     return simulate(plant, world.inflow, torque, speed, np.linspace(0.0, 60.0, 601), 1.0).energy
 

@@ -9,7 +9,6 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.words import texts
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.run import run_case
@@ -38,7 +37,7 @@ def test_energy_is_that_of_the_parts(solution):
     """In steady flow with a gust cut out: the best power coefficient times what passes."""
     assert solution.success, solution.message
     world = physics(load_case(CASE))
-    best = best_operation(world.blade, Hydrodynamics(world.rotor.polar))
+    best = best_operation(world.blade, world.rotor.polar)
     share = np.linspace(0.0, REACH / 8.0, 2001)
     rise = STEADY + 0.1 * (1.0 - np.cos(2.0 * np.pi * share)) ** 2
     cubes = 12.0 * STEADY**3 + 2.0 * np.trapezoid(rise**3, 8.0 * share)

@@ -62,7 +62,7 @@ def test_the_hub_ends_at_the_bound_that_theory_gives_for_its_price(tmp_path):
         assert solution.success, solution.message
         summary = solution.summary
         assert summary.hub_inertia_kg_m2 == pytest.approx(hub, abs=1e-5)
-        blades = world.mass_and_inertia(world.blade)[1]
+        blades = world.rotor.mass_and_inertia(world.blade)[1]
         assert solution.design().inertia == pytest.approx(blades + hub, abs=1e-5)
         paid = summary.energy_J - summary.objective.value
         assert paid == pytest.approx(share * worth * hub, abs=1e-4)

@@ -85,7 +85,7 @@ def test_the_span_is_that_of_the_worst_instants():
     np.testing.assert_allclose(found["flapwise_moment"][1], expected, rtol=1e-12)
     at = np.argmax(known["cavitation"])
     sections = bem.sections(world.blade, world.rotor.polar, known["tip_speed_ratio"][at : at + 1])
-    suction, _ = world.rotor.suction(sections.angle_of_attack)
+    suction, _ = world.rotor.polar.suction_at(sections.angle_of_attack)
     available = 101325.0 - 1705.0 + 9.80665 * world.density * (3.0 - world.blade.r)
     dynamic = pressure(world, known, at) * sections.relative_speed[0] ** 2
     by_hand = 1.1 * suction.max(axis=0)[0] * dynamic / available

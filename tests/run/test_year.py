@@ -21,7 +21,6 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.figures import figures
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import check_case
 from hkt_mdo.run.run import run_case
@@ -81,7 +80,7 @@ def year(tmp_path_factory):
 def test_derivatives_are_those_of_differences(law):
     asked = {"resource": HISTOGRAM, "control": law, "limits": {"thrust": "9 kN"}}
     world = physics(load_case(asked | {"start": {"method": "blade"}}))
-    start = find_start(world, best_operation(world.blade, Hydrodynamics(world.rotor.polar)))
+    start = find_start(world, best_operation(world.blade, world.rotor.polar))
     problem = assemble(world, Setup(start, curve_nodes(world, start)))
     problem.run_model()
     about = {"method": "fd", "form": "central", "step_calc": "rel_avg", "out_stream": None}

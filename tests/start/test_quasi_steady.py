@@ -9,7 +9,7 @@ from hkt_mdo.dynamics.generator import LOSSLESS, Generator
 from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.simulation import Plant, by_curve
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
+from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.quasi_steady import QuasiSteady
@@ -27,7 +27,7 @@ RUBS = Generator(shaft_friction=40.0, shaft_friction_slope=5.0)
 
 def quasi_steady(table, law, shaft=LOSSLESS):
     blade = SimpleNamespace(rotor_radius=RADIUS)
-    plant = Plant(blade, (), 0.0, DENSITY, by_curve(SPLINE.curve(table)), shaft)
+    plant = Plant(blade, Polars(), 0.0, DENSITY, by_curve(SPLINE.curve(table)), shaft)
     return QuasiSteady(plant, law, FLOW, WEIGHTS)
 
 
@@ -42,7 +42,7 @@ def ideal_energy(power_coefficient):
 
 def test_quadratic_feedback_with_the_matching_gain_captures_the_largest_power(blade, polar, table):
     """K2 = 0.5 rho pi R^5 Cq / tsr^2 keeps the tip speed ratio at which Cq was taken."""
-    best = best_operation(blade, Hydrodynamics(polar))
+    best = best_operation(blade, polar)
     gain = 0.5 * DENSITY * np.pi * RADIUS**5 * best.power_coefficient / best.tip_speed_ratio**3
     for shaft in (LOSSLESS, RUBS):
         operation = quasi_steady(table, QuadraticFeedback(), shaft).operate([gain])

@@ -9,7 +9,6 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import PRICE
-from hkt_mdo.rotor.hydrodynamics import Hydrodynamics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.start.find import LOCAL, Candidate, Search, find_start, steady_optimum
@@ -41,14 +40,14 @@ def test_co_design_reaches_the_steady_optimum(law, optimum):
 def test_the_optimum_of_one_blade_is_start_enough(optimum):
     """The candidates are improved from any blade, not from the steady optimum alone."""
     case = world(limit=700.0)
-    own = best_operation(case.blade, Hydrodynamics(case.rotor.polar))
+    own = best_operation(case.blade, case.rotor.polar)
     best, found = (find_start(case, each).operation.energy for each in (optimum, own))
     assert found == pytest.approx(best, rel=1e-5)
 
 
 def test_a_fixed_blade_is_kept():
     case = world("quadratic", blade="fixed")
-    best = best_operation(case.blade, Hydrodynamics(case.rotor.polar))
+    best = best_operation(case.blade, case.rotor.polar)
     start, radius = find_start(case, best), case.blade.rotor_radius
     np.testing.assert_array_equal(start.blade.chord, case.blade.chord)
     gain = 0.5 * case.density * np.pi * radius**5 * best.power_coefficient
