@@ -19,7 +19,7 @@ SHORT = "phase.duration=10", "phase.segments=5", "rotor.station_count=6"
 def band_of(design, ratio, *ends):
     """Return the band of a design about a tip speed ratio, and its tables."""
     rotor, blade = design.physics.rotor, design.blade
-    band = Band.of(rotor, blade, ratio, np.linspace(*ends))
+    band = Band.of(rotor.polar, blade, ratio, np.linspace(*ends))
     return band, {name: each.values for name, each in band.solve(rotor, blade, ()).items()}
 
 
