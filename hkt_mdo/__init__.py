@@ -16,7 +16,7 @@ _HOMES = {
     "Solution": "results.solution.Solution",
     "build_problem": "start.build.build_problem",
     "RotorGroup": "problem.rotor_group.RotorGroup",
-    "TurbineGroup": "start.turbine_group.TurbineGroup",
+    "TurbineGroup": "start.build.TurbineGroup",
     "check": "run.check.check_case",
     "run_case": "run.run.run_case",
     "sweep": "run.sweep.run_sweep",

@@ -25,7 +25,7 @@ from hkt_mdo.dynamics.flows import GustInflow, StepInflow
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.tracking import Tracking
-from hkt_mdo.problem import wake
+from hkt_mdo.problem import operation_group
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.memory import stability
@@ -401,15 +401,15 @@ def variations(out):
 
 def pulses():
     """Return the energy of an open loop by how far it may be from its wake."""
-    rows, kept = [], wake.PULSE
+    rows, kept = [], operation_group.PULSE
     for pulse in PULSES:
-        wake.PULSE = pulse
+        operation_group.PULSE = pulse
         case = load_case("cases/sine_limited_oloc.yaml", [*OYE, "driver.max_iterations=300"])
         problem = build_problem(case)
         problem.run_model()
         problem.run_driver()
         rows.append((f"{100 * pulse:g} %", f"{problem.get_val('energy')[0] / 1e3:.2f}"))
-    wake.PULSE = kept
+    operation_group.PULSE = kept
     about = (
         "Open loop under 700 N m, 60 segments, by how far it may be from the start's wake factor:"
     )

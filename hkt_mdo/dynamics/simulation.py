@@ -5,13 +5,13 @@ of a window of time are solved together (`hkt_mdo.dynamics.radau`), so that BEM,
 compute on arrays, and are divided until their estimated errors are within the tolerance.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from types import SimpleNamespace
-from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.interpolate import CubicSpline, PPoly
 from scipy.optimize import brentq
 
@@ -303,31 +303,12 @@ class IntegrationError(InputError):
         return type(self), (self.time, self.fastest)
 
 
-class Start(NamedTuple):
-    """Where a simulation begins.
-
-    Attributes
-    ----------
-    speed
-        Rotor speed, rad/s.
-    states
-        Values of the controller's states, (n_states,).
-    time
-        Time, s.
-    """
-
-    speed: float
-    states: Sequence[float] = ()
-    time: float = 0.0
-
-
 def simulate(
     plant: Plant,
     inflow: Inflow,
     controller: Callable,
-    start: float | Start,
-    duration: float,
-    samples: int | np.ndarray = 601,
+    start: npt.ArrayLike,
+    time: np.ndarray,
     max_step: float | None = None,
     tolerance: float = 1e-9,
 ) -> Simulation:
@@ -348,13 +329,12 @@ def simulate(
         controller(time, speed) is the torque, N*m, for arrays of one shape; it is smooth between
         its `ends` (s), if it has such. A controller with states takes their values too, and has
         their `rates`, like `FeedbackTorque`; they are integrated with the speed.
-    start : Start or float
-        Where the run begins; a number is the rotor's speed at t = 0, rad/s.
-    duration : float
-        How long it lasts, s.
-    samples : int or array, shape (n_times,)
-        Number of points that are returned, or their times (s) from the run's begin to its end,
-        which shrink if the rotor stops.
+    start : array_like, shape (1 + n_states,)
+        The rotor's speed at the begin, rad/s, and values of the controller's states; or the speed
+        alone.
+    time : array, shape (n_times,)
+        Times that are returned, s, from the run's begin to its end, which shrink if the rotor
+        stops.
     max_step : float or None
         Longest step, s; None: a hundredth of the duration.
     tolerance : float
@@ -370,15 +350,12 @@ def simulate(
     IntegrationError
         If the integration fails, which is not the same as a rotor that stops.
     """
-    start = start if isinstance(start, Start) else Start(start)
-    begin, dense = start.time, 1 + len(start.states)
-    motion = _Motion(plant, inflow, controller, start, duration, tolerance, dense)
+    begin, duration = float(time[0]), float(np.ptp(time))
+    start = np.atleast_1d(np.asarray(start, dtype=float))
+    motion = _Motion(plant, inflow, controller, start, begin, duration, tolerance)
     path, energies, stopped = motion.march(max_step or duration / 100.0)
-    end = float(path.x[-1])
-    if isinstance(samples, int):
-        time = np.linspace(begin, end, samples)
-    else:
-        time = begin + (samples - begin) * (end - begin) / duration
+    end, dense = float(path.x[-1]), start.size
+    time = begin + (time - begin) * (end - begin) / duration
     values, flow = path(time), inflow.speed_at(time)
     speed, *states = values[:, :dense].T
     return Simulation(
@@ -387,7 +364,7 @@ def simulate(
         speed,
         *motion.torques(time, flow, values),
         *map(float, energies),
-        0.5 * plant.inertia * float(path(end)[0] ** 2 - start.speed**2),
+        0.5 * plant.inertia * float(path(end)[0] ** 2 - start[0] ** 2),
         end if stopped else None,
         lambda at: path(np.minimum(at, end))[..., 0],
         np.array(states),
@@ -399,26 +376,29 @@ def simulate(
 class _Motion:
     """The equation of motion of one run, and its integration.
 
-    Its values are the rotor's speed and the controller's states, `dense` of them, and then the
-    state of the wake's filters, if the plant's has memory.
+    Its values are the rotor's speed and the controller's states, `dense` of them, which begin with
+    `start`, and then the state of the wake's filters, if the plant's has memory.
     """
 
     plant: Plant
     inflow: Inflow
     controller: Callable
-    start: Start
+    start: np.ndarray
+    begin: float
     duration: float
     tolerance: float
-    dense: int
+
+    @property
+    def dense(self):
+        return self.start.size
 
     @property
     def _first(self):
         """The values at the begin, where the wake is in equilibrium."""
-        values = np.array([self.start.speed, *self.start.states])
         if self.plant.wake is None:
-            return values
-        flow = np.atleast_1d(self.inflow.speed_at(self.start.time))
-        return np.append(values, self.plant.wake.at_rest(values[:1], flow)[0])
+            return self.start
+        flow = np.atleast_1d(self.inflow.speed_at(self.begin))
+        return np.append(self.start, self.plant.wake.at_rest(self.start[:1], flow)[0])
 
     def march(self, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
@@ -463,7 +443,7 @@ class _Motion:
 
     def _mesh(self, longest):
         """Return the longest steps; none extends over an end of a piece of controller or flow."""
-        begin, end = self.start.time, self.start.time + self.duration
+        begin, end = self.begin, self.begin + self.duration
         near = 1e-12 * end  # times closer than rounding are one
         ends = np.union1d(getattr(self.controller, "ends", ()), self.inflow.pieces(end, begin))
         inside = ends[(ends > begin + near) & (ends < end - near)]
@@ -584,7 +564,7 @@ class _Motion:
         energy, J, is what has been captured before. None if Newton's method does not converge,
         False if no number of steps up to `MOST_STEPS` is enough.
         """
-        flow = float(self.inflow.speed_at(self.start.time))
+        flow = float(self.inflow.speed_at(self.begin))
         power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
         unit = energy + 0.01 * self.duration * power
         path, enough = None, max(0.01 * self.tolerance, 1e-12)

@@ -22,7 +22,6 @@ from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
-from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
@@ -87,7 +86,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     alone : bool
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
-    blade, band = setup.start.blade, band_of(physics, setup)
+    blade, band = setup.start.blade, setup.band(physics)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
@@ -292,4 +291,4 @@ def point_of(physics: Physics, problem) -> StartingPoint:
 
 def series(problem, scenario: Scenario, name: str) -> np.ndarray:
     """Return a quantity over time of a scenario in a problem, (n_nodes,)."""
-    return problem.get_val(f"{scenario.path}.{name}").ravel()
+    return problem.get_val(scenario.source(name)).ravel()

@@ -113,6 +113,9 @@ class SteadyScenario(Scenario):
     def path(self):
         return f"steady_{self.name}.timeseries"
 
+    def source(self, name):  # the wake is that of the rotor's own tip speed ratio
+        return super().source("tip_speed_ratio" if name == "wake_ratio" else name)
+
 
 def refuse_slow(scenarios: Iterable[Scenario], law) -> None:
     """Refuse a feedback law in a flow that changes within hours, before any optimization.

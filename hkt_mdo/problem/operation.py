@@ -36,10 +36,9 @@ def in_operation(
     place = {"key": "control.cut_out", "value": cut_out}
     if not count:
         slowest = float(np.min(whole.inflow.speed_at(whole.samples)))
-        problem = f"leaves no time for operation: the flow has at least {slowest:.4g} m/s"
-        if longest:
-            problem += f", and is slower than this for {longest:.3g} s at a time, at most, while "
-            problem += f"the rotor needs {shortest:.3g} s"
+        problem = f"leaves no time for operation: the flow has at least {slowest:.4g} m/s, and is "
+        problem += f"slower than this for {longest:.3g} s at a time, at most, while the rotor "
+        problem += f"needs {shortest:.3g} s"
         raise InputError(problem, "give a larger one, or null for none", **place)
     if count > MOST_INTERVALS:
         problem = f"divides the operation into {count} intervals, and {MOST_INTERVALS} are the most"
@@ -49,13 +48,10 @@ def in_operation(
     still = total - float(np.sum(lengths[kept]))
     text = (
         f"control.cut_out = {cut_out:g} m/s: standstill for {still:.4g} s of {total:.6g} s "
-        f"({100.0 * still / total:.3g} %), intervals of operation: {count}"
+        f"({100.0 * still / total:.3g} %), intervals of operation: {count}; "
+        f"{kept.size - count} more, of {np.sum(lengths[~kept]):.3g} s together, are shorter than "
+        f"the {shortest:.3g} s that the rotor needs"
     )
-    if not np.all(kept):
-        text += (
-            f"; {kept.size - count} more, of {np.sum(lengths[~kept]):.3g} s together, "
-            f"would be shorter than the {shortest:.3g} s that the rotor needs"
-        )
     scenarios = (
         replace(
             whole,

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from types import SimpleNamespace
 from typing import ClassVar
 from unittest.mock import patch
 
 import numpy as np
-import openmdao.api as om
 from openmdao.utils.om_warnings import OMDeprecationWarning
 from scipy.sparse import block_diag, csr_array, diags_array, kron, lil_array
 
@@ -25,8 +24,8 @@ from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", OMDeprecationWarning)
     import dymos as dm
-    from dymos.transcriptions.common import control_comp
-    from dymos.utils.hermite import hermite_matrices
+    from dymos.transcriptions import grid_data
+    from dymos.transcriptions.common import continuity_comp, control_comp
     from dymos.utils.lagrange import lagrange_matrices
     from dymos.utils.lgl import lgl
     from dymos.utils.lgr import lgr
@@ -233,6 +232,11 @@ class Scenario:
         """Where the phase's time series are in the model."""
         return f"traj.{self.name}.timeseries"
 
+    def source(self, name: str) -> str:
+        """Return where the values over time of a quantity, or of a state, are in the model."""
+        by = QUANTITIES[name].source if name in QUANTITIES else "trajectory"
+        return f"{self.path if by == 'trajectory' else f'{by}_{self.name}'}.{name}"
+
 
 def too_large(errors: np.ndarray, most: float) -> np.ndarray:
     """Return which errors are to be made smaller: the sum of the others is at most `most`."""
@@ -241,26 +245,28 @@ def too_large(errors: np.ndarray, most: float) -> np.ndarray:
     return found
 
 
-def _blocks(grid, matrices, given, wanted, sparse=False):
-    """Return a grid's interpolation matrices, one block a segment.
+def _sparse(matrices):
+    """Return a grid's method whose matrices are sparse from the start.
 
-    Dymos assembles dense matrices and then takes their nonzeros. Their memory grows with the square
-    of the segments and reaches gigabytes for an hour.
+    Dymos assembles dense ones and then takes their nonzeros. Their memory grows with the square of
+    the segments and reaches gigabytes for an hour.
     """
-    blocks = []
-    for segment in range(grid.num_segments):
-        nodes = []
-        for name in (given, wanted):
-            first, last = grid.subset_segment_indices[name][segment]
-            nodes.append(grid.node_stau[grid.subset_node_indices[name][first:last]])
-        blocks.append(matrices(*nodes))
-    found = (block_diag(each, format="csr") for each in zip(*blocks, strict=True))
-    return tuple(each if sparse else each.toarray() for each in found)
+
+    def found(given, wanted, sparse=False):
+        with patch.object(grid_data, "block_diag", lambda *each: block_diag(each, format="csr")):
+            made = matrices(given, wanted, sparse=True)
+        return made if sparse else tuple(each.toarray() for each in made)
+
+    return found
 
 
 def _zeros(shape, **options):
     """Return zeros, sparse in a matrix: one of Dymos' takes gigabytes for an hour."""
     return lil_array(shape) if np.size(shape) == 2 else np.zeros(shape, **options)
+
+
+# with Kronecker products by the identity of one element, of scalar controls, as they are
+_NUMPY = SimpleNamespace(**vars(np) | {"zeros": _zeros, "kron": lambda matrix, _: matrix})
 
 
 class _Lean:
@@ -290,8 +296,8 @@ class _Lean:
         """Give the grid matrices that are sparse from the start."""
         super().init_grid()
         grid = self.grid_data
-        grid.phase_lagrange_matrices = partial(_blocks, grid, lagrange_matrices)
-        grid.phase_hermite_matrices = partial(_blocks, grid, hermite_matrices)
+        grid.phase_lagrange_matrices = _sparse(grid.phase_lagrange_matrices)
+        grid.phase_hermite_matrices = _sparse(grid.phase_hermite_matrices)
 
     def configure_controls(self, phase):
         """Scale a control's value at each node by the square root of the time it stands for.
@@ -302,7 +308,7 @@ class _Lean:
         reference for all nodes; where they are equally spaced, it is the one that holds.
         """
         self._begin(phase, phase.control_options)
-        with patch.object(control_comp, "np", SimpleNamespace(**vars(np) | {"zeros": _zeros})):
+        with patch.object(control_comp, "np", _NUMPY):
             super().configure_controls(phase)
         grid = self.grid_data
         spans = np.gradient(grid.node_ptau[grid.subset_node_indices["control_input"]])
@@ -318,35 +324,14 @@ class _Lean:
         of hours the optimizer's tolerance would require a balance of torques to more digits than
         numbers have.
         """
-        super().configure_defects(phase)
-        ends = self.grid_data.subset_node_indices["segment_ends"]
-        for name in phase.control_options if ends.size > 2 else ():
-            for end, nodes in (("before", ends[1:-1:2]), ("after", ends[2:-1:2])):
-                source = f"control_rates:{name}_rate"
-                phase.connect(source, f"{name}_kinks.{end}", src_indices=om.slicer[nodes, :])
+        with patch.object(continuity_comp, "np", _NUMPY):
+            super().configure_defects(phase)
         grid, long = self.grid_data, np.diff(self.options["segment_ends"]) / LONG
         factor = np.repeat(np.maximum(long, 1.0), grid.subset_num_nodes_per_segment["col"])
         for name, options in phase.state_options.items():
             phase.collocation_constraint.set_constraint_options(
                 f"defects:{name}", ref=options["defect_ref"] * factor
             )
-
-    def setup_defects(self, phase):
-        """Make the rates of controls continuous between segments.
-
-        Dymos first makes the pattern of this constraint as a dense matrix, gigabytes for an hour.
-        """
-        super().setup_defects(phase)
-        known, n = self.options["start"]["time"], self.grid_data.num_segments - 1
-        for name, options in phase.control_options.items() if n else ():
-            half = 0.5 * (known[-1] - known[0])
-            kinks = om.AddSubtractComp(
-                *("kink", ["after", "before"], n),
-                units=f"{options['units']}/s",
-                scaling_factors=[half, -half],
-            )
-            phase.add_subsystem(f"{name}_kinks", kinks)
-            kinks.add_constraint("kink", equals=0.0, ref=options["ref"])
 
     def setup_states(self, phase):
         """Skip the component where there are no states."""
@@ -438,7 +423,7 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_
 
 
 def _add_control(phase, name, ref, **options):
-    """Add a control whose value is continuous; `_Lean` makes its rate so.
+    """Add a control whose value and rate are continuous.
 
     With the Radau transcription the last value of a segment is extrapolated, so that Dymos has to
     make it equal to the first of the next one; with the other one it is the same unknown.
@@ -448,7 +433,8 @@ def _add_control(phase, name, ref, **options):
         targets=[name],
         units=QUANTITIES[name].unit,
         continuity=isinstance(phase.options["transcription"], Radau),
-        rate_continuity=False,
+        rate_continuity=True,
+        rate_continuity_ref=ref,
         ref=ref,
         **options,
     )

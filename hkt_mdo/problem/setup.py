@@ -8,9 +8,11 @@ import numpy as np
 
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
+from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness / chord
@@ -72,6 +74,18 @@ class Setup:
             if low < high:
                 found[f"gain_{i}"] = low, high
         return found
+
+    def band(self, physics: Physics) -> Band | None:
+        """Return the tables of a wake with memory; None without memory.
+
+        Their weights are those of the start's blade at the mean of its tip speed ratios.
+        """
+        if not physics.remembers:
+            return None
+        blade = self.start.blade
+        ratios = [known["tip_speed_ratio"] for known in on_start(physics, self.start)]
+        mean = float(np.mean(np.concatenate(ratios)))
+        return Band.of(physics.rotor.polar, blade, mean, self.nodes)
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""

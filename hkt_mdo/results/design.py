@@ -16,14 +16,7 @@ from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
-from hkt_mdo.dynamics.simulation import (
-    FeedbackTorque,
-    Plant,
-    RecordedTorque,
-    Simulation,
-    Start,
-    simulate,
-)
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, Simulation, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import steady_plant
 from hkt_mdo.problem.model import Physics
@@ -257,13 +250,13 @@ class Design:
         phase = phase_in(self.physics.case, inflow)
         self.refuse_standstill(inflow)
         speed = initial_speed or self.initial_speed(inflow)
-        samples = Scenario(inflow, phase).resolved().dense
-        step, end = phase.duration / phase.segments / refined, phase.duration
-        about = self.start(inflow, speed), end, samples, step, tolerance
+        time = Scenario(inflow, phase).resolved().dense
+        step = phase.duration / phase.segments / refined
+        about = self.start(inflow, speed), time, step, tolerance
         return simulate(self.plant, inflow, self.controller, *about)
 
     def start(self, inflow, speed, time=0.0):
-        """Return the start of a simulation, with the law's states in the flow's equilibrium.
+        """Return the values with which a simulation begins, the law's states in equilibrium.
 
         Parameters
         ----------
@@ -276,14 +269,14 @@ class Design:
 
         Returns
         -------
-        Start
-            Speed, states and time; an open loop has no states.
+        ndarray, shape (1 + n_states,)
+            Speed and states; an open loop has no states.
         """
         if not self.law.states:
-            return Start(speed, [], time)
+            return np.array([speed])
         flow = inflow.speed_at(np.array([time]))
         _, _, states = equilibria(self.plant, self.controller, flow)
-        return Start(speed, [float(state[0]) for state in states], time)
+        return np.append(speed, states[:, 0])
 
 
 def phase_in(case: Case, inflow: Inflow) -> Phase:

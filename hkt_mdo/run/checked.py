@@ -36,10 +36,9 @@ def checked(
     state: RunState,
     start: StartingPoint,
     result: Optimized,
-    verifications: tuple[Verification, ...] = (),
+    verifications: tuple[Verification, ...],
 ) -> Checked:
-    """Return a result, of a run that began at a start, with its integrations; they may be given."""
-    verifications = verifications or verify(result)
+    """Return a result, of a run that began at a start, with its integrations."""
     if result.objective < (1.0 - BELOW_START) * start.reference:
         moving = _moving_reference(state, start, result)
         start = replace(start, reference=min(start.reference, moving))
@@ -136,7 +135,7 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
             continue
         physics, point, words = other
         stands = as_it_stands(state, physics, point, end.result)
-        known = checked(state, end.start, stands)
+        known = checked(state, end.start, stands, verify(stands))
         if known.rank > best.rank:
             best, held = known, words
     return best, held

@@ -20,7 +20,6 @@ from hkt_mdo.files.shipped import REMEDIES
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED
-from hkt_mdo.problem.wake import band_of
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.band import FACTORS
@@ -240,7 +239,7 @@ def _of_design(ended):
         word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
         yield "closed_loop", growth, 0.0, word
     if physics.remembers:
-        yield from _of_tables(band_of(physics, result.setup), result)
+        yield from _of_tables(result.setup.band(physics), result)
         found = stability_of(result)
         growth, word = (0.0, "") if found is None else (found.growth, found.text)
         yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"

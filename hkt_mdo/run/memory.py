@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.simulation import IntegrationError, RecordedTorque, Start, simulate
+from hkt_mdo.dynamics.simulation import IntegrationError, RecordedTorque, simulate
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import on_start
@@ -139,11 +139,11 @@ def _followed(physics, start, along) -> StartingPoint:
     if any(scenario.steady for scenario in physics.scenarios):
         return start
     runs = []
-    for scenario, plant, controller, (time, speed, _, *states) in along:
-        begin = Start(speed[0], [each[0] for each in states], time[0])
-        about = scenario.duration, scenario.samples, float(np.max(np.diff(scenario.edges)))
+    for scenario, plant, controller, (_, speed, _, *states) in along:
+        begin, longest = [each[0] for each in (speed, *states)], np.max(np.diff(scenario.edges))
+        about = scenario.inflow, controller, begin, scenario.samples, float(longest)
         try:
-            runs.append(simulate(plant, scenario.inflow, controller, begin, *about))
+            runs.append(simulate(plant, *about))
         except IntegrationError:
             return start
     if any(run.stopped_at is not None for run in runs):

@@ -75,14 +75,10 @@ def collect(physics: Physics, setup: Setup, problem, outcome: Outcome) -> Optimi
     outcome
         How the optimizer ended.
     """
-    names = *TRAJECTORY, *physics.law.states
+    names = *TRAJECTORY, *physics.law.states, *["wake_ratio"] * physics.remembers
     trajectories = tuple(
         {name: series(problem, scenario, name) for name in names} for scenario in physics.scenarios
     )
-    for scenario, nodes in zip(physics.scenarios, trajectories, strict=True):
-        if physics.remembers:
-            wake = "tip_speed_ratio" if scenario.steady else "wake_ratio"
-            nodes["wake_ratio"] = series(problem, scenario, wake)
     return Optimized(
         *(physics, problem, outcome, setup, point_of(physics, problem), trajectories),
         *(float(problem.get_val(name)[0]) for name in ("energy", "objective", "inertia", "mass")),

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.problem.constraints import constraint_of, limited_nodes
+from hkt_mdo.problem.operation_group import constraint_of, limited_nodes
 from hkt_mdo.run.checks import Checked
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 

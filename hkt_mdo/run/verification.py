@@ -25,7 +25,6 @@ from hkt_mdo.dynamics.simulation import (
     Plant,
     RecordedTorque,
     Simulation,
-    Start,
     simulate,
 )
 from hkt_mdo.dynamics.stability import Loop
@@ -35,7 +34,6 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.problem.wake import band_of
 from hkt_mdo.rotor.bem import Sections
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -314,14 +312,10 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
             verifications.append(SteadyVerification(physics, rotor, plant, *run, **options))
             continue
         controller = controller_of(physics, scenario, plant, result.point.gains, nodes)
-        start = Start(
-            float(nodes["rotor_speed"][0]),
-            [nodes[name][0] for name in physics.law.states],
-            float(scenario.edges[0]),
-        )
+        start = [nodes[name][0] for name in ("rotor_speed", *physics.law.states)]
         about = scenario, controller, start, mesh.duration / mesh.segments
         if plant.wake is not None:
-            mean = plant.with_mean_wake(band_of(physics, result.setup))
+            mean = plant.with_mean_wake(result.setup.band(physics))
             run = _simulated(mean, *about), controller
             options["two_filters"] = Verification(physics, rotor, mean, *run, **options)
         run = _simulated(plant, *about), controller
@@ -366,12 +360,12 @@ def _simulated(plant, scenario, controller, start, max_step, share=1.0) -> Simul
 
     Then as if the rotor stopped there.
     """
-    first, duration = start.time, scenario.duration
-    span = share * duration, first + share * (scenario.dense - first)
+    first = scenario.edges[0]
+    time = first + share * (scenario.dense - first)
     try:
-        return simulate(plant, scenario.inflow, controller, start, *span, max_step)
+        return simulate(plant, scenario.inflow, controller, start, time, max_step)
     except IntegrationError as error:  # an infinite torque has no integral
-        shorter = (error.time - first) / duration * (1.0 if share == 1.0 else SHORTER)
+        shorter = (error.time - first) / scenario.duration * (1.0 if share == 1.0 else SHORTER)
         if shorter < LEAST_SHARE:
             raise
         whole = _simulated(plant, scenario, controller, start, max_step, shorter)

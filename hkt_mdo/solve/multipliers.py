@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import block_array, csr_matrix, diags_array, eye_array, vstack
+from scipy.sparse import block_array, diags_array, eye_array, vstack
 from scipy.sparse.linalg import splu
 
 from hkt_mdo.solve.driver_base import ReportingDriver
@@ -80,7 +80,7 @@ def multipliers(driver: ReportingDriver, state: State) -> np.ndarray:
     Parameters
     ----------
     driver : ReportingDriver
-        A driver whose model is at the optimum.
+        A driver whose model, with the linear solver `Substitution`, is at the optimum.
     state : State
         The driver's state there.
 
@@ -89,7 +89,8 @@ def multipliers(driver: ReportingDriver, state: State) -> np.ndarray:
     numpy.ndarray, shape (n_rows,)
         Scaled multipliers of the state's rows: positive at an upper bound that binds.
     """
-    totals = _totals(driver)
+    driver._prepare_totals([*driver._objs, *driver._cons])
+    totals = driver._compute_sparse()
     gradient, jacobian = totals[[0]].toarray().ravel(), totals[1:]
     rows = vstack((jacobian, eye_array(gradient.size, format="csr")), format="csr")
     slack = np.minimum(state.upper - state.values, state.values - state.lower)
@@ -102,18 +103,6 @@ def multipliers(driver: ReportingDriver, state: State) -> np.ndarray:
     multiplier = np.zeros(state.values.size)
     multiplier[active] = splu(system).solve(right)[gradient.size :]
     return multiplier
-
-
-def _totals(driver) -> csr_matrix:
-    """Return the totals of the objective and the constraints, scaled."""
-    responses = [*driver._objs, *driver._cons]
-    driver._prepare_totals(responses)
-    if driver._sparse is not None:
-        return driver._compute_sparse()
-    driver._total_jac = None  # an optimizer may have left one of another format
-    totals = csr_matrix(driver._compute_totals(responses, list(driver._designvars), "array"))
-    driver._total_jac = None
-    return totals
 
 
 def gain(optimum: State, multiplier: np.ndarray, changed: State) -> float:

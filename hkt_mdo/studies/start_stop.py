@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, Start, simulate
+from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.design import Design, phase_in
 from hkt_mdo.results.words import measured
@@ -105,15 +105,15 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     design.refuse_standstill(inflow)
     radius = plant.blade.rotor_radius
 
-    def integrated(controller, start, end):
-        step = duration / phase.segments
-        return simulate(plant, inflow, controller, start, end - start.time, SAMPLES, step)
+    def integrated(controller, values, *ends):
+        time, step = np.linspace(*ends, SAMPLES), duration / phase.segments
+        return simulate(plant, inflow, controller, values, time, step)
 
     def missing(time):
         return run_up.speed_at(time) - design.initial_speed(inflow, time)
 
     first = FIRST * float(inflow.speed_at(0.0)) / radius
-    run_up = integrated(lambda _, speed: 0.0 * speed, Start(first), duration)
+    run_up = integrated(lambda _, speed: 0.0 * speed, first, 0.0, duration)
     fast = np.flatnonzero(missing(run_up.time) >= 0.0)
     if not fast.size:
         return StartStop(run_up, None, None, None, 2.0 * radius)
@@ -122,12 +122,12 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
     if start >= end:
         return StartStop(run_up, start, None, None, 2.0 * radius)
     speed = float(run_up.speed_at(start))
-    operation = integrated(design.controller, design.start(inflow, speed, start), end)
+    operation = integrated(design.controller, design.start(inflow, speed, start), start, end)
     shut_down = None
     if stop is not None and operation.stopped_at is None:
         most = design.law.torque_limit
-        last = Start(float(operation.rotor_speed[-1]), time=stop)
-        shut_down = integrated(lambda _, speed: most + 0.0 * speed, last, duration)
+        last = operation.rotor_speed[-1]
+        shut_down = integrated(lambda _, speed: most + 0.0 * speed, last, stop, duration)
     return StartStop(run_up, start, operation, shut_down, 2.0 * radius)
 
 

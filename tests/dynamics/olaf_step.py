@@ -42,7 +42,7 @@ def oye(tau1, time):
     plant, (times, _) = plant_of(RUN).with_memory(tau1), RUN.corners
     speeds, flows = RUN.speeds(times, plant.blade.rotor_radius)
     flow = RampedInflow(times=tuple(times), speeds=tuple(flows))
-    about = Driven(times, speeds), float(speeds[0]), RUN.duration, time
+    about = Driven(times, speeds), speeds[0], time
     return simulate(plant, flow, *about, max_step=0.5).hydrodynamic_torque
 
 

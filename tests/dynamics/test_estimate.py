@@ -7,7 +7,7 @@ import pytest
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.reynolds import LocalReynolds
@@ -44,7 +44,7 @@ def test_motion_is_that_with_an_exact_sensor_and_settles_where_the_estimate_says
     unit = best.tip_speed_ratio / plant.blade.rotor_radius
     gains, estimate = np.array([unit, 2.0 * unit, 150.0, 600.0]), FlowEstimate(plant)
     states = [float(plant.torque(np.array([1.5 * unit]), np.array([1.5]))[0]), 1.5]
-    start = Start(1.5 * unit, states), 20.0, 401, 0.2
+    start = [1.5 * unit, *states], np.linspace(0.0, 20.0, 401), 0.2
     sensed, estimated = (
         simulate(plant, SineInflow(), FeedbackTorque(LAW, gains, each), *start)
         for each in (None, estimate)

@@ -84,7 +84,8 @@ def test_a_simulation_is_stable_where_the_loop_is(plant, factor):
     torque = plant.torque(SPEED, FLOW)[0]
     loop = Loop.of(plant, Held(0.0), SPEED, FLOW)
     heavy = replace(plant, inertia=factor * loop.least_inertia[0])
-    run = simulate(heavy, ConstantInflow(speed=1.5), Held(0.0, torque), 1.001 * SPEED[0], 8.0)
+    about = Held(0.0, torque), 1.001 * SPEED[0], np.linspace(0.0, 8.0, 601)
+    run = simulate(heavy, ConstantInflow(speed=1.5), *about)
     off, end = np.abs(run.rotor_speed / SPEED[0] - 1.0), run.time[-1]
     first, last = (np.max(off[x]) for x in (run.time < 0.3 * end, run.time > 0.7 * end))
     assert (last < first) == (factor > 1.0)

@@ -8,7 +8,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.flows import ConstantInflow, SineInflow
 from hkt_mdo.dynamics.laws import OpenLoop, smooth_saturation
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem.physics import physics
@@ -16,7 +16,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.start.find import find_start
 from tests.conftest import CASES, NINE, checked
 
-KNOTS, INERTIA = 5, 4.0
+KNOTS, INERTIA, TIME = 5, 4.0, np.linspace(0.0, 20.0, 201)
 LAW = Tracking(knots=KNOTS, flow_range=(1.2, 1.8))
 SPEEDS = np.linspace(6.0, 9.0, KNOTS)
 GAINS = np.array([*SPEEDS, 150.0, 600.0])
@@ -36,8 +36,8 @@ def following(*overrides):
     start = find_start(world, world.rotor.best_operation(world.blade), improve=False)
     speed, torque = start.operation.rotor_speed[0], start.operation.hydrodynamic_torque[0]
     states = world.law.at_rest(torque, float(world.inflow.speed_at(0.0)))
-    loop, span = FeedbackTorque(world.law, start.gains), world.case.phase.duration
-    run = simulate(plant_of(world), world.inflow, loop, Start(speed, states), span, 2001)
+    loop, time = FeedbackTorque(world.law, start.gains), world.scenarios[0].dense
+    run = simulate(plant_of(world), world.inflow, loop, [speed, *states], time)
     return world, run, start
 
 
@@ -133,7 +133,7 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
         return np.minimum(u * w / speed, 1.5 * u)
 
     for begin, end in ((0.99, 0.8), (1.01, 1.2)):  # away from the equilibrium, on both sides
-        lost = simulate(plant, ConstantInflow(speed=flow), static, begin * w, 20.0)
+        lost = simulate(plant, ConstantInflow(speed=flow), static, begin * w, TIME)
         assert (lost.rotor_speed[-1] / w < end) == (end < 1.0)
         assert abs(lost.rotor_speed[-1] / w - 1.0) > 0.2
 
@@ -141,7 +141,7 @@ def test_underspeed_is_held_where_a_static_law_is_unstable():
 def test_motion_is_that_of_scipys_radau(plant):
     law = LAW.model_copy(update={"torque_limit": 600.0, "bias": 0.03})
     loop, flow, start = FeedbackTorque(law, GAINS), SineInflow(), [7.0, 300.0, 1.4]
-    run = simulate(plant, flow, loop, Start(start[0], start[1:]), 20.0, 201, 1.0)
+    run = simulate(plant, flow, loop, start, TIME, 1.0)
 
     def rates(time, values):
         w, v = np.array([values[0]]), np.atleast_1d(flow.speed_at(time))
@@ -176,7 +176,7 @@ def test_partials_by_complex_step(limit):
 
 def test_rate_of_the_torque_is_along_the_motion(plant):
     loop = FeedbackTorque(LAW, GAINS)
-    run = simulate(plant, SineInflow(), loop, Start(7.0, (300.0, 1.4)), 5.0, 5001)
+    run = simulate(plant, SineInflow(), loop, [7.0, 300.0, 1.4], np.linspace(0.0, 5.0, 5001))
     acceleration = (run.hydrodynamic_torque - run.control_torque) / INERTIA
     rate = loop.rate(run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states)
     expected = np.gradient(run.control_torque, run.time)

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.radau import LOST, MATRIX, Slopes, StageSystem, solve_stages
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, Start, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake
 from hkt_mdo.rotor import bem
@@ -62,10 +62,10 @@ def simulated(run, time):
     blade = plant.blade
     speeds, flows = run.speeds(times, blade.rotor_radius)
     inflow = RampedInflow(times=tuple(times), speeds=tuple(flows))
-    about = Driven(times, speeds), float(speeds[0]), run.duration, time
+    about = Driven(times, speeds), speeds[0], np.union1d(time, [0.0, run.duration])
     found = simulate(plant, inflow, *about, max_step=0.5)
     speed, flow = run.speeds(time, blade.rotor_radius)
-    np.testing.assert_allclose(found.rotor_speed, speed, rtol=1e-7)
+    np.testing.assert_allclose(found.speed_at(time), speed, rtol=1e-7)
     seen = plant.wake.sections(speed, flow, found.wake_at(time))
     pressure = 0.5 * plant.density * flow * flow * blade.blade_count
     r = blade.edges
@@ -171,10 +171,10 @@ def test_a_run_with_memory_is_that_of_an_integrator_without_elimination(paper, t
         controller = FeedbackTorque(law, np.array([*speeds, 150.0, 600.0]))
         rest = [float(x[0]) for x in law.at_rest(plant.torque(speed, flow), flow)]
     first = np.concatenate((speed, rest, plant.wake.at_rest(speed, flow)[0]))
-    times, options = np.array([2.5, 5.0]), {"rtol": 1e-8, "atol": 1e-10}
+    times, options = np.array([0.0, 2.5, 5.0]), {"rtol": 1e-8, "atol": 1e-10}
     options["args"] = plant, inflow, controller, len(rest)
     other = solve_ivp(rates_of_all, (0.0, 5.0), first, "Radau", times, **options)
-    run = simulate(plant, inflow, controller, Start(7.6, rest), 5.0, times)
+    run = simulate(plant, inflow, controller, [7.6, *rest], times)
     np.testing.assert_allclose(run.rotor_speed, other.y[0], rtol=1e-6)
     states, filters = np.split(other.y[1:], [len(rest)])
     np.testing.assert_allclose(run.states.reshape(states.shape), states, rtol=1e-5)
@@ -269,6 +269,6 @@ def test_open_loop_is_held_by_the_slope_of_a_wake_that_stays(paper):
     slope = plant.torque_slope(np.array([8.636]), np.array([1.5]))[0]
     assert held.stiffness == pytest.approx(2.0 * slope)
     steady = ConstantInflow(speed=1.5)
-    ends = [simulate(plant, steady, each, 8.65, 20.0).rotor_speed[-1] for each in (held, free)]
+    ends = [simulate(plant, steady, each, 8.65, time).rotor_speed[-1] for each in (held, free)]
     assert ends[0] == pytest.approx(8.636, abs=1e-3)
     assert abs(ends[1] - 8.636) > 0.5

@@ -19,7 +19,7 @@ from rosco.toolbox.utilities import load_from_txt, read_DISCON
 
 from hkt_mdo import Solution
 from hkt_mdo.dynamics.equilibrium import equilibria
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, Start, simulate
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, simulate
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.rotor import bem
@@ -87,8 +87,8 @@ def operate(solution, tmp_path, step=0.01, duration=None):
     torque, states = FeedbackTorque(design.law, design.gains), ()
     if design.law.states:
         (speed,), _, states = equilibria(plant, torque, flow[:1])
-    start = Start(speed, [each[0] for each in states])
-    own = simulate(plant, scenario.inflow, torque, start, duration, samples=time)
+    start = [speed, *(each[0] for each in states)]
+    own = simulate(plant, scenario.inflow, torque, start, time)
     given, found = tmp_path / "given.npz", tmp_path / "found.npz"
     ratio = np.linspace(0.5, 20.0, 1200)
     np.savez(

@@ -31,7 +31,7 @@ def _simulated(world, blade, torque, speed):
     """Return the energy that a blade captures from a starting speed under torque(time, speed)."""
     about = world.rotor.mass_and_inertia(blade)[1], world.density, bem.rotor_coefficients
     plant = Plant(blade, world.rotor.polar, *about)
-    return simulate(plant, world.inflow, torque, speed, 60.0, samples=601, max_step=1.0).energy
+    return simulate(plant, world.inflow, torque, speed, np.linspace(0.0, 60.0, 601), 1.0).energy
 
 
 def _certificate(world, best):

@@ -89,7 +89,7 @@ def test_time_constant_by_simulation(law: str) -> None:
     def moved(push: float):
         flow, span = ConstantInflow(speed=found.mean), 2.0 * constant
         begin = found.steady_speed * push
-        return simulate(found.plant, flow, control, begin, span, 41, 0.01 * span, 1e-12)
+        return simulate(found.plant, flow, control, begin, np.linspace(0.0, span, 41), None, 1e-12)
 
     pushed, left = moved(1.001), moved(1.0)
     assert left.rotor_speed[-1] == pytest.approx(found.steady_speed, rel=1e-6)

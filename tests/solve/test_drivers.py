@@ -14,6 +14,7 @@ from hkt_mdo.solve import drivers
 from hkt_mdo.solve.drivers import make_driver
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 from hkt_mdo.solve.stationary import Stationary
+from hkt_mdo.solve.totals import Substitution
 
 # OpenMDAO makes a directory '<problem>_out' where it runs: keep it out of the checkout.
 pytestmark = pytest.mark.usefixtures("empty_directory")
@@ -165,6 +166,7 @@ def test_multipliers_and_what_a_little_of_a_bound_gives(package, optimizer):
         problem, _ = solved(hock_schittkowski_71(driver, lower=25.0 * (1.0 + more)))
         states.append(State.of(driver))
         if not more:
+            problem.model.linear_solver = Substitution()
             found, x = multipliers(driver, states[0]), problem.get_val("x").copy()
     # as IPOPT's documentation has them for its example, this problem
     expected = [-0.55229366, 0.16146857, -1.08787121, 0.0, 0.0, 0.0]
@@ -180,7 +182,7 @@ def test_multipliers_and_what_a_little_of_a_bound_gives(package, optimizer):
 def test_multipliers_of_scaled_problems(package, optimizer):
     driver = make_driver(package, optimizer, tolerance=1e-9)
     problem, _ = solved(bowl(driver))
-    state = State.of(problem.driver)
+    problem.model.linear_solver, state = Substitution(), State.of(problem.driver)
     # at (1, 1, 2.5) m: df/dx = (-2, -2, -1) m, so 2 m a metre of the sum and 1 m of the bound
     found = multipliers(driver, state) / state.scaler
     np.testing.assert_allclose(found, [2.0 * 0.7, 0.0, 0.0, 1.0 * 2.3], rtol=1e-5, atol=1e-5)

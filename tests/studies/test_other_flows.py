@@ -138,7 +138,7 @@ def test_the_speed_of_an_unstable_rotor_is_held_as_in_the_run(open_loop):
     assert held.stopped_at is None
     assert held.rotor_speed[-1] == pytest.approx(speed, rel=1e-6)
     alone = RecordedTorque(table["time_s"], table["control_torque_Nm"])
-    assert simulate(plant, flow, alone, 0.99 * speed, 60.0).stopped_at < 60.0
+    assert simulate(plant, flow, alone, 0.99 * speed, held.time).stopped_at < 60.0
 
 
 # The flow of the run ------------------------------------------------------------------------------
