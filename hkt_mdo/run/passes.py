@@ -13,12 +13,10 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import MANY_SEGMENTS, make_driver, point_of
-from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.results.summary import MemoryEntry, PassEntry
-from hkt_mdo.results.words import per_cent
 from hkt_mdo.run.checked import checked, measured
 from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
@@ -32,8 +30,6 @@ MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
 FIRST_ITERATIONS = 300
 """Iterations after which an optimization begins again from its last iterate."""
-TIE = 2e-4
-"""Share of the objective by which another branch has to be better without time to be tried."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
 
@@ -53,8 +49,8 @@ class Task:
         What is done after the pass before, and the reason; empty for the first one.
     passes : int
         How many there were from this start.
-    first_passed : bool or None
-        Whether the start's first branch has led to a result that passes; None: this is the first.
+    second : bool
+        Whether the start is on the second branch.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
@@ -66,7 +62,7 @@ class Task:
     name: str = ""
     why: str = ""
     passes: int = 0
-    first_passed: bool | None = None
+    second: bool = False
     coarser: tuple[float, ...] = ()
 
     @classmethod
@@ -186,11 +182,10 @@ def begin_again(this: Pass) -> Task | None:
     """Begin again from the last iterate of an optimization that did not converge.
 
     The approximation of the Hessian begins anew, at a torque curve of the iterate's blade, and all
-    iterations that the case allows may be made. What fails then as well has failed, and so has a
-    second branch where the first one has led to a result.
+    iterations that the case allows may be made. What fails then as well has failed.
     """
     last, again = this.state.last, this.task.name == "begin again"
-    if this.is_last or this.converged or last is None or again or this.task.first_passed:
+    if this.is_last or this.converged or last is None or again:
         return None
     why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
     return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
@@ -262,30 +257,16 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
 
 
 def other_branch(this: Pass) -> Task | None:
-    """Begin on the start's other branch where that is better, or checks refuse the end.
-
-    A better one counts only if the torque does not jump there, where no optimization converges
-    (`river25` with open loop).
-    """
-    if this.runs_away or this.approximate or this.task.first_passed is not None:
-        return None
-    physics, first = this.state.first, this.task.start
-    start = start_on_other_branch(first)
-    if start is None:
+    """Begin on the start's other branch where checks refuse the end."""
+    task, physics = this.task, this.state.first
+    if this.runs_away or this.approximate or task.second:
         return None
     refused = [check.name for check in this.end.checks if not check.passed]
-    if set(refused) - {"loads_resolved"}:  # for which another start does not help
-        why = f"{len(refused)} checks refuse the result on branch {first.branch}"
-    elif start.objective > (1.0 + TIE) * first.objective:
-        ratios = np.concatenate([known["tip_speed_ratio"] for known in on_start(physics, start)])
-        if physics.rotor.torque_jumps(start.blade, np.min(ratios), np.max(ratios)):
-            return None
-        gain = per_cent(start.objective - first.objective, first.objective)
-        why = f"without time branch {start.branch} is better by {gain}"
-    else:
+    start = start_on_other_branch(physics, task.start)
+    if start is None or not set(refused) - {"loads_resolved"}:  # another start does not help these
         return None
-    start = measured(physics, start)
-    return Task.first(physics, start, why=why, first_passed=this.end.passed)
+    why = f"{len(refused)} checks refuse the result on branch {task.start.branch}"
+    return Task.first(physics, measured(physics, start), why=why, second=True)
 
 
 FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch

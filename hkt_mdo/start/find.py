@@ -20,8 +20,7 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.equilibrium import at_rest
 from hkt_mdo.dynamics.laws import OpenLoop
-from hkt_mdo.dynamics.limits import SLOWED
-from hkt_mdo.problem.evaluation import excesses, objective_at, split
+from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.problem.scenario import Scenario
@@ -40,6 +39,7 @@ CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 FAR_BEHIND = 0.05  # share of the objective by which a branch may be behind to be tried over time
 TIE = 1e-5  # share of the objective by which optima without time may differ and tie
+EVEN = 2e-4  # the same of branches, of which that without stall is better over time (`power_oloc`)
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
 SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade
 DEMAND = 10.0  # of a law over its largest torque, at which the torque is constant
@@ -164,18 +164,28 @@ def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]
         yield Candidate(name, shape.nearest(other.blade))
 
 
-def other_branch(start: StartingPoint) -> StartingPoint | None:
+def other_branch(physics: Physics, start: StartingPoint) -> StartingPoint | None:
     """Return the start on a starting point's other branch; None if there is no good one.
 
-    A good one keeps the limits and is not much worse; the case must not have chosen a branch.
+    A good one keeps the limits, is not much worse, and its torque does not jump; the case must not
+    have chosen a branch.
     """
     if len(start.branches) < 2:
         return None
     first, other = start.branches
     behind = other.objective < (1.0 - FAR_BEHIND) * first.objective
-    if behind or other.excess > START_EXCESS:
+    if behind or other.excess > START_EXCESS or _jumps(physics, other):
         return None
     return replace(other, branches=(other, first), starts=start.starts, messages=start.messages)
+
+
+def _jumps(physics: Physics, point: StartingPoint) -> bool:
+    """Tell whether the torque of a rotor jumps in its operation, where no optimization converges.
+
+    So it does on the better branch of `river25` with open loop.
+    """
+    ratios = np.concatenate([known["tip_speed_ratio"] for known in on_start(physics, point)])
+    return physics.rotor.torque_jumps(point.blade, np.min(ratios), np.max(ratios))
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,10 +270,11 @@ class Search:
                         followed.add(about)
         # last, since rivals end it: its curve may have 1,700 nodes (`two_flows`)
         found += map(self._optimum, self._at_constant_torque())
-        rank = MERIT if law.is_feedback else self._less_stall
-        found.sort(key=rank, reverse=True)
+        found.sort(key=MERIT, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
-        best = [self._heaviest([x for x in found if x.branch == name], rank) for name in branches]
+        best = [self._heaviest([x for x in found if x.branch == name]) for name in branches]
+        if len(best) > 1:
+            best.sort(key=self._rank, reverse=True)
         return list(map(self._over_time, best))
 
     def of_simpler_law(self, candidates: Sequence[Candidate]) -> StartingPoint:
@@ -285,15 +296,24 @@ class Search:
         gains = self.physics.law.fit(speed, law.demand(speed, end.gains))
         return replace(end, gains=np.clip(gains, *gain_bounds(self.physics)))
 
-    def _heaviest(self, found: list[StartingPoint], rank) -> StartingPoint:
-        """Return the heaviest rotor of the optima that tie with the first, by their rank.
+    def _rank(self, end: StartingPoint) -> tuple[bool, float]:
+        """Return the merit of a branch; overspeed is better where they are even.
+
+        One whose torque jumps is as one that does not keep the limits.
+        """
+        kept, value = end.merit
+        first = end.branch == next(iter(BRANCHES))
+        return kept and not _jumps(self.steady, end), value + EVEN * abs(value) * first
+
+    def _heaviest(self, found: list[StartingPoint]) -> StartingPoint:
+        """Return the heaviest rotor of the optima that tie with the first, by their merit.
 
         Inertia has no effect without time. Over time it keeps limits in gusts: of three blades that
         tie under a limit of the power in turbulence, the heaviest leads to 5 % more energy.
         """
-        kept, value = rank(found[0])
+        kept, value = found[0].merit
         least = kept, value - TIE * abs(value)
-        ties = [found[0], *(each for each in found[1:] if rank(each) >= least)]
+        ties = [found[0], *(each for each in found[1:] if each.merit >= least)]
         return max(ties, key=lambda end: self.physics.rotor.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
@@ -328,18 +348,6 @@ class Search:
         if self.on_start is not None:
             self.on_start(self.tried[-1])
         return end
-
-    def _less_stall(self, end: StartingPoint) -> tuple[bool, float]:
-        """Return the merit of an open loop, less a share if its torque does not hold the speed.
-
-        That is so where the torque of the flow falls with a loss of speed. There optimizations over
-        time are long, and may not end: such a branch is the second one unless it is far better.
-        """
-        (kept, value), speed = end.merit, end.operation.rotor_speed
-        problem = self._quasi_steady(end.blade, self.steady)
-        torque = problem.held(speed).hydrodynamic_torque
-        slowed = problem.held((1.0 - SLOWED) * speed).hydrodynamic_torque
-        return kept, value - FAR_BEHIND * abs(value) * bool(np.any(slowed < torque))
 
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
         """Return the optimum that is reached from a point, by default under the case's law."""

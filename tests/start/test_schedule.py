@@ -62,12 +62,12 @@ def test_power_is_kept_by_turning_faster_or_slower():
 
 
 def test_a_refused_optimum_may_be_sought_on_the_other_branch():
-    first = start(power="5 kW")
-    other = other_branch(first)
+    case, first = world("open_loop", power="5 kW"), start(power="5 kW")
+    other = other_branch(case, first)
     assert {other.branch, first.branch} == {"overspeed", "underspeed"}
     assert other.excess < 1e-4
     assert other.objective == pytest.approx(first.objective, rel=1e-3)
-    assert other_branch(start()) is None  # without limits there is one branch
+    assert other_branch(case, start()) is None  # without limits there is one branch
 
 
 @pytest.mark.slow
