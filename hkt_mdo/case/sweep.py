@@ -143,7 +143,8 @@ class Sweep(Section):
         if self.samples is None and self.sampled:
             key, problem = self.sampled[0], "has no count, and the sweep no samples"
             remedy = "give the range a count, or the sweep samples: 100"
-            raise refusal(problem, remedy, key=f"over.{key}")
+            value = self.over[key].model_dump(exclude_none=True)
+            raise refusal(problem, remedy, key=f"over.{key}", value=value)
         return self
 
     @property
@@ -230,8 +231,14 @@ class Sweep(Section):
                 try:
                     self.case_at(first | point)
                 except InputError as error:
-                    problem = f"{error.key} {error.problem}"
-                    where: dict[str, Any] = {"file": file, "key": "over", "value": point}
+                    problem, own = f"{error.key or ''} {error.problem}".lstrip(), error.key or "-"
+                    near = [
+                        (key, value)
+                        for key, value in (("over", point), ("set", self.set_))
+                        if any(own.startswith(x) or x.startswith(own) for x in value)
+                    ]
+                    key, value = (*near, ("over", point))[0]
+                    where: dict[str, Any] = {"file": file, "key": key, "value": value}
                     raise InputError(problem, error.remedy, **where) from error
 
 

@@ -102,6 +102,12 @@ class Limit(Formula):
         """The bound in reports: the upper one, or a lower one alone, but zero, as of a torque."""
         return self.lower if self.upper == np.inf and self.lower != 0.0 else self.upper
 
+    def end_of(self, values: np.ndarray) -> Any:
+        """Return the bound in reports of some values: of two bounds the one they are closest to."""
+        two = np.isfinite(self.upper) and self.lower not in (0.0, -self.upper, -np.inf)
+        below = two and np.max(self.lower - values) > np.max(values - self.upper)
+        return self.lower if below else self.end
+
     @property
     def bounds_size(self) -> float:
         """Magnitude of its bounds, in `unit`; 0 where they are none."""
@@ -115,8 +121,10 @@ class Limit(Formula):
 
     def share(self, quantities: Any) -> np.ndarray:
         """Return how much of it is used, relatively: 1 at the bound that reports give."""
-        over = (self.reported(quantities) - self.end) / (abs(self.end) or 1.0)
-        return 1.0 - over if self.end == self.lower else 1.0 + over
+        values = self.reported(quantities)
+        end = self.end_of(values)
+        over = (values - end) / (abs(end) or 1.0)
+        return 1.0 - over if end == self.lower else 1.0 + over
 
     def excess(self, quantities: Any) -> np.ndarray:
         """Return the excess over its bounds, relative to them; at most 0 if the limit is kept."""

@@ -309,7 +309,7 @@ def _cut(raw: Columns, options: RecordInflow) -> Columns:
         problem = f"takes {_count(rows.size, 'sample')} between {start:.6g} s and {end:.6g} s of a "
         problem += f"record that ends at {last:.6g} s"
         remedy = f"take {MIN_SAMPLES} samples at least, and no time after its end"
-        key = "start" if options.duration is None else "duration"
+        key = "start" if options.duration is None or start > last else "duration"
         raise options.refuse(key, problem, remedy, raw.file)
     if rows.size == time.size:
         return raw
@@ -370,8 +370,10 @@ def _longest_gap(raw: Columns, options: RecordInflow, step: float, resample: boo
     missing = np.diff(raw.time[rows]) - step
     longest = options.longest_gap or min(3.0 * step, 3600.0)
     allowed = longest + 0.1 * step
-    free = options.gaps == "interpolate" or (resample and rows.size == present.size)
-    for gap in np.flatnonzero(missing > (allowed if free else 0.5 * step))[:1]:
+    refused = missing > (allowed if options.gaps == "interpolate" or resample else 0.5 * step)
+    if options.gaps == "refuse":
+        refused |= np.diff(rows) > 1
+    for gap in np.flatnonzero(refused)[:1]:
         problem, remedy = f"is at a gap of {missing[gap]:.6g} s", "give gaps: interpolate"
         if missing[gap] > allowed:
             problem += f", and no more than {longest:.6g} s may be interpolated"

@@ -218,7 +218,8 @@ class Resource(Inflow):
     def _check_reversal(self):
         if (self.reversal == "backwards") != (self.reversed_polar is not None):
             problem = "belongs to reversal: backwards, which needs it"
-            raise refusal(problem, "give both or neither", key="reversed_polar")
+            value = self.reversed_polar
+            raise refusal(problem, "give both or neither", key="reversed_polar", value=value)
         return self
 
     @cached_property

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -34,12 +33,18 @@ def _positive(torque):
     return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
 
 
-@lru_cache(maxsize=16)  # a simulation evaluates one law at each of its steps
-def _spline(*places):
-    """Return the natural cubic spline over some places, linear beyond them."""
-    from hkt_mdo.rotor.torque_curve import TorqueSpline  # a case is read without SciPy
+def _natural_spline(place, height):
+    """Return the cubics, (4, n_knots - 1), of the natural spline through places and heights.
 
-    return TorqueSpline(places)
+    Both may be in a complex step.
+    """
+    step = np.diff(place)
+    matrix = np.diag(np.hstack((1.0, 2.0 * (step[1:] + step[:-1]), 1.0)))
+    matrix = matrix + np.diag(np.append(step[:-1], 0.0), -1) + np.diag(np.append(0.0, step[1:]), 1)
+    rate = np.diff(height) / step
+    bend = np.linalg.solve(matrix, np.hstack((0.0, 3.0 * np.diff(rate), 0.0)))
+    line = rate - step * (2.0 * bend[:-1] + bend[1:]) / 3.0
+    return np.array([np.diff(bend) / (3.0 * step), bend[:-1], line, height[:-1]])
 
 
 class _TwoGains(FeedbackLaw):
@@ -202,30 +207,44 @@ class CurveFeedback(FeedbackLaw):
 
         Beyond an end knot the exponent of the torque changes to its least one, where it is less,
         within `BEND` of the speed's logarithm, so that the torque has no kink at which an
-        optimization would stop. No derivative is taken by the knots' speeds, which the start fixes.
+        optimization would stop.
         """
-        height = np.log(gains[self.knots :])
-        inner = _spline(*np.log(gains[: self.knots].real)).pieces(height)
-        ends, last, way = inner.x[[0, -1]], height[[0, -1]], np.array([-1.0, 1.0])
-        slope = inner(ends, 1)
+        from scipy.interpolate import PPoly  # a case is read without SciPy
+
+        place, height = np.log(gains).reshape(2, -1)
+        inner, last, way = _natural_spline(place, height), height[[0, -1]], np.array([-1.0, 1.0])
+        end = np.array([3.0, 2.0, 1.0]) * inner[:3, -1]
+        slope = np.append(inner[2, 0], np.polyval(end, place[-1] - place[-2]))
         bent = np.where(slope.real < LEAST, LEAST - slope, 0.0)
         steep, reached = slope + bent, last + BEND * way * (slope + 0.5 * bent)
         # a line and a parabola before the first knot, a parabola and a line after the last one
         bends = 0.5 * bent * way / BEND
         before = [[0.0, 0.0], [0.0, bends[0]], 2 * [steep[0]], [reached[0] - steep[0], reached[0]]]
         after = [[0.0, 0.0], [bends[1], 0.0], [slope[1], steep[1]], [last[1], reached[1]]]
-        places = ends[0] - BEND - np.array([1.0, 0.0]), inner.x, ends[1] + BEND + np.arange(2.0)
-        return inner.construct_fast(np.hstack((before, inner.c, after)), np.concatenate(places))
+        cubic, square, line, value = np.hstack((before, inner, after))
+        begins = place[0] - BEND - np.array([1.0, 0.0]), place, place[-1] + BEND + np.arange(2.0)
+        begin = np.concatenate(begins)
+        moved = (begin.real - begin)[:-1]  # of a complex step: cubics about the real places
+        about = (
+            cubic,
+            square + 3.0 * moved * cubic,
+            line + 2.0 * moved * square,
+            value + moved * line,
+        )
+        return PPoly.construct_fast(np.array(about), begin.real)
 
     def fit(self, speed, torque):
         from scipy.optimize import lsq_linear  # reading a case does not need SciPy
+
+        from hkt_mdo.rotor.torque_curve import TorqueSpline
 
         speed, torque = np.log(speed), np.log(_positive(torque))
         place = self._spread(speed, torque)
         # the height of the first knot and the exponents between neighbours, which are bounded
         sums = np.tri(self.knots) * np.append(1.0, np.diff(place))
         most = np.append(np.inf, np.full(self.knots - 1, STEEPEST))
-        height = sums @ lsq_linear(_spline(*place).basis(speed) @ sums, torque, (-most, most)).x
+        basis = TorqueSpline(place).basis(speed)
+        height = sums @ lsq_linear(basis @ sums, torque, (-most, most)).x
         # knots that no speed is near have torques of the same size as the others
         height = np.clip(height, np.min(torque) - 1.0, np.max(torque) + 1.0)
         return np.exp(np.append(place, height))

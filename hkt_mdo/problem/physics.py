@@ -195,8 +195,9 @@ def physics(case: Case) -> Physics:
 @lru_cache(maxsize=1)  # a second on several sections, and the checks and the notes of a run ask
 def with_many_stations(physics: Physics) -> Physics:
     """Return the physics of the same turbine with `STATIONS` stations, whatever the case gives."""
-    case, many = physics.case, {"stations": None, "station_count": STATIONS}
-    turbine = build_turbine(case.rotor.model_copy(update=many), case.fluid, 1.0, case.design)
+    case = physics.case
+    rotor = case.rotor.model_copy(update={"station_count": STATIONS})
+    turbine = build_turbine(rotor, case.fluid, 1.0, case.design)
     shape = replace(physics.shape, blade=turbine.blade)
     rotors = _rotors(case, turbine, shape, physics.scenarios)
     return replace(physics, shape=shape, rotors=rotors, turbine=turbine)

@@ -230,7 +230,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
             text += " to zero between them"
             notes.append(f"{text}; with rotor.station_count the first row is continued to the hub")
         return own, tuple(notes)
-    if rotor.stations is None:
+    if rotor.station_count is not None:  # in place of stations, which may be given as well
         angle = np.pi * (np.arange(rotor.station_count) + 0.5) / rotor.station_count
         fraction = hub + (1.0 - hub) * 0.5 * (1.0 - np.cos(angle))
     else:
@@ -241,7 +241,7 @@ def _stations(rotor, table, tip_radius, hub_radius) -> tuple[np.ndarray, tuple[s
             raise InputError(problem, remedy, key="rotor.stations[0]", value=rotor.stations[0])
     if fraction[0] >= low - 1e-9 * high and fraction[-1] <= high * (1.0 + 1e-9):
         return fraction * tip_radius, ()
-    if rotor.stations is not None:
+    if rotor.station_count is None:
         reach = f"but rotor.stations reach {fraction[0]:g} … {fraction[-1]:g}"
         problem = f"blade covers r/R = {low:g} … {high:g} {reach}"
         raise InputError(problem, "change them or extend the file", file=rotor.blade)

@@ -131,7 +131,7 @@ class LoadEntry(_Entry):
         left = 100.0 * (self.limit - self.value) / abs(self.limit) * (-1.0 if self.lower else 1.0)
         kept = left > -100.0 * BETWEEN
         word = f"margin {max(0.0, left):.2f} %" if kept else f"exceeded by {-left:.2f} %"
-        if not self.binding:
+        if not self.binding or (not kept and self.share_of_time is None):
             return word
         share, worth = self.share_of_time, self.worth
         verb = "give" if (worth or 0.0) >= 0.0 else "lose"

@@ -46,7 +46,8 @@ def of_limit(limit: Limit, known: Known | None) -> LoadEntry:
 
     With the value, whether the limit binds, and, of one over time, when.
     """
-    about = {"limit": float(limit.end), "lower": limit.end == limit.lower, "unit": limit.unit or ""}
+    end = limit.end if known is None else limit.end_of(limit.reported(known))
+    about = {"limit": float(end), "lower": end == limit.lower, "unit": limit.unit or ""}
     if known is None:
         return LoadEntry(**about)
     values, shares = np.ravel(limit.reported(known)), np.ravel(limit.share(known))

@@ -103,6 +103,11 @@ def test_a_curve_goes_on_as_a_power_of_the_speed(torques, least):
         reached = np.exp(0.5 * (at_end - exponent) * BEND * (1 if end else -1))
         expected = reached * torques[end] * (np.array(beyond) / KNOTS[end]) ** exponent
         np.testing.assert_allclose(law.torque(np.array(beyond), gains), expected, rtol=1e-11)
+        speed, moves = np.geomspace(3.0, 20.0, 40), 1e-6 * np.diag(gains)
+        for move in moves:  # of a gain; a knot's speed too
+            change = law.torque(speed, gains + move) - law.torque(speed, gains - move)
+            exact = np.imag(law.torque(speed, gains + 1e-30j * move)) / 1e-30
+            np.testing.assert_allclose(exact, 0.5 * change, atol=1e-9 * np.max(torques))
         for place in KNOTS[end] * np.array([1.0, np.exp(BEND if end else -BEND)]):
             slopes = law.slopes(place * (1.0 + np.array([-1e-7, 1e-7])), 1.5, gains)[0, 0]
             assert slopes[0] == pytest.approx(slopes[1], rel=1e-4)

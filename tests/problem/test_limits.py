@@ -150,6 +150,9 @@ def test_a_limit_with_a_lower_bound_alone_is_reported():
     entry = of_limit(Least(), ratios | {"time": np.arange(3.0)})
     assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding, at t = 2.00 s"
     assert entry.row("least_ratio").label == "smallest least ratio"
+    most = type("Window", (Least,), {"upper": 20.0, "__module__": __name__})()
+    entry = of_limit(most, {"tip_speed_ratio": np.array([10.0, 4.0]), "time": np.arange(2.0)})
+    assert entry.row("window").text == "4, at least 5, exceeded by 20.00 %, at t = 1.00 s"
 
 
 # Short optimizations ------------------------------------------------------------------------------

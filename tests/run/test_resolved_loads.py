@@ -46,6 +46,10 @@ def test_a_resolved_blade_is_that_of_a_case_with_its_stations():
     worst = np.searchsorted(KNOWN["time"], found["time"])
     for name, values in loads_of(other, other.blade).items():
         np.testing.assert_allclose(found[name], values[worst], rtol=1e-9)
+    given = {"chord": blade.chord.tolist(), "twist": np.rad2deg(blade.twist).tolist()}
+    in_case = of_case(stations=NINE, hub_radius_fraction=inner, **given)
+    again = resolved(*in_case, KNOWN | loads_of(*in_case))
+    np.testing.assert_allclose(again["stress"], found["stress"], rtol=1e-6)
     # all loads are largest in the fastest flow
     assert found["time"] == pytest.approx([1.0])
     assert found["rotor_radius"] == 1.4
