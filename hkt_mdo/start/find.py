@@ -182,10 +182,13 @@ def other_branch(physics: Physics, start: StartingPoint) -> StartingPoint | None
 def _jumps(physics: Physics, point: StartingPoint) -> bool:
     """Tell whether the torque of a rotor jumps in its operation, where no optimization converges.
 
-    So it does on the better branch of `river25` with open loop.
+    So it does on the better branch of `river25` with open loop. Without time a rotor never passes a
+    jump between two flows.
     """
-    ratios = np.concatenate([known["tip_speed_ratio"] for known in on_start(physics, point)])
-    return physics.rotor.torque_jumps(point.blade, np.min(ratios), np.max(ratios))
+    both = zip(physics.scenarios, on_start(physics, point), strict=True)
+    ratios = [known["tip_speed_ratio"] for each, known in both if not each.steady]
+    ends = np.quantile(np.concatenate(ratios), [0.0, 1.0]) if ratios else None
+    return ends is not None and physics.rotor.torque_jumps(point.blade, *ends)
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,9 +276,8 @@ class Search:
         found.sort(key=MERIT, reverse=True)
         branches = dict.fromkeys(end.branch for end in found)
         best = [self._heaviest([x for x in found if x.branch == name]) for name in branches]
-        if len(best) > 1:
-            best.sort(key=self._rank, reverse=True)
-        return list(map(self._over_time, best))
+        best = list(map(self._over_time, best))
+        return sorted(best, key=self._rank, reverse=True) if len(best) > 1 else best
 
     def of_simpler_law(self, candidates: Sequence[Candidate]) -> StartingPoint:
         """Return the optimum over time under a simpler law, which the law nearly contains.
@@ -303,7 +305,7 @@ class Search:
         """
         kept, value = end.merit
         first = end.branch == next(iter(BRANCHES))
-        return kept and not _jumps(self.steady, end), value + EVEN * abs(value) * first
+        return kept and not _jumps(self.physics, end), value + EVEN * abs(value) * first
 
     def _heaviest(self, found: list[StartingPoint]) -> StartingPoint:
         """Return the heaviest rotor of the optima that tie with the first, by their merit.
