@@ -205,7 +205,8 @@ is switched off, one at a time, in the reference cases in which it has a share (
 all parts). Changes below 10⁻⁵ of the objective and a tenth of the iterations count as none. Where \
 parts replace each other, one at a time shows too little. Left out are `river25` with open loop, \
 whose better branch jumps, and the smaller barrier, and the random turbines, \
-of which 1 with `quadratic` and 12 and 27 with open loop begin again.
+of which 1 and 14 with `quadratic`, 24 with `rated`, and 12 and 28 with open loop \
+begin again.
 """
 
 
