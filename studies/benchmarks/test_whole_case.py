@@ -15,7 +15,7 @@ from cases import OPEN_LOOP, QUADRATIC, TimedBEM, case_of, integrate, optimize, 
 from hkt_mdo import Solution
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
-from hkt_mdo.rotor import hydrodynamics
+from hkt_mdo.rotor import model
 from hkt_mdo.run.run import run_case
 
 ROOT = Path(__file__).parents[2]
@@ -24,8 +24,8 @@ ROOT = Path(__file__).parents[2]
 def test_optimization(benchmark, full, in_turns, monkeypatch):
     """The optimization is at least 4 times faster, and BEM at most 15 % of it."""
     pytest.importorskip("wisdem")
-    solvers = {name: TimedBEM(name) for name in hydrodynamics.SOLVERS}
-    monkeypatch.setattr(hydrodynamics, "SOLVERS", solvers)
+    solvers = {name: TimedBEM(name) for name in model.SOLVERS}
+    monkeypatch.setattr(model, "SOLVERS", solvers)
     size = 60 if full else 6
     cases = {name: case_of(segments=size, hydrodynamics=f"{{bem: {name}}}") for name in solvers}
     world, setup = start_of(cases["vectorized"])
