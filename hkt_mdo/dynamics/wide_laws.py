@@ -36,7 +36,7 @@ def _positive(torque):
 def _natural_spline(place, height):
     """Return the cubics, (4, n_knots - 1), of the natural spline through places and heights.
 
-    Both may be in a complex step.
+    Both may be in a complex step; a `TorqueSpline` has fixed places.
     """
     step = np.diff(place)
     matrix = np.diag(np.hstack((1.0, 2.0 * (step[1:] + step[:-1]), 1.0)))

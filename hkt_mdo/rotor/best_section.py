@@ -247,7 +247,7 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
     BestSections
         Arrays (n_points, n_stations).
     """
-    points = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
+    points = bem._points(tip_speed_ratio)
     r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar, points)
     lambda_r = points[:, None] * r / blade.rotor_radius
     out = np.empty((3, *lambda_r.shape))

@@ -261,9 +261,10 @@ def other_branch(this: Pass) -> Task | None:
     task, physics = this.task, this.state.first
     if this.runs_away or this.approximate or task.second:
         return None
-    refused = [check.name for check in this.end.checks if not check.passed]
-    start = start_on_other_branch(physics, task.start)
-    if start is None or not set(refused) - {"loads_resolved"}:  # another start does not help these
+    refused = {check.name for check in this.end.checks if not check.passed}
+    # another start does not resolve loads better
+    start = start_on_other_branch(physics, task.start) if refused - {"loads_resolved"} else None
+    if start is None:
         return None
     why = f"{len(refused)} checks refuse the result on branch {task.start.branch}"
     return Task.first(physics, measured(physics, start), why=why, second=True)
