@@ -14,9 +14,9 @@ from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from textwrap import indent
-from typing import Annotated, Any, ClassVar, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Self, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationInfo, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 
@@ -281,6 +281,10 @@ def _texts(section: type) -> dict[str, str]:
     }
 
 
+Flaws = Iterator[tuple[str, str, str]]
+"""Keys of a section, what is wrong there, and remedies."""
+
+
 class Section(BaseModel):
     """A frozen part of a case: unknown keys, NaN and infinity are refused."""
 
@@ -293,6 +297,25 @@ class Section(BaseModel):
     )
     bare: ClassVar[tuple[str, ...]] = ()
     """Names that a case may give in place of the section."""
+
+    def flaws(self) -> Flaws:
+        """Yield what is wrong with values that are each valid alone.
+
+        Returns
+        -------
+        iterator of (str, str, str)
+            Key, empty for the whole section, problem and remedy of each flaw.
+        """
+        return iter(())
+
+    @model_validator(mode="after")
+    def _refuse_flaws(self) -> Self:
+        for key, problem, remedy in self.flaws():
+            value: Any = self.model_dump(mode="json")
+            for part in re.findall(r"\w+", key):
+                value = value[int(part)] if part.isdigit() else value.get(part)
+            raise refusal(problem, remedy, key=key, value=value)
+        return self
 
     @classmethod
     def description(cls, key: str) -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, Strict, ValidationInfo
 
-from hkt_mdo.sections import Pair, Quantity, Section, find_file, refusal
+from hkt_mdo.sections import Flaws, Pair, Quantity, Section, find_file
 
 _Lengths = Pair[Annotated[float, Quantity("m", gt=0, le=1000)]]
 _Angles = Pair[Annotated[float, Quantity("deg", ge=-180, le=180)]]
@@ -61,26 +61,21 @@ class Design(Section):
     """Bounds on the gain of a law with one, [lower, upper], plain numbers in the unit of
     `control.gain`; null: none."""
 
-    @model_validator(mode="after")
-    def _check_designed(self) -> Design:
-        names = ("chord_points", "twist_points", "thickness_points")
-        points = [name for name in names if getattr(self, name)]
-        if self.blade == "fixed" and points:
-            problem = "gives the control points of a blade that is fixed"
-            remedy = "give design.blade: optimized, or leave it out"
-            raise refusal(problem, remedy, key=points[0], value=getattr(self, points[0]))
+    def flaws(self) -> Flaws:
+        for name in ("chord_points", "twist_points", "thickness_points"):
+            if self.blade == "fixed" and getattr(self, name):
+                problem = "gives the control points of a blade that is fixed"
+                yield name, problem, "give design.blade: optimized, or leave it out"
         if self.thickness_bounds is not None and self.thickness_points is None:
             problem, remedy = "bounds a thickness that is not designed", "give thickness_points"
-            raise refusal(problem, remedy, key="thickness_bounds")
+            yield "thickness_bounds", problem, remedy
         if self.hub_inertia_price and self.hub_inertia_bounds is None:
             problem, remedy = "prices an inertia that is not designed", "give hub_inertia_bounds"
-            raise refusal(problem, remedy, key="hub_inertia_price", value=self.hub_inertia_price)
-        bounds = self.set_angle_bounds
-        if self.blade == "optimized" and bounds is not None:
+            yield "hub_inertia_price", problem, remedy
+        if self.blade == "optimized" and self.set_angle_bounds is not None:
             problem = "bounds a set angle, which the designed twist includes already"
             remedy = "give design.blade: fixed, or widen design.twist_bounds instead"
-            raise refusal(problem, remedy, key="set_angle_bounds", value=list(bounds))
-        return self
+            yield "set_angle_bounds", problem, remedy
 
 
 class Phase(Section):
@@ -151,13 +146,10 @@ class InflowDynamics(Section):
         """Whether the wake has memory."""
         return self.model == "oye"
 
-    @model_validator(mode="after")
-    def _check_time(self) -> InflowDynamics:
+    def flaws(self) -> Flaws:
         if self.tau1 is not None and not self.remembers:
             problem = "has no effect on a wake without memory"
-            remedy = "give model: oye, or leave it out"
-            raise refusal(problem, remedy, key="tau1", value=self.tau1)
-        return self
+            yield "tau1", problem, "give model: oye, or leave it out"
 
 
 _OPTIMIZERS = "IPOPT", "SLSQP", "SNOPT"
@@ -181,11 +173,8 @@ class Driver(Section):
     max_iterations: Annotated[int, Strict(), Field(ge=1, le=1_000_000)] = 1000
     """Largest number of major iterations."""
 
-    @model_validator(mode="after")
-    def _check_package(self) -> Driver:
+    def flaws(self) -> Flaws:
         only = _PROVIDES.get(self.package, self.optimizer)
         if self.optimizer != only:
             problem = f"is not provided by the package {self.package}, which provides {only}"
-            remedy = f"give driver.optimizer: {only}, or driver.package: auto"
-            raise refusal(problem, remedy, key="optimizer", value=self.optimizer)
-        return self
+            yield "optimizer", problem, f"give driver.optimizer: {only}, or driver.package: auto"

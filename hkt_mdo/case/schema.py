@@ -27,7 +27,7 @@ from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import TAGS, validated
-from hkt_mdo.sections import Quantity, Section, refusal
+from hkt_mdo.sections import Flaws, Quantity, Section, refusal
 
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
@@ -81,16 +81,14 @@ class _WithFlow(Section):
         bare = {key: x for key, x in data.items() if key in TAGS and isinstance(x, str)}
         return data | {key: {TAGS[key]: x} for key, x in bare.items() if key in cls.model_fields}
 
-    @model_validator(mode="after")
-    def _take_resource(self: Any) -> Any:
-        """Take `resource` for `inflow`; refuse both."""
+    def flaws(self: Any) -> Flaws:
+        """Take `resource` for `inflow`; yield a flaw where both are given."""
         if self.resource is not None:
             if self.inflow is not None and self.inflow is not _LATER:
-                problem, given = "is another name of inflow, and both are given", self.resource
-                raise refusal(problem, "give one of them", key="resource", value=given.profile)
+                problem = "is given besides inflow, of which resource is another name"
+                yield "resource.profile", problem, "give one of them"
             object.__setattr__(self, "inflow", self.resource)
             object.__setattr__(self, "resource", None)
-        return self
 
 
 class FlowScenario(_WithFlow):
@@ -234,39 +232,47 @@ class Case(_WithFlow):
                 return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
 
-    @model_validator(mode="after")
-    def _check_start(self) -> Case:
-        """Refuse a start outside the bounds of the design, and options that exclude each other."""
+    def flaws(self) -> Flaws:
+        """Yield a start outside the bounds of the design, and options that exclude each other.
+
+        Scenarios of several realizations become one scenario for each.
+        """
         design, rotor, control = self.design, self.rotor, self.control
-        self._realize()
+        yield from super().flaws()
+        yield from self._flaws_of_scenarios()
         if design.gain_bounds is not None and len(control.gain_units) != 1:
             problem = f"bounds one gain, and the law {control.law} has {len(control.gain_units)}"
             remedy = "leave design.gain_bounds out, or choose a feedback law of one gain"
-            raise refusal(problem, remedy, key="design.gain_bounds", value=list(design.gain_bounds))
-        for key, given, needs_energy in (
-            ("robustness.measure", self.robustness.measure, self.robustness.relative),
-            ("design.hub_inertia_price", design.hub_inertia_price, design.hub_inertia_price),
+            yield "design.gain_bounds", problem, remedy
+        for key, needs_energy in (
+            ("robustness.measure", self.robustness.relative),
+            ("design.hub_inertia_price", design.hub_inertia_price),
         ):
             if needs_energy and not self.objective.is_energy:
                 problem = "needs an objective that is an energy and is maximized"
-                remedy = "leave it out, or give an objective such as captured"
-                raise refusal(problem, remedy, key=key, value=given)
+                yield key, problem, "leave it out, or give an objective such as captured"
         limited = any(isinstance(x, PowerLimit | ElectricalPowerLimit) for x in self.limits.given)
         if isinstance(control, RatedFeedback) and control.power is None and not limited:
             problem = "is missing, and there is no limit of the power from which it would follow"
             remedy = "give it or limits.power, or control.law: quadratic, which needs none"
-            raise refusal(problem, remedy, key="control.power", value=None)
+            yield "control.power", problem, remedy
         if self.phase.final_speed == "initial" and isinstance(control, FeedbackLaw):
             problem = f"is for open loop: the law {control.law} decides the speed"
-            remedy = "give free, or control.law: open_loop"
-            raise refusal(problem, remedy, key="phase.final_speed", value="initial")
+            yield "phase.final_speed", problem, "give free, or control.law: open_loop"
         if self.inflow_dynamics.remembers:
-            self._check_memory()
+            problem = "does not go with inflow_dynamics: oye"
+            for key, given, only in (
+                ("rotor.reynolds", rotor.reynolds, "invariant"),
+                ("hydrodynamics.torque", self.hydrodynamics.torque, "curve"),
+                ("hydrodynamics.bem", self.hydrodynamics.bem, "vectorized"),
+            ):
+                if given != only:
+                    yield key, problem, f"give {only}, or inflow_dynamics: quasi_steady"
         problem = "takes the Reynolds number of the induced speed, not that of rotor.reynolds"
         remedy = "give vectorized, or rotor.reynolds: invariant"
         for name in ("bem", "check"):
             if rotor.reynolds == "local" and getattr(self.hydrodynamics, name) == "ccblade":
-                raise refusal(problem, remedy, key=f"hydrodynamics.{name}", value="ccblade")
+                yield f"hydrodynamics.{name}", problem, remedy
         start = [
             ("rotor.set_angle", rotor.set_angle or 0.0, "set_angle_bounds"),
             ("rotor.radius", rotor.radius, "radius_bounds"),
@@ -275,7 +281,7 @@ class Case(_WithFlow):
         if isinstance(control, FeedbackLaw) and (gains := control.starting_gains()) is not None:
             if len(gains) != len(control.gain_units):
                 problem = f"begins with {len(gains)} gains of {len(control.gain_units)} to design"
-                raise refusal(problem, "give one for each", key="control.law", value=control.law)
+                yield "control.law", problem, "give one for each"
             start += [("control.gain", float(gain), "gain_bounds") for gain in gains]
         for name in ("chord", "twist") if design.blade == "optimized" else ():
             for index, value in enumerate(getattr(rotor, name) or ()):
@@ -284,9 +290,7 @@ class Case(_WithFlow):
             bounds = getattr(design, name)
             if None not in (bounds, value) and not bounds[0] <= value <= bounds[1]:
                 problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
-                remedy = "the start must lie within the bounds: change one or the other"
-                raise refusal(problem, remedy, key=key, value=value)
-        return self
+                yield key, problem, "the start must lie within the bounds: change one or the other"
 
     def of_scenario(self, name: str) -> Case:
         """Return the case of one of its scenarios alone; for an unknown name, the case itself."""
@@ -311,73 +315,50 @@ class Case(_WithFlow):
         fluid = self.fluid.model_copy(update=water)
         return self.model_copy(update={"fluid": fluid, "condition": condition or self.condition})
 
-    def _realize(self) -> None:
-        """Put scenarios of several realizations as one scenario for each; refuse bad ones."""
+    def _flaws_of_scenarios(self) -> Flaws:
+        """Yield what is wrong with scenarios; put one in place of each of their realizations."""
         if self.inflow is _LATER:
             object.__setattr__(self, "inflow", self.scenarios[0].inflow)
-        self._check_scenarios()
-        self._check_condition("condition", self.condition)
-        for flow in (self.inflow, *(each.inflow for each in self.scenarios)):
+        weights = [each.weight for each in self.scenarios]
+        if weights and not any(weights):
+            remedy = "give one of them a weight above 0"
+            yield "scenarios", "have weights that are all zero", remedy
+        yield from self._flaws_of_condition("condition", self.condition)
+        own = ((f"scenarios[{i}].inflow", each.inflow) for i, each in enumerate(self.scenarios))
+        for key, flow in (("inflow", self.inflow), *own):
             if back := getattr(flow, "reversed_polar", None):
-                self._check_condition("resource", Condition(polar=back), "reversed_polar")
+                yield from self._flaws_of_condition(key, Condition(polar=back), "reversed_polar")
         made: dict[str, FlowScenario] = {}
-        for number, scenario in enumerate(self.scenarios):
-            named = scenario.model_copy(update={"name": scenario.name or f"flow_{number + 1}"})
-            for each in named.realized(self, f"scenarios[{number}]"):
-                name = str(each.name).lower()  # they name files
-                if name in made:
-                    problem, remedy = "is the name of two scenarios", "give each its own"
-                    key = f"scenarios[{number}].name"
-                    raise refusal(problem, remedy, key=key, value=each.name)
-                made[name] = each
-                if each.condition is not None:
-                    self._check_condition(f"scenarios[{number}].condition", each.condition)
-        if len(made) > MOST_SCENARIOS:
-            problem = f"are {len(made)} flows with their realizations"
-            given = [scenario.realizations for scenario in self.scenarios]
-            raise refusal(problem, f"give at most {MOST_SCENARIOS}", key="scenarios", value=given)
-        object.__setattr__(self, "scenarios", tuple(made.values()))
-
-    def _check_memory(self) -> None:
-        """Refuse what the optimization with a wake that has memory cannot do."""
-        hydro, problem = self.hydrodynamics, "does not go with inflow_dynamics: oye"
-        for key, value, only in (
-            ("rotor.reynolds", self.rotor.reynolds, "invariant"),
-            ("hydrodynamics.torque", hydro.torque, "curve"),
-            ("hydrodynamics.bem", hydro.bem, "vectorized"),
-        ):
-            if value != only:
-                remedy = f"give {only}, or inflow_dynamics: quasi_steady"
-                raise refusal(problem, remedy, key=key, value=value)
-
-    def _check_scenarios(self) -> None:
-        """Refuse weights that are all zero, and limits that a scenario cannot have of its own."""
         for number, scenario in enumerate(self.scenarios):
             key = f"scenarios[{number}]"
             for limit in scenario.limits.given:
                 if limit.place != "time":
                     problem = "is a limit of the design, which all scenarios share"
-                    remedy = f"give it as limits.{limit.name}"
-                    value = getattr(limit, "bound", None)
-                    raise refusal(problem, remedy, key=f"{key}.limits.{limit.name}", value=value)
-        if self.scenarios and not any(each.weight > 0.0 for each in self.scenarios):
-            problem, remedy = "have weights that are all zero", "give one of them a weight above 0"
-            weights = [each.weight for each in self.scenarios]
-            raise refusal(problem, remedy, key="scenarios", value=weights)
+                    yield f"{key}.limits.{limit.name}", problem, f"give it as limits.{limit.name}"
+            named = scenario.model_copy(update={"name": scenario.name or f"flow_{number + 1}"})
+            for each in named.realized(self, key):
+                name = str(each.name).lower()  # they name files
+                if name in made:
+                    problem, remedy = "is the name of two scenarios", "give each its own"
+                    raise refusal(problem, remedy, key=f"{key}.name", value=each.name)
+                made[name] = each
+                if each.condition is not None:
+                    yield from self._flaws_of_condition(f"{key}.condition", each.condition)
+        if len(made) > MOST_SCENARIOS:
+            problem = f"are {len(made)} flows with their realizations"
+            yield "scenarios", problem, f"give at most {MOST_SCENARIOS}"
+        object.__setattr__(self, "scenarios", tuple(made.values()))
 
-    def _check_condition(self, key: str, condition: Condition, polar: str = "polar") -> None:
-        """Refuse a condition of the turbine that the law or the rotor cannot have."""
+    def _flaws_of_condition(self, key: str, condition: Condition, polar: str = "polar") -> Flaws:
+        """Yield what the law or the rotor cannot have of a condition of the turbine."""
         if condition.torque_constant != 1.0 and not self.control.is_feedback:
             problem = "is that of a feedback law; the torque of an open loop is itself optimized"
-            given = {"key": f"{key}.torque_constant", "value": condition.torque_constant}
-            raise refusal(problem, "leave it out, or give another control.law", **given)
+            yield f"{key}.torque_constant", problem, "leave it out, or give another control.law"
         if condition.polar is not None and self.rotor.sections:
             problem = "is that of one section, and the rotor has several"
-            remedy = "give factors on lift and drag instead"
-            raise refusal(problem, remedy, key=f"{key}.{polar}", value=condition.polar)
+            yield f"{key}.{polar}", problem, "give factors on lift and drag instead"
         if condition.fouls and self.rotor.reynolds == "local":
-            problem, remedy = "needs rotor.reynolds: invariant", "give that, or leave it out"
-            raise refusal(problem, remedy, key=key, value=condition.model_dump(mode="json"))
+            yield key, "needs rotor.reynolds: invariant", "give that, or leave it out"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the values and the extensions: another process makes the class again."""

@@ -23,7 +23,7 @@ from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import validated
-from hkt_mdo.sections import Section, refusal
+from hkt_mdo.sections import Flaws, Section, refusal
 
 SWEEP = "sweep.yaml"
 """Where a sweep's folder has what was asked."""
@@ -67,20 +67,18 @@ class Axis(Section):
             raise refusal("must be a list or a range of numbers", remedy)
         return given
 
-    @model_validator(mode="after")
-    def _check(self) -> Axis:
+    def flaws(self) -> Flaws:
         if self.values is not None:
             if (self.from_, self.to, self.count) != (None, None, None):
-                raise refusal("has values and a range", "give one of them")
+                yield "", "has values and a range", "give one of them"
             if len({json.dumps(each, sort_keys=True) for each in self.values}) < len(self.values):
-                raise refusal("has a value twice", "give each value once")
+                yield "values", "has a value twice", "give each value once"
         else:
             low, high, _ = self.ends
             if self.spacing == "log" and low * high <= 0.0:
-                raise refusal("has ends without a common sign", "give spacing: linear")
+                yield "", "has ends without a common sign", "give spacing: linear"
             if low == high:
-                raise refusal("begins where it ends", "give two different ends")
-        return self
+                yield "", "begins where it ends", "give two different ends"
 
     @property
     def size(self) -> int:
@@ -134,18 +132,15 @@ class Sweep(Section):
     objective is to be good: the other axis of the Pareto front. null: the first key of numbers."""
     _extensions: tuple[Extension, ...] = PrivateAttr(())  # of the cases
 
-    @model_validator(mode="after")
-    def _check_samples(self) -> Sweep:
+    def flaws(self) -> Flaws:
         if self.samples is not None and not self.sampled:
             problem = "has no use where every key has a list or a count"
-            remedy = "leave it out, or leave out the count of a range"
-            raise refusal(problem, remedy, key="samples", value=self.samples)
+            yield "samples", problem, "leave it out, or leave out the count of a range"
         if self.samples is None and self.sampled:
             key, problem = self.sampled[0], "has no count, and the sweep no samples"
             remedy = "give the range a count, or the sweep samples: 100"
             value = self.over[key].model_dump(exclude_none=True)
             raise refusal(problem, remedy, key=f"over.{key}", value=value)
-        return self
 
     @property
     def sampled(self) -> list[str]:

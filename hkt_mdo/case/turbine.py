@@ -13,7 +13,7 @@ from pydantic import AfterValidator, Field, Strict, ValidationInfo, model_valida
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.aerodyn import coordinates_of
 from hkt_mdo.files.shipped import MATERIALS, known_names, nearest_names, shipped_rotor
-from hkt_mdo.sections import Quantity, Section, find_file, refusal
+from hkt_mdo.sections import Flaws, Quantity, Section, find_file, refusal
 
 
 def _find_file(value: str, info: ValidationInfo) -> str:
@@ -82,13 +82,11 @@ class SectionMoments(Section):
     product: Annotated[float, Quantity()] = 0.0
     """Integral of x y dA."""
 
-    @model_validator(mode="after")
-    def _check_product(self) -> SectionMoments:
+    def flaws(self) -> Flaws:
         if self.product**2 >= self.flapwise * self.edgewise:
             largest = (self.flapwise * self.edgewise) ** 0.5
             problem = f"is not less than sqrt(flapwise * edgewise) = {largest:.4g}, as in any area"
-            raise refusal(problem, "correct one of the three", key="product", value=self.product)
-        return self
+            yield "product", problem, "correct one of the three"
 
 
 class SectionFile(Section):
@@ -193,29 +191,23 @@ class Rotor(Section):
         own = {key: value for key, value in beside.items() if value is not None}
         return self.material.model_copy(update=own)
 
-    @model_validator(mode="after")
-    def _check_stations(self) -> Rotor:
+    def flaws(self) -> Flaws:
         stations = self.stations or ()
         for name, other in (("polar", "sections"), ("station_count", "stations")):
             if getattr(self, name) is not None and getattr(self, other):
-                problem, remedy = f"is given together with rotor.{other}", "give one of the two"
-                raise refusal(problem, remedy, key=name, value=getattr(self, name))
+                yield name, f"is given together with rotor.{other}", "give one of the two"
         for index, (inner, outer) in enumerate(pairwise(stations), start=1):
             if not inner < outer:
                 problem = f"stands after {inner:g}: stations must increase"
-                remedy = "sort the stations from hub to tip, none twice"
-                raise refusal(problem, remedy, key=f"stations[{index}]", value=outer)
+                yield f"stations[{index}]", problem, "sort the stations from hub to tip, none twice"
         for name, other in (("chord", "twist"), ("twist", "chord")):
             column = getattr(self, name)
             if column is not None and getattr(self, other) is None:
                 remedy = f"give rotor.{other} too, or neither and name a blade"
-                problem = f"is given without rotor.{other}"
-                raise refusal(problem, remedy, key=name, value=list(column))
+                yield name, f"is given without rotor.{other}", remedy
             if column is not None and len(column) != len(stations):
                 problem = f"has {len(column)} values for {len(stations)} stations"
-                remedy = "give one value for each of rotor.stations"
-                raise refusal(problem, remedy, key=name, value=list(column))
-        return self
+                yield name, problem, "give one value for each of rotor.stations"
 
 
 def own_keys(rotor: dict[str, Any]) -> dict[str, Any]:

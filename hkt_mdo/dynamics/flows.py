@@ -13,11 +13,11 @@ from numbers import Real
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, SerializeAsAny, model_validator
+from pydantic import Field, SerializeAsAny
 
 from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.errors import InputError
-from hkt_mdo.sections import Quantity, Section, refusal
+from hkt_mdo.sections import Flaws, Quantity, Section
 
 CHECKS_PER_PIECE, FEWEST_CHECKS = 16, 1024
 LOOKS = 8  # samples between two times, to measure the distance of a flow from a straight line
@@ -263,13 +263,10 @@ class SineInflow(Inflow):
     scale: Annotated[float, Quantity(gt=0)] = 1.0
     """Factor on the whole flow."""
 
-    @model_validator(mode="after")
-    def _check_amplitude(self) -> SineInflow:
+    def flaws(self) -> Flaws:
         if self.amplitude >= self.mean:
             problem = f"lets the flow reach zero or reverse: its mean is {self.mean:g} m/s"
-            remedy = "give an amplitude smaller than inflow.mean"
-            raise refusal(problem, remedy, key="amplitude", value=self.amplitude)
-        return self
+            yield "amplitude", problem, "give an amplitude smaller than inflow.mean"
 
     @property
     def highest_frequency(self):
@@ -310,12 +307,10 @@ class TidalConstituent(Section):
     phase: Annotated[float, Quantity("rad")] = 0.0
     """Phase at t = 0."""
 
-    @model_validator(mode="after")
-    def _check_period(self) -> TidalConstituent:
+    def flaws(self) -> Flaws:
         if (self.name is None) == (self.period is None):
             problem = "has both a name and a period" if self.name else "has neither name nor period"
-            raise refusal(problem, "give name: M2 or the like, or a period")
-        return self
+            yield "", problem, "give name: M2 or the like, or a period"
 
     @property
     def angular_frequency(self) -> float:

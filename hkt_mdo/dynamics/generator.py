@@ -9,11 +9,10 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
-from pydantic import model_validator
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.efficiency import read_efficiency
-from hkt_mdo.sections import ExistingFile, Quantity, Section, refusal
+from hkt_mdo.sections import ExistingFile, Flaws, Quantity, Section
 
 _LOSSES = {
     "copper_loss": ("rated_torque", 2),
@@ -55,26 +54,21 @@ class Generator(Section):
     """CSV file with the columns `torque_Nm` or `torque_kNm`, `speed_rpm` or `speed_rad_s`, and
     `efficiency` or `efficiency_percent`: every torque at every speed."""
 
-    @model_validator(mode="after")
-    def _check_one_way(self) -> Generator:
+    def flaws(self) -> Flaws:
         """Refuse two descriptions at once, and losses without their rated torque or speed."""
         losses = [name for name in _LOSSES if getattr(self, name) is not None]
         rated = [n for n in ("rated_torque", "rated_speed") if getattr(self, n) is not None]
         ways = [name for name in ("efficiency", "table") if getattr(self, name) is not None]
         ways += (losses or rated)[:1]
         if len(ways) > 1:
-            problem = f"is given together with {ways[0]}"
-            raise refusal(problem, _WAYS, key=ways[1], value=getattr(self, ways[1]))
+            yield ways[1], f"is given together with {ways[0]}", _WAYS
         for name in losses:
             if (at := _LOSSES[name][0]) not in rated:
-                problem, remedy = f"needs {at}", f"give generator.{at}, at which this loss is given"
-                raise refusal(problem, remedy, key=name, value=getattr(self, name))
+                yield name, f"needs {at}", f"give generator.{at}, at which this loss is given"
         for name in rated:
             if name not in [_LOSSES[loss][0] for loss in losses]:
                 needs = " or ".join(loss for loss, (at, _) in _LOSSES.items() if at == name)
-                problem, remedy = "has no effect", f"give generator.{needs}, or leave it out"
-                raise refusal(problem, remedy, key=name, value=getattr(self, name))
-        return self
+                yield name, "has no effect", f"give generator.{needs}, or leave it out"
 
     def friction(self, speed):
         """Return the torque that brakes the shaft, N*m; speed (rad/s) may be complex."""

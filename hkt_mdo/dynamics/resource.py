@@ -12,11 +12,11 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
 from hkt_mdo.errors import InputError
-from hkt_mdo.sections import ExistingFile, Quantity, refusal
+from hkt_mdo.sections import ExistingFile, Flaws, Quantity
 
 YEAR = 8766.0 * 3600.0
 """A year, s: 8766 hours."""
@@ -214,13 +214,10 @@ class Resource(Inflow):
         lost = (1.0 - self.array_losses) * (1.0 - self.electrical_losses)
         return self.availability * lost
 
-    @model_validator(mode="after")
-    def _check_reversal(self):
+    def flaws(self) -> Flaws:
         if (self.reversal == "backwards") != (self.reversed_polar is not None):
             problem = "belongs to reversal: backwards, which needs it"
-            value = self.reversed_polar
-            raise refusal(problem, "give both or neither", key="reversed_polar", value=value)
-        return self
+            yield "reversed_polar", problem, "give both or neither"
 
     @cached_property
     def speeds(self) -> Speeds:
@@ -319,22 +316,19 @@ class HistogramResource(Resource):
     file: ExistingFile | None = None
     """Path of a CSV file `speed_m_s,hours` in place of both."""
 
-    @model_validator(mode="after")
-    def _check(self) -> HistogramResource:
-        if self.file is not None:
-            if self.speeds_of_bins is not None or self.hours is not None:
-                raise refusal("is given besides speeds and hours", "give one of them", key="file")
-            return self
+    def flaws(self) -> Flaws:
+        yield from super().flaws()
         speeds, hours = self.speeds_of_bins or (), self.hours or ()
-        if not speeds or len(speeds) != len(hours):
+        if self.file is not None:
+            if (self.speeds_of_bins, self.hours) != (None, None):
+                yield "file", "is given besides speeds and hours", "give one of them"
+        elif not speeds or len(speeds) != len(hours):
             problem = f"has {len(hours)} values for {len(speeds)} speeds"
-            raise refusal(problem, "give speeds and hours, one for each, or file", key="hours")
-        if len(set(speeds)) != len(speeds):
-            raise refusal("has a speed twice", "give each bin once", key="speeds")
-        if not sum(hours) > 0.0:
-            problem = "sum to nothing: the year has no flow"
-            raise refusal(problem, "give the hours of each speed", key="hours", value=list(hours))
-        return self
+            yield "hours", problem, "give speeds and hours, one for each, or file"
+        elif len(set(speeds)) != len(speeds):
+            yield "speeds", "has a speed twice", "give each bin once"
+        elif not sum(hours) > 0.0:
+            yield "hours", "sum to nothing: the year has no flow", "give the hours of each speed"
 
     @cached_property
     def _table(self) -> tuple[np.ndarray, np.ndarray]:

@@ -6,10 +6,10 @@ from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, Strict
 
 from hkt_mdo.dynamics.flows import Inflow
-from hkt_mdo.sections import Quantity, refusal
+from hkt_mdo.sections import Flaws, Quantity
 
 SAMPLES_PER_PERIOD = 8  # at least, of turbulence in the shortest period that it contains
 MOST_WAVES = 1_000_000  # frequencies that turbulence is made of
@@ -81,19 +81,17 @@ class TurbulentInflow(SampledInflow):
     def highest_frequency(self) -> float:
         return self.cutoff or 2.0 * self.mean / self.length_scale
 
-    @model_validator(mode="after")
-    def _check_size(self) -> TurbulentInflow:
+    def flaws(self) -> Flaws:
         shortest = 10.0 * self.length_scale / self.mean
         if self.duration < shortest:
             remedy = f"give at least 10 length_scale/mean = {shortest:g} s"
-            problem = "is too short for the slowest eddies"
-            raise refusal(problem, remedy, key="duration", value=self.duration)
+            yield "duration", "is too short for the slowest eddies", remedy
         waves = self.duration * self.highest_frequency
         if not 4 <= waves <= MOST_WAVES:
-            problem = f"makes {waves:.3g} waves, their frequencies 1/duration apart"
+            problem = f"up to {self.highest_frequency:g} Hz there are {waves:.3g} waves, their "
+            problem += "frequencies 1/duration apart"
             remedy = f"between 4 and {MOST_WAVES} are possible: change it or the duration"
-            raise refusal(problem, remedy, key="cutoff", value=self.highest_frequency)
-        return self
+            yield "cutoff", problem, remedy
 
     @property
     def length(self):

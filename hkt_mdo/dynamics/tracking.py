@@ -4,10 +4,10 @@ from functools import cached_property
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, Strict
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.sections import Pair, Quantity, refusal
+from hkt_mdo.sections import Flaws, Pair, Quantity
 
 RESET = 0.2  # s, kp / ki of a controller that the start chooses
 STIFFER = 2.0  # kp of it, over the largest of Q/w and dQ/dw along the schedule
@@ -68,22 +68,20 @@ class Tracking(FeedbackLaw):
         lambda self: ("rad/s",) * self.knots + ("N*m*s/rad", "N*m/rad")
     )
 
-    @model_validator(mode="after")
-    def _check_start(self):
+    def flaws(self) -> Flaws:
         if self.schedule is not None and len(self.schedule) != self.knots:
             problem = f"has {len(self.schedule)} speeds for {self.knots} knots"
-            raise refusal(problem, "give one per knot", key="schedule", value=list(self.schedule))
+            yield "schedule", problem, "give one per knot"
         for name in ("bias", "noise") if self.flow == "estimated" else ():
-            if value := getattr(self, name):
+            if getattr(self, name):
                 problem = "is for a sensor, but the flow speed is estimated"
-                raise refusal(problem, "leave it out, or give flow: sensed", key=name, value=value)
+                yield name, problem, "leave it out, or give flow: sensed"
         for name in ("proportional", "integral"):
             gain, bounds = getattr(self, f"{name}_gain"), getattr(self, f"{name}_bounds")
             if None not in (gain, bounds) and not bounds[0] <= gain <= bounds[1]:
                 problem = f"lies outside control.{name}_bounds = [{bounds[0]:g}, {bounds[1]:g}]"
                 remedy = "the start must lie within the bounds: change one or the other"
-                raise refusal(problem, remedy, key=f"{name}_gain", value=gain)
-        return self
+                yield f"{name}_gain", problem, remedy
 
     def moves(self, gains, factor):
         ends = super().moves(gains, factor)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
-from hkt_mdo.sections import Quantity, refusal
+from hkt_mdo.sections import Flaws, Quantity
 
 REACH = 1.05  # range of a curve's knots over that of the speeds that it is fitted to
 LEAST_RANGE = 0.1  # and least half of it, of the speed's logarithm
@@ -54,12 +54,9 @@ class _TwoGains(FeedbackLaw):
     """Key of the second parameter."""
     both_units: ClassVar[tuple[str | None, ...]] = ()
 
-    @model_validator(mode="after")
-    def _check_start(self):
+    def flaws(self) -> Flaws:
         if self.gain is not None and getattr(self, self.second) is None:
-            problem, remedy = f"is given without control.{self.second}", "give both, or neither"
-            raise refusal(problem, remedy, key="gain", value=self.gain)
-        return self
+            yield "gain", f"is given without control.{self.second}", "give both, or neither"
 
     @property
     def gain_units(self):  # type: ignore[override]
@@ -168,20 +165,16 @@ class CurveFeedback(FeedbackLaw):
     knot_torques: tuple[Annotated[float, Quantity("N*m", gt=0)], ...] | None = None
     """Torques of the knots at the start of the optimization."""
 
-    @model_validator(mode="after")
-    def _check_knots(self) -> CurveFeedback:
+    def flaws(self) -> Flaws:
         keys, given = ("knot_speeds", "knot_torques"), (self.knot_speeds, self.knot_torques)
         for key, own, other in zip(keys, given, given[::-1], strict=True):
             if own is None and other is not None:
-                problem, remedy = "is missing", "give knot_speeds and knot_torques, or neither"
-                raise refusal(problem, remedy, key=key, value=None)
+                yield key, "is missing", "give knot_speeds and knot_torques, or neither"
             if own is not None and len(own) != self.knots:
                 problem = f"has {len(own)} numbers for {self.knots} knots"
-                raise refusal(problem, "give one for each knot", key=key, value=list(own))
+                yield key, problem, "give one for each knot"
         if self.knot_speeds is not None and np.any(np.diff(self.knot_speeds) <= 0.0):
-            remedy = "give them from the slowest to the fastest"
-            raise refusal("do not rise", remedy, key="knot_speeds", value=list(self.knot_speeds))
-        return self
+            yield "knot_speeds", "do not rise", "give them from the slowest to the fastest"
 
     @property
     def gain_units(self):  # type: ignore[override]
