@@ -12,17 +12,9 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.yaml_text import dotted, parse
 from hkt_mdo.sections import Section
 
-KINDS = {
-    "inflow": "profile",
-    "resource": "profile",
-    "control": "law",
-    "objective": "kind",
-    "robustness": "measure",
-}
-"""The sections of a case that name a kind, and the key that names it."""
-
-TAGS = KINDS | {"inflow_dynamics": "model"}
-"""These sections, and others, may be given by the name of the kind alone."""
+TAGS = {"inflow": "profile", "resource": "profile", "control": "law", "objective": "kind"}
+TAGS |= {"robustness": "measure", "inflow_dynamics": "model"}
+"""By section of a case that may be given by a name alone: the key of that name."""
 
 _Model = TypeVar("_Model", bound=BaseModel)
 
@@ -206,8 +198,7 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
             key = dotted(part for part in (key, context.get("key")) if part)
-            own = given.get(context.get("key"), given) if isinstance(given, dict) else given
-            found["value"] = context.get("value", own)
+            found["value"] = context.get("value", given)
             if "quantity" in context and what:
                 remedy = f"give the {inside} as {context['quantity']}"
         case "extra_forbidden":
@@ -229,8 +220,7 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
         case "literal_error":
             choices = re.split(", | or ", context["expected"].replace("'", ""))
             problem, remedy = "unknown", _suggest(given, choices)
-    above, _, name = key.rpartition(".")
-    if problem.startswith("unknown") and (above.endswith("limits") or name in KINDS.values()):
+    if problem.startswith("unknown") and (members or "limits" in key.split(".")[-2:-1]):
         remedy += "; one of your own needs --extend FILE"
     return key, problem, remedy, found
 
