@@ -117,13 +117,13 @@ def _load(phi, delta, lambda_r, station):
 
 
 @compiled(error_model="numpy")
-def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded):
+def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds):
     """Return the best load at an inflow angle over the local minima of delta and twist's bounds.
 
-    Also chord and angle of attack there. Not bounded: of any chord.
+    Also chord and angle of attack there.
     """
     low, high = phi - twist_bounds[1], phi - twist_bounds[0]
-    least, load, chord, best = np.inf, -1.0, 0.0, 0.0
+    load, chord, best = -1.0, 0.0, 0.0
     for i in range(3 * minima.size + 2):
         if i < 2:
             alpha = low if i == 0 else high
@@ -132,26 +132,17 @@ def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds, 
             if not low < alpha < high:
                 continue
         delta, force = _delta(alpha, polar)
-        if bounded:
-            value, normal = _load(phi, delta, lambda_r, station)
-            width = normal / (force * np.cos(phi - delta))
-            if value > load and chord_bounds[0] <= width <= chord_bounds[1]:
-                load, chord, best = value, width, alpha
-        else:
-            if delta < least:
-                least, best = delta, alpha
-            if i >= 2:
-                break  # the others have a larger delta
-    if not bounded:
-        load, normal = _load(phi, least, lambda_r, station)
-        chord = normal / (_delta(best, polar)[1] * np.cos(phi - least))
+        value, normal = _load(phi, delta, lambda_r, station)
+        width = normal / (force * np.cos(phi - delta))
+        if value > load and chord_bounds[0] <= width <= chord_bounds[1]:
+            load, chord, best = value, width, alpha
     return load, chord, best
 
 
 @compiled(error_model="numpy")
-def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded):
+def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds):
     """Return load, chord and twist of the best inflow angle; the load is -1 if there is none."""
-    arguments = (lambda_r, station, polar, minima, chord_bounds, twist_bounds, bounded)
+    arguments = (lambda_r, station, polar, minima, chord_bounds, twist_bounds)
     load, chord, twist = -1.0, 0.0, 0.0
     high = np.arctan(1.0 / lambda_r)
     room = high - _delta(minima[0], polar)[0] if minima.size else 0.0
@@ -182,11 +173,11 @@ def _inside(lambda_r, r, ends, polars, section, chord_bounds, twist_bounds, out)
         if section[j] != of:
             minima, of = _minima(polar), section[j]
         for i in range(lambda_r.shape[0]):
-            point = lambda_r[i, j], station, polar, minima, chord_bounds, twist_bounds
-            best = _search(*point, False)
+            point = lambda_r[i, j], station, polar, minima
+            best = _search(*point, (0.0, np.inf), twist_bounds)
             if not chord_bounds[0] <= best[1] <= chord_bounds[1]:
                 binding[i, j] = True
-                best = _search(*point, True)
+                best = _search(*point, chord_bounds, twist_bounds)
                 if best[0] <= 0.0:
                     best = -np.inf, 0.0, 0.0
             out[:, i, j] = best
