@@ -297,6 +297,14 @@ class Section(BaseModel):
     )
     bare: ClassVar[tuple[str, ...]] = ()
     """Names that a case may give in place of the section."""
+    short: ClassVar[str] = ""
+    """Key whose value a case may give in place of the section; empty: none."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spell_out(cls, data: Any) -> Any:
+        whole = not cls.short or data is None or isinstance(data, dict | Section)
+        return data if whole else {cls.short: data}
 
     def flaws(self) -> Flaws:
         """Yield what is wrong with values that are each valid alone.
@@ -357,13 +365,15 @@ class Section(BaseModel):
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
         whole = handler(schema)
         properties = handler.resolve_ref_schema(whole).get("properties", {})
+        short = [properties[cls.short]] if cls.short in properties else []
         for key, field in cls.model_fields.items():
             name = field.alias if field.alias in properties else key
             if name in properties and (text := cls.description(key)):
                 properties[name]["description"] = text
             if name in properties and (unit := cls.unit_of(key)):
                 properties[name]["title"] = f"{name} [{unit}]"
-        return {"anyOf": [{"enum": [*cls.bare]}, whole]} if cls.bare else whole
+        short += [{"enum": [*cls.bare]}] if cls.bare else []
+        return {"anyOf": [*short, whole]} if short else whole
 
 
 def parts_of(annotation: Any) -> Iterator[Any]:

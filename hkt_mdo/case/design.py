@@ -134,7 +134,7 @@ class InflowDynamics(Section):
     The name of the model may stand alone, `inflow_dynamics: oye`.
     """
 
-    bare: ClassVar[tuple[str, ...]] = "quasi_steady", "oye"
+    short: ClassVar[str] = "model"
     model: Literal["quasi_steady", "oye"] = "quasi_steady"
     """`quasi_steady`: without delay; `oye`: with the two filters of Oye (docs/dynamic_inflow.md).
     """

@@ -10,10 +10,10 @@ from contextlib import suppress
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, PrivateAttr, Strict, model_validator
+from pydantic import Field, PrivateAttr, Strict
 
 from hkt_mdo.case.document import quantities
 from hkt_mdo.case.kinds import Extension
@@ -45,6 +45,8 @@ class Axis(Section):
     random samples lie. Its ends may have a unit, the same one.
     """
 
+    short: ClassVar[str] = "values"
+
     values: Annotated[tuple[Any, ...], Field(min_length=1)] | None = None
     """Values of the key, as a case has them: numbers, texts with units, names, whole sections."""
     from_: float | str | None = Field(None, alias="from")
@@ -55,17 +57,6 @@ class Axis(Section):
     """Number of values of a range; null: random samples."""
     spacing: Literal["linear", "log"] = "linear"
     """Whether values of a range differ by the same amount, or by the same factor."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _spell_out(cls, given: Any) -> Any:
-        """Take a list for the values."""
-        if isinstance(given, list | tuple):
-            return {"values": given}
-        if not isinstance(given, dict):
-            remedy = "write a list, or {from: 1, to: 2, count: 5}"
-            raise refusal("must be a list or a range of numbers", remedy)
-        return given
 
     def flaws(self) -> Flaws:
         if self.values is not None:

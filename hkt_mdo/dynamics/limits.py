@@ -9,14 +9,14 @@ from __future__ import annotations
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import PrivateAttr, Strict, model_validator
+from pydantic import PrivateAttr, Strict
 
 from hkt_mdo.dynamics.formulas import Formula
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.sections import Quantity, refusal
+from hkt_mdo.sections import Quantity
 
 BETWEEN = 1e-4  # relative excess between the nodes at which a limit still counts as kept
 ALLOWABLE = "allowable"  # in place of a number: the allowable stress of the material
@@ -40,6 +40,7 @@ class Limit(Formula):
     """
 
     name: ClassVar[str] = ""
+    short: ClassVar[str] = "bound"
     lower: ClassVar[Any] = -np.inf
     bounded: ClassVar[bool] = False
     """Whether bounds of the optimizer's own variables ensure it, so that no constraint is needed.
@@ -50,22 +51,6 @@ class Limit(Formula):
         if of:
             cls.name = vars(cls).get("name", of)
             cls.unit, cls.inputs = QUANTITIES[of].unit, (of,)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _bare_bound(cls, data: Any) -> Any:
-        """Take a number or text for the field `bound`."""
-        if isinstance(data, bool) or not isinstance(data, str | int | float):
-            return data
-        if "bound" not in cls.model_fields:
-            raise refusal("has no field bound", f"give its keys: {', '.join(cls.model_fields)}")
-        return {"bound": data}
-
-    @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
-        whole = super().__get_pydantic_json_schema__(schema, handler)
-        bound = handler.resolve_ref_schema(whole)["properties"].get("bound")
-        return {"anyOf": [bound, whole]} if bound else whole
 
     def on(self, blade: Any, material: Any = None) -> Limit:
         """Return this limit for a turbine's blade and `Material`; most do not depend on them."""

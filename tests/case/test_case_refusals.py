@@ -92,7 +92,7 @@ def test_what_is_no_readable_case_file_is_reported(name, content, told, tmp_path
         ("rotor.blade.x=1", "rotor.blade = 'bahaj2007': .* rotor.blade.x cannot be applied"),
         ("rotr.radius=1", "rotr = .*did you mean rotor"),
         ("rotor={sections: [{polar: naca4415_Re2e5}], polar: cylinder}", "together with rotor.sec"),
-        ("limits={cavitation: 3}", "has no field bound; give its keys: depth, margin"),
+        ("limits={cavitation: 3}", "bound = 3: unknown key; known here: depth, margin"),
         ("limits={thrust: }", "limits.thrust: has no value .*; give one, or null for the default"),
     ],
 )
