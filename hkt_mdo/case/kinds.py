@@ -29,35 +29,22 @@ from pydantic import Field, create_model
 
 from hkt_mdo import quantities
 from hkt_mdo.case.guard import guard, one_line
-from hkt_mdo.dynamics import (
-    aggregates,
-    flows,
-    laws,
-    limits,
-    long_record,
-    objectives,
-    records,
-    resource,
-    sampled,
-    tracking,
-    wide_laws,
-)
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import Formula
 from hkt_mdo.dynamics.laws import FeedbackLaw, Law
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import DistanceFromStall, ForwardRotation, Limit, TableEnd, TorqueLimit
 from hkt_mdo.dynamics.objectives import Objective
+from hkt_mdo.dynamics.resource import DurationCurve
 from hkt_mdo.errors import InputError, show
 from hkt_mdo.sections import Quantity, Section, is_unit, parts_of
 
 ENTRY_POINTS = "hkt_mdo.extensions"
-MODULES: list[ModuleType] = [laws, wide_laws, tracking, flows, records, sampled, resource]
-MODULES += [long_record, limits, objectives, aggregates]
+MODULES = ["laws", "wide_laws", "tracking", "flows", "records", "sampled", "resource"]
+MODULES += ["long_record", "limits", "objectives", "aggregates"]
 """Modules of the package's own kinds, in the order in which a case's reference lists them."""
 
-INTERNAL: list[type] = [resource.DurationCurve, limits.TorqueLimit, limits.ForwardRotation]
-INTERNAL += [limits.DistanceFromStall, limits.TableEnd]
+INTERNAL = DurationCurve, TorqueLimit, ForwardRotation, DistanceFromStall, TableEnd
 """Classes there that no case names: they follow from other keys."""
 
 TAGS: dict[type[Section], str] = {
@@ -300,6 +287,6 @@ def _load(path: Path) -> ModuleType:
     return module
 
 
-_OWN = (each for module in MODULES for each in _classes(module))
+_OWN = chain(*(_classes(importlib.import_module(f"hkt_mdo.dynamics.{x}")) for x in MODULES))
 BUILT_IN = Kinds(tuple(each for each in _OWN if each not in INTERNAL))
 """The kinds of the package."""
