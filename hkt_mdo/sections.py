@@ -300,11 +300,28 @@ class Section(BaseModel):
     short: ClassVar[str] = ""
     """Key whose value a case may give in place of the section; empty: none."""
 
+    @classmethod
+    def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Return what a case gives as the keys of the section.
+
+        Parameters
+        ----------
+        data : dict
+            Keys and values, not yet checked.
+
+        Returns
+        -------
+        dict
+            The same, where a section has no other form.
+        """
+        return data
+
     @model_validator(mode="before")
     @classmethod
     def _spell_out(cls, data: Any) -> Any:
-        whole = not cls.short or data is None or isinstance(data, dict | Section)
-        return data if whole else {cls.short: data}
+        if cls.short and data is not None and not isinstance(data, dict | Section):
+            data = {cls.short: data}
+        return cls.spelled_out(data) if isinstance(data, dict) else data
 
     def flaws(self) -> Flaws:
         """Yield what is wrong with values that are each valid alone.

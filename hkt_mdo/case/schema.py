@@ -9,7 +9,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 
-from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model, model_validator
+from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
 from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
@@ -72,12 +72,9 @@ _LATER = ConstantInflow(speed=1.0)
 class _WithFlow(Section):
     """A case, or one of its scenarios: kinds by their bare names, a resource as the flow."""
 
-    @model_validator(mode="before")
     @classmethod
-    def _spell_out_kinds(cls, data: Any) -> Any:
+    def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Write out a kind that is given by its bare name."""
-        if not isinstance(data, dict):
-            return data
         bare = {key: x for key, x in data.items() if key in TAGS and isinstance(x, str)}
         return data | {key: {TAGS[key]: x} for key, x in bare.items() if key in cls.model_fields}
 
@@ -209,26 +206,18 @@ class Case(_WithFlow):
         """Python files and classes that define kinds of this case's class."""
         return self.kinds.extensions
 
-    @model_validator(mode="before")
     @classmethod
-    def _spell_out(cls, data: Any) -> Any:
-        """Write out the stations of a resolved blade; keep a place for a flow that comes later.
-
-        Resolved is a blade of splines, or whose operation is limited (docs/studies/stations.md).
-        """
-        if not isinstance(data, dict):
-            return data
-        if data.get("inflow") is None and any(
-            each.get(key) is not None
-            for each in (data, *_scenarios(data)[:1])
-            for key in ("inflow", "resource")
-        ):
+    def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
+        """Write out the stations of a resolved blade; keep a place for a flow that comes later."""
+        data, keys = super().spelled_out(data), ("inflow", "resource")
+        flows = [each.get(key) for each in (data, *_scenarios(data)[:1]) for key in keys]
+        if flows[0] is None and any(flow is not None for flow in flows):
             data = data | {"inflow": _LATER}
         if isinstance(data.get("inflow"), SumInflow):  # of any class of parts
             data = data | {"inflow": data["inflow"].model_dump()}
         rotor, given = data.get("rotor", {}), ("stations", "station_count", "chord")
         if isinstance(rotor, dict) and all(rotor.get(name) is None for name in given):
-            if _is_limited(data) or _is_splined(data.get("design")):
+            if _is_resolved(data):
                 return data | {"rotor": rotor | {"station_count": STATION_COUNT}}
         return data
 
@@ -393,7 +382,7 @@ class Case(_WithFlow):
         data = self.model_dump(mode="json")
         own = own_keys(data["rotor"])
         # without its stations the blade would have 40
-        if _is_splined(data["design"]) or _is_limited(data):
+        if _is_resolved(data):
             own.pop("stations", None)
         data["rotor"] |= {key: [] if key == "sections" else None for key in own}
         # a limit of an extension that the case does not use need not be there when it is read
@@ -413,26 +402,22 @@ class Case(_WithFlow):
         return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
 
 
-def _is_splined(design: Any) -> bool:
-    """Tell whether chord or twist are given by control points."""
-    names = "chord_points", "twist_points"
-    return isinstance(design, dict) and any(design.get(name) is not None for name in names)
+def _is_resolved(data: dict[str, Any]) -> bool:
+    """Tell whether a case's blade is resolved: of splines, or limited (docs/studies/stations.md).
 
-
-def _is_limited(data: dict[str, Any]) -> bool:
-    """Tell whether a case, or one of its scenarios, has limits besides that of the torque."""
-    for each in (data, *_scenarios(data)):
-        limits = each.get("limits")
-        if isinstance(limits, dict) and any(x is not None for x in limits.values()):
-            return True
-    return False
+    Limits are those besides that of the torque, of the case or of one of its scenarios.
+    """
+    design, limits = data.get("design"), [x.get("limits") for x in (data, *_scenarios(data))]
+    given = [value for each in limits if isinstance(each, dict) for value in each.values()]
+    if isinstance(design, dict):
+        given += [design.get("chord_points"), design.get("twist_points")]
+    return any(value is not None for value in given)
 
 
 def _scenarios(data: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the scenarios in a case's data; none where one of them is no section of keys."""
+    """Return the scenarios in a case's data that are sections of keys."""
     given = data.get("scenarios")
-    found = list(given) if isinstance(given, list | tuple) else []
-    return found if all(isinstance(each, dict) for each in found) else []
+    return [x for x in given if isinstance(x, dict)] if isinstance(given, list | tuple) else []
 
 
 _BaseCase = Case

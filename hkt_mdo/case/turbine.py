@@ -173,12 +173,9 @@ class Rotor(Section):
     """The water that the blades accelerate, as part of the inertia, as of flat plates or of
     ellipses (docs/rotor_model.md)."""
 
-    @model_validator(mode="before")
     @classmethod
-    def _fill_shipped(cls, data: Any) -> Any:
+    def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
         """Fill in the keys that a shipped blade brings with it."""
-        if not isinstance(data, dict):
-            return data
         own = shipped_rotor(data.get("blade", cls.model_fields["blade"].default))
         given = {key: x for key, x in data.items() if x is not None and (key != "sections" or x)}
         without = {each for key in given for each in _IN_PLACE.get(key, ())}
