@@ -12,11 +12,7 @@ from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.yaml_text import dotted, parse
 from hkt_mdo.sections import Section
 
-TAGS = {"inflow": "profile", "resource": "profile", "control": "law", "objective": "kind"}
-TAGS |= {"robustness": "measure", "inflow_dynamics": "model"}
-"""By section of a case that may be given by a name alone: the key of that name."""
-
-_Model = TypeVar("_Model", bound=BaseModel)
+_Model = TypeVar("_Model", bound=Section)
 
 _SECTION = (
     "must be a section of keys and values",
@@ -120,7 +116,7 @@ def validated(
     InputError
         If anything in the data is wrong.
     """
-    given = {assign(data, override, file): override for override in overrides}
+    given = {assign(data, override, file, root): override for override in overrides}
     try:
         return root.model_validate(data, context=context)
     except ValidationError as error:
@@ -141,7 +137,7 @@ def validated(
     raise InputError(problem, remedy, file=file, key=key, **value)
 
 
-def assign(data: dict[str, Any], override: str, file: str) -> str:
+def assign(data: dict[str, Any], override: str, file: str, root: type[Section]) -> str:
     """Apply an override and return its dotted key; a bare name of a kind becomes a section first.
 
     Parameters
@@ -152,6 +148,8 @@ def assign(data: dict[str, Any], override: str, file: str) -> str:
         Such as ``rotor.radius=2``; the text after the first ``=`` is YAML.
     file : str
         What messages call the data.
+    root : type
+        Class of the section.
 
     Returns
     -------
@@ -171,8 +169,8 @@ def assign(data: dict[str, Any], override: str, file: str) -> str:
     *sections, last = key.split(".")
     for depth, section in enumerate(sections):
         inner = data.setdefault(section, {})
-        if isinstance(inner, str) and depth == 0 and section in TAGS:
-            inner = data[section] = {TAGS[section]: inner}
+        if isinstance(inner, str) and depth == 0:
+            inner = data[section] = root.spelled_out({section: inner})[section]
         if not isinstance(inner, dict):
             problem = f"has no keys, so the override {key} cannot be applied"
             remedy = "override it as a whole, or only keys of sections"

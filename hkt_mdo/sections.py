@@ -299,10 +299,12 @@ class Section(BaseModel):
     """Names that a case may give in place of the section."""
     short: ClassVar[str] = ""
     """Key whose value a case may give in place of the section; empty: none."""
+    named_by: ClassVar[str] = ""
+    """Key, or attribute, that has the name of a kind; empty for what is no kind."""
 
     @classmethod
     def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
-        """Return what a case gives as the keys of the section.
+        """Return what a case gives as the keys of the section: sections for their bare names.
 
         Parameters
         ----------
@@ -312,8 +314,12 @@ class Section(BaseModel):
         Returns
         -------
         dict
-            The same, where a section has no other form.
+            Keys and values.
         """
+        for key, field in cls.model_fields.items():
+            tag = field.discriminator or getattr(field.annotation, "short", "")
+            if tag and isinstance(data.get(key), str):
+                data = data | {key: {tag: data[key]}}
         return data
 
     @model_validator(mode="before")

@@ -32,7 +32,7 @@ from hkt_mdo.case.guard import guard, one_line
 from hkt_mdo.dynamics.aggregates import Aggregate
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.formulas import Formula
-from hkt_mdo.dynamics.laws import FeedbackLaw, Law
+from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.dynamics.limits import DistanceFromStall, ForwardRotation, Limit, TableEnd, TorqueLimit
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.dynamics.resource import DurationCurve
@@ -46,15 +46,6 @@ MODULES += ["long_record", "limits", "objectives", "aggregates"]
 
 INTERNAL = DurationCurve, TorqueLimit, ForwardRotation, DistanceFromStall, TableEnd
 """Classes there that no case names: they follow from other keys."""
-
-TAGS: dict[type[Section], str] = {
-    Law: "law",
-    Inflow: "profile",
-    Limit: "name",
-    Objective: "kind",
-    Aggregate: "measure",
-}
-"""By base class: the class attribute with the kind's name."""
 
 _TAKEN = {"given", *dir(Section)}
 _BASES = "FeedbackLaw, Inflow, Limit, Objective or Aggregate"
@@ -95,7 +86,7 @@ class Kinds:
 
 def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
     """Yield what a class lacks to be a kind, and the remedies, the most basic flaw first."""
-    tag, name = _tag(kind), kind_name(kind)
+    tag, name = getattr(kind, "named_by", ""), kind_name(kind)
     if not tag:
         yield "is not a law, profile, limit, objective or aggregate", f"derive it from {_BASES}"
     if not name:
@@ -109,7 +100,7 @@ def _flaws(kind: Any, known: Iterable[type]) -> Iterator[tuple[str, str]]:
     if issubclass(kind, Formula) and not isinstance(kind.inputs, property):
         yield from _flaws_of_formula(kind)
     yield from _flaws_of_units(kind)
-    if any(_tag(each) == tag and kind_name(each) == name for each in known):
+    if any(getattr(each, "named_by", "") == tag and kind_name(each) == name for each in known):
         yield f"has the name {name} of another kind", f"give its {tag} another"
     if issubclass(kind, FeedbackLaw):
         yield from _flaws_of_law(kind)
@@ -193,7 +184,7 @@ def _flaws_of_formula(kind: Any) -> Iterator[tuple[str, str]]:
 @cache
 def _tagged(kind: Any) -> Any:
     """Return a class like another, whose name is a field that a case may give; limits need none."""
-    tag, name = _tag(kind), kind_name(kind)
+    tag, name = getattr(kind, "named_by", ""), kind_name(kind)
     if tag in ("", "name") or not name:
         return kind
     if tag in kind.model_fields and kind.model_fields[tag].annotation is not str:
@@ -205,14 +196,9 @@ def _tagged(kind: Any) -> Any:
         return create_model(kind.__name__, __base__=kind, **about, **{tag: field})
 
 
-def _tag(kind: type) -> str:
-    """Return the attribute with the name of a class; empty if it is no kind."""
-    return next((tag for base, tag in TAGS.items() if issubclass(kind, base)), "")
-
-
 def kind_name(kind: Any) -> str:
     """Return the name by which a case calls a kind; empty for one without a name."""
-    tag = _tag(kind)
+    tag = getattr(kind, "named_by", "")
     field = kind.model_fields.get(tag) if tag else None
     own = getattr(kind, tag or "_", None)
     names = (*get_args(field.annotation), field.default) if field else (own,)

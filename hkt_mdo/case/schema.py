@@ -26,7 +26,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
-from hkt_mdo.messages import TAGS, validated
+from hkt_mdo.messages import validated
 from hkt_mdo.sections import Flaws, Quantity, Section, refusal
 
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
@@ -70,13 +70,7 @@ _LATER = ConstantInflow(speed=1.0)
 
 
 class _WithFlow(Section):
-    """A case, or one of its scenarios: kinds by their bare names, a resource as the flow."""
-
-    @classmethod
-    def spelled_out(cls, data: dict[str, Any]) -> dict[str, Any]:
-        """Write out a kind that is given by its bare name."""
-        bare = {key: x for key, x in data.items() if key in TAGS and isinstance(x, str)}
-        return data | {key: {TAGS[key]: x} for key, x in bare.items() if key in cls.model_fields}
+    """A case, or one of its scenarios: a resource as the flow."""
 
     def flaws(self: Any) -> Flaws:
         """Take `resource` for `inflow`; yield a flaw where both are given."""
@@ -474,7 +468,7 @@ def _choice(key: str, classes: Sequence[type[Section] | None]) -> Any:
         part["oneOf"].append({"enum": [kind_name(each) for each in plain]})
 
     default = None if None in classes else _BaseCase.model_fields[key].default
-    tag = Field(default, discriminator=TAGS[key], json_schema_extra=describe)
+    tag = Field(default, discriminator=kinds[0].named_by, json_schema_extra=describe)
     return Union[tuple(classes)], tag  # noqa: UP007
 
 

@@ -23,6 +23,7 @@ class Aggregate(Section):
     epigraph).
     """
 
+    named_by: ClassVar[str] = "measure"
     measure: str
     """How the scenarios are combined."""
     n_unknowns: ClassVar[int | None] = 0

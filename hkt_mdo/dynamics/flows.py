@@ -45,6 +45,7 @@ class Inflow(Section):
     - last_time: time (s) beyond which it is unknown.
     """
 
+    named_by: ClassVar[str] = "profile"
     profile: str
     """The kind of flow."""
     steady: ClassVar[bool] = False

@@ -37,6 +37,7 @@ class Law(Section):
     open loop has no gains and no states; its torque over time is chosen by the optimizer.
     """
 
+    named_by: ClassVar[str] = "law"
     law: str
     """The control law."""
     torque_limit: Annotated[float, Quantity("N*m", gt=0)] | None = None

@@ -40,7 +40,7 @@ class Limit(Formula):
     """
 
     name: ClassVar[str] = ""
-    short: ClassVar[str] = "bound"
+    named_by, short = "name", "bound"
     lower: ClassVar[Any] = -np.inf
     bounded: ClassVar[bool] = False
     """Whether bounds of the optimizer's own variables ensure it, so that no constraint is needed.

@@ -18,6 +18,7 @@ class Objective(Formula):
     numbers, too. Over several scenarios the mean of a rate is taken as `robustness` says.
     """
 
+    named_by: ClassVar[str] = "kind"
     kind: str
     """What is optimized."""
     unit: ClassVar[str | None] = "J"
