@@ -11,9 +11,6 @@ from hkt_mdo.sections import Flaws, Pair, Quantity, Section, find_file
 
 _Lengths = Pair[Annotated[float, Quantity("m", gt=0, le=1000)]]
 _Angles = Pair[Annotated[float, Quantity("deg", ge=-180, le=180)]]
-_Gains = Pair[Annotated[float, Quantity(ge=0)]]
-_Inertias = Pair[Annotated[float, Quantity("kg*m**2", ge=0)]]
-_Thicknesses = Pair[Annotated[float, Quantity(gt=0, le=1)]]
 _Points = Annotated[int, Strict(), Field(ge=2, le=200)]
 
 
@@ -43,7 +40,7 @@ class Design(Section):
     thickness_points: _Points | None = None
     """Number of control points of the thickness over chord, as `chord_points`; null: it is not
     designed (docs/own_turbine.md)."""
-    thickness_bounds: _Thicknesses | None = None
+    thickness_bounds: Pair[Annotated[float, Quantity(gt=0, le=1)]] | None = None
     """Bounds on the thickness over chord, [lower, upper]; null: from the thinnest to the thickest
     section."""
     set_angle_bounds: _Angles | None = None
@@ -51,13 +48,13 @@ class Design(Section):
     radius_bounds: _Lengths | None = None
     """Bounds on the tip radius R, [lower, upper]; null: it is not designed. Stations and hub move
     with it."""
-    hub_inertia_bounds: _Inertias | None = None
+    hub_inertia_bounds: Pair[Annotated[float, Quantity("kg*m**2", ge=0)]] | None = None
     """Bounds on `rotor.hub_inertia`, [lower, upper]; null: it is not designed. With
     `inflow_dynamics: oye` the lower bound is at least the inertia from which the loop is stable."""
     hub_inertia_price: Annotated[float, Quantity("J/(kg*m**2)", ge=0)] = 0.0
     """Price of the designed `hub_inertia`, subtracted from the objective, an energy; the energies
     of a result are without it."""
-    gain_bounds: _Gains | None = None
+    gain_bounds: Pair[Annotated[float, Quantity(ge=0)]] | None = None
     """Bounds on the gain of a law with one, [lower, upper], plain numbers in the unit of
     `control.gain`; null: none."""
 
