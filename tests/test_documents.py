@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from hkt_mdo.case import Case, case_json_schema, load_case, read_case
+from hkt_mdo.case import Case, load_case, read_case
+from hkt_mdo.case.document import case_json_schema
 from hkt_mdo.cli import main
 from hkt_mdo.cli.new_case import KINDS, write_new_case
 from hkt_mdo.dynamics.limits import Limit
@@ -81,8 +82,7 @@ def blocks(kind):
 
 @pytest.mark.parametrize("block", blocks("yaml"), ids=one_line)
 def test_what_the_how_to_shows_is_a_case(block, validator):
-    text = block if "inflow:" in block else f"{block}\ninflow: {{profile: sine}}\n"
-    text += "control: {law: quadratic}\n"
+    text = f"{block}\ncontrol: quadratic\n" + "inflow: sine\n" * ("inflow:" not in block)
     read_case(text, check_files=False)
     validator.validate(parse(text, "x"))
 

@@ -7,23 +7,7 @@ as one `InputError`.
 """
 
 from hkt_mdo.case.design import Design, Phase
-from hkt_mdo.case.document import case_json_schema, case_markdown, commented_case
-from hkt_mdo.case.kinds import known_kinds
-from hkt_mdo.case.schema import Case, case_class, load_case, read_case
-from hkt_mdo.case.turbine import Condition, Fluid, Rotor
+from hkt_mdo.case.schema import Case, load_case, read_case
+from hkt_mdo.case.turbine import Fluid, Rotor
 
-__all__ = [
-    "Case",
-    "Condition",
-    "Design",
-    "Fluid",
-    "Phase",
-    "Rotor",
-    "case_class",
-    "case_json_schema",
-    "case_markdown",
-    "commented_case",
-    "known_kinds",
-    "load_case",
-    "read_case",
-]
+__all__ = ["Case", "Design", "Fluid", "Phase", "Rotor", "load_case", "read_case"]

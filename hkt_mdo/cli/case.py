@@ -80,7 +80,7 @@ def schema(markdown: Annotated[bool, Option("--markdown", help=_MARKDOWN)] = Fal
     """
     import json
 
-    from hkt_mdo.case import case_json_schema, case_markdown
+    from hkt_mdo.case.document import case_json_schema, case_markdown
 
     if markdown:
         echo(case_markdown(extensions=parts.EXTENSIONS.get()), nl=False)

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from hkt_mdo.case import commented_case, read_case
+from hkt_mdo.case import read_case
+from hkt_mdo.case.document import commented_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import locate, shipped_rotor
 from hkt_mdo.files.table import read_text, write_new

@@ -13,7 +13,8 @@ import numpy as np
 from openmdao.utils.om_warnings import OMDeprecationWarning
 from scipy.sparse import block_diag, csr_array, diags_array, kron, lil_array
 
-from hkt_mdo.case import Condition, Phase
+from hkt_mdo.case import Phase
+from hkt_mdo.case.turbine import Condition
 from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.radau import divided

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from hkt_mdo import Case, FeedbackLaw, InputError, load_case
-from hkt_mdo.case import case_class, known_kinds, read_case
-from hkt_mdo.case.kinds import ENTRY_POINTS, _installed, _load
+from hkt_mdo.case.kinds import ENTRY_POINTS, _installed, _load, known_kinds
+from hkt_mdo.case.schema import case_class, read_case
 
 FILE = Path(__file__).parents[1] / "data" / "extension.py"
 MINIMAL = "inflow: sine\ncontrol: linear\n"
