@@ -15,7 +15,6 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.components import area_component
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
@@ -86,7 +85,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     alone : bool
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
-    blade, band = setup.start.blade, setup.band(physics)
+    band = setup.band(physics)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
@@ -96,8 +95,6 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     for name in kept.keys() - own.keys():
         group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
     _add_rotors(group, physics, setup, band)
-    if physics.asks_for("blade_area"):
-        group.add_subsystem("planform", area_component(blade), promotes=["*"])
     operation = OperationGroup(physics, setup, _scales(physics, setup), band)
     group.add_subsystem("operation", operation, promotes=["*"])
 
