@@ -48,13 +48,18 @@ class SteadyScenario(Scenario):
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
             back = others.get("backwards") and inflow.reversed_speeds
-            speeds, notes = back or inflow.speeds, inflow.messages
+            speeds = back or inflow.speeds
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
-        curve = speeds.curve(mesh.duration, notes)
-        edges = np.array(curve.ends)
-        return cls(curve, mesh, edges=edges, resource=inflow, bins=speeds, **others)
+        return cls(speeds.curve(mesh.duration), mesh, resource=inflow, bins=speeds, **others)
+
+    def __post_init__(self):
+        object.__setattr__(self, "edges", np.array(self.inflow.ends))
+
+    @property
+    def messages(self):
+        without = f"taken without time: {self.bins.mean.size} speeds of the flow"
+        return (*self.resource.messages, *[without] * (not isinstance(self.resource, Resource)))
 
     @property
     def speeds(self) -> np.ndarray:
@@ -75,8 +80,7 @@ class SteadyScenario(Scenario):
             place = {"key": "control.cut_out", "value": cut_out}
             raise InputError(problem, "give a larger one, or null for none", **place)
         found = found.with_ends(found.speed[0], cut_out)
-        curve = found.curve(self.mesh.duration, self.messages)
-        return replace(self, inflow=curve, edges=np.array(curve.ends), bins=found)
+        return replace(self, inflow=found.curve(self.mesh.duration), bins=found)
 
     def when(self, time):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"

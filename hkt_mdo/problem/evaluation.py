@@ -33,19 +33,14 @@ def split(physics: Physics, operation: Operation) -> list[np.ndarray]:
     return np.split(rows, ends, axis=1)
 
 
-def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
+@lru_cache(maxsize=8)  # every limit of a problem asks, and the checks of a run
+def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
     """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
     Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the scalars
     that limits and objectives may take. The generator torque is that of a static law, else it
     balances the flow's.
     """
-    return [dict(each) for each in _quantities(physics, point)]
-
-
-@lru_cache(maxsize=8)  # every limit of a problem asks, and the checks of a run
-def _quantities(physics, point) -> list[dict]:
-    """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     for scenario, (speed, torque, *states) in pairs:

@@ -124,8 +124,7 @@ class OperationGroup(om.Group):
         physics, start = self._physics, self._start.start
         scenario = physics.scenarios[number]
         table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
-        known = on_start(physics, start)[number]
-        known |= {"torque_coefficient_table": table.torque}
+        known = on_start(physics, start)[number] | {"torque_coefficient_table": table.torque}
         known |= zip(limit.named_numbers, start.gains, strict=True)
         unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
         margin = limit.value_of(known) / (TYPICAL * unit) + LEAST

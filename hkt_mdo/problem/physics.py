@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -16,7 +16,6 @@ from hkt_mdo.dynamics.limits import (
     ForwardRotation,
     Limit,
     PowerLimit,
-    RotorSpeedLimit,
     TableEnd,
     TorqueLimit,
 )
@@ -182,7 +181,7 @@ def physics(case: Case) -> Physics:
         shape,
         _rotors(case, turbine, shape, scenarios),
         turbine,
-        tuple(_with_limits(each, limits, case, shape) for each in scenarios),
+        tuple(_with_limits(each, case, shape, control.torque_limit) for each in scenarios),
         control,
         limits,
         case.objective,
@@ -224,21 +223,14 @@ def _ceilings(physics: Physics) -> dict[str, float]:
 
 
 def _with_limits(
-    scenario: Scenario, limits: tuple[Limit, ...], case: Case, shape: Shape
+    scenario: Scenario, case: Case, shape: Shape, torque_limit: float | None
 ) -> Scenario:
-    """Return a scenario with its limits over time: its own in place of the case's."""
-    constant = (scenario.condition or case.condition).torque_constant
-    given = [x for own in case.scenarios if own.name == scenario.group for x in own.limits.given]
-    if not given and constant == case.condition.torque_constant:
+    """Return a scenario with its own limits, where they differ from the case's."""
+    own = case.of_scenario(scenario.group)
+    known = [(x.limits, x.condition.torque_constant) for x in (own, case)]
+    if known[0] == known[1]:
         return scenario
-    found = {limit.name: limit for limit in limits if limit.place == "time"}
-    for limit in limits:
-        # of the torque that the law demands
-        if isinstance(limit, TorqueLimit) and limit.bound is not None:
-            bound = limit.bound * constant / case.condition.torque_constant
-            found[limit.name] = TorqueLimit(bound=bound)
-    found |= {limit.name: limit for limit in _given(case, shape, given)}
-    return replace(scenario, limits=tuple(found.values()))
+    return replace(scenario, limits=_limits(own, shape, torque_limit))
 
 
 def _rotors(
@@ -352,14 +344,6 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
     return Shape.designed(blade, points, bounds, radius_bounds, turbine.polar.several)
 
 
-def _given(case: Case, shape: Shape, limits: Iterable[Limit]) -> Iterator[Limit]:
-    """Yield given limits for a case's blade, that of the speed within the generator's table."""
-    end, material = case.generator.fastest, case.rotor.blade_material
-    for limit in limits:
-        beyond = isinstance(limit, RotorSpeedLimit) and limit.upper > end
-        yield TableEnd(bound=end) if beyond else limit.on(shape.blade, material)
-
-
 def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
     """Return the limits of a case: torque and rotation, the design's bounds, and those it gives.
 
@@ -370,9 +354,11 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         bounds = {"set_angle": shape.bounds["twist"]}
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     bounds["hub_inertia"] = case.design.hub_inertia_bounds
-    given = {limit.name: limit for limit in _given(case, shape, case.limits.given)}
-    if np.isfinite(case.generator.fastest):
-        given.setdefault("rotor_speed", TableEnd(bound=case.generator.fastest))
+    material, end = case.rotor.blade_material, case.generator.fastest
+    given = {limit.name: limit.on(shape.blade, material) for limit in case.limits.given}
+    speed = given.get("rotor_speed")
+    if end < (np.inf if speed is None else speed.upper):
+        given["rotor_speed"] = TableEnd(bound=end)
     return (
         TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
         ForwardRotation(),

@@ -65,7 +65,7 @@ def _in_speeds(scenario) -> SteadyScenario:
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
     kept = "mesh", "weight", "name", "limits", "interval_of", "density", "condition"
     about = {name: getattr(scenario, name) for name in kept}
-    return SteadyScenario(curve, edges=ends, resource=curve, **about)
+    return SteadyScenario(curve, resource=curve, **about)
 
 
 class _Hopeless(Exception):
