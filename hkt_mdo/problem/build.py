@@ -157,15 +157,11 @@ def _scales(physics, setup):
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
     states = _state_scales(physics, setup.start)
     if physics.remembers:
-        states |= _wake_scales(physics, setup.start)
+        fastest = max(np.max(known["inflow_speed"]) for known in on_start(physics, setup.start))
+        tau1 = physics.case.inflow_dynamics.tau1 or setup.start.blade.rotor_radius / fastest
+        induced = WAKE_SHARE * float(fastest)
+        states |= dict.fromkeys(WAKE_STATES, (induced, induced / tau1))
     return Scales(speed, torque, torque / inertia, limit, states)
-
-
-def _wake_scales(physics, start):
-    """Return the reference magnitudes of the wake's states and rates, by name."""
-    fastest = max(float(np.max(known["inflow_speed"])) for known in on_start(physics, start))
-    tau1 = physics.case.inflow_dynamics.tau1 or start.blade.rotor_radius / fastest
-    return {name: (WAKE_SHARE * fastest, WAKE_SHARE * fastest / tau1) for name in WAKE_STATES}
 
 
 def _state_scales(physics, start):
@@ -245,10 +241,7 @@ def _objective_reference(physics, setup) -> float:
     """
     if not physics.objective.is_energy:
         return 0.1 * abs(objective_at(physics, setup.start)) or 1.0
-    passing = sum(
-        each.weight * float(each.sample_weights @ each.inflow.speed_at(each.samples) ** 3)
-        for each in physics.scenarios
-    )
+    passing = sum(x.weight * float(x.sample_weights @ x.speeds**3) for x in physics.scenarios)
     passing *= physics.density * setup.start.blade.rotor_radius**2
     return 0.1 * max(setup.start.operation.energy, 0.05 * passing)
 

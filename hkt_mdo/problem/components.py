@@ -174,12 +174,12 @@ class AggregateComp(om.ExplicitComponent):
     must not be negative. `shares` are the scenarios' of the time, `duration` is in s.
     """
 
-    def __init__(self, aggregate, shares, duration, objective, n_unknowns=0):
+    def __init__(self, aggregate, shares, duration, objective):
         super().__init__()
         self._aggregate, self._shares, self._duration = aggregate, shares, duration
-        sizes = {"mean_rate": shares.size, "unknowns": n_unknowns}
-        self._ones = {name: np.ones(size) for name, size in sizes.items() if size}
-        self._objective = objective
+        self._ones, self._objective = {"mean_rate": np.ones(shares.size)}, objective
+        if size := np.size(aggregate.best_unknowns(*self._ones.values(), shares)):
+            self._ones["unknowns"] = np.ones(size)
 
     def setup(self):
         objective = self._objective

@@ -61,11 +61,6 @@ class SteadyScenario(Scenario):
         without = f"taken without time: {self.bins.mean.size} speeds of the flow"
         return (*self.resource.messages, *[without] * (not isinstance(self.resource, Resource)))
 
-    @property
-    def speeds(self) -> np.ndarray:
-        """Its speeds of the flow, m/s, rising, (n,)."""
-        return self.inflow.speed_at(self.samples)
-
     def below(self, cut_out: float | None) -> SteadyScenario:
         """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:

@@ -45,7 +45,7 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     for scenario, (speed, torque, *states) in pairs:
         rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
-        time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
+        time, flow = scenario.samples, scenario.speeds
         if rotor is not physics.rotor:  # the operation is that of the case's own turbine
             torque = torque_of(rotor, blade, speed, flow)
         held = torque - generator.friction(speed)

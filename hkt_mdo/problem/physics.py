@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
     DesignBounds,
@@ -54,7 +53,7 @@ def complete(case: Case) -> Case:
     span, year = phase.duration, case.inflow.length
     if span not in (None, year) and case.inflow.steady and not case.scenarios:
         raise InputError("is not 8766 h, a year", "leave it out", key="phase.duration", value=span)
-    duration, segments = _span(case.inflow, phase.duration, phase.segments)
+    duration, segments = _span(case)
     if not case.scenarios:
         case.inflow.check(duration)
     final = phase.final_speed
@@ -64,11 +63,10 @@ def complete(case: Case) -> Case:
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
     for number, own in enumerate(case.scenarios):
-        inflow = own.inflow or case.inflow
+        part = case.of_scenario(own.name)
         try:
-            given = own.duration or phase.duration, own.segments or phase.segments
-            duration, segments = _span(inflow, *given)
-            inflow.check(duration)
+            duration, segments = _span(part)
+            part.inflow.check(duration)
         except InputError as error:
             error.key = f"scenarios[{number}].{error.key.removeprefix('phase.')}".rstrip(".")
             raise
@@ -77,8 +75,9 @@ def complete(case: Case) -> Case:
     return case.model_copy(update=update)
 
 
-def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple[float, int]:
-    """Return the duration of a flow, s, and the number of segments, where they are not given."""
+def _span(case: Case) -> tuple[float, int]:
+    """Return the duration of a case's flow, s, and the number of segments, given or not."""
+    inflow, duration, segments = case.inflow, case.phase.duration, case.phase.segments
     if inflow.length is not None:
         inflow.check(inflow.length)
     duration = duration or inflow.length or DURATION
@@ -103,23 +102,22 @@ def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple
 def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
-        return _scenarios(case, case.inflow, case.phase)
+        return _scenarios(case)
     found, total = [], sum(each.weight for each in case.scenarios)
     for own in case.scenarios:
-        mesh = {"duration": own.duration, "segments": own.segments}
         about = {"name": own.name, "density": own.density, "condition": own.condition}
         about["weight"] = own.weight / total * case.phase.duration / own.duration
-        mesh, inflow = case.phase.model_copy(update=mesh), own.inflow or case.inflow
-        found += _scenarios(case, inflow, mesh, steady=own.steady, **about)
+        found += _scenarios(case.of_scenario(own.name), steady=own.steady, **about)
     return found
 
 
-def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> list[Scenario]:
-    """Return the scenario of a flow, on a mesh that resolves it.
+def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
+    """Return the scenario of a case of one flow, on a mesh that resolves it.
 
     Without time where it is steady or of a resource; two if its rotor turns backwards in reversed
     flow, the second of the same group.
     """
+    inflow, mesh = case.inflow, case.phase
     steady = steady or inflow.steady
     if steady and case.control.chooses_torque:
         problem = "has no torque over time in a steady scenario"
@@ -129,7 +127,7 @@ def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> li
     found = [SteadyScenario.of(inflow, mesh, **about)]
     if getattr(inflow, "reversed_speeds", None) is not None:
         changed = {"polar": inflow.reversed_polar}
-        condition = (found[0].condition or case.condition).model_copy(update=changed)
+        condition = case.condition.model_copy(update=changed)
         about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
         about |= {"condition": condition, "backwards": True}
         found.append(SteadyScenario.of(inflow, mesh, **about))
@@ -141,7 +139,7 @@ def physics(case: Case) -> Physics:
     case = complete(case)
     control = case.control.applied(case.condition.torque_constant)
     whole = _whole_scenarios(case)
-    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
+    speed = np.concatenate([each.speeds for each in whole])
     weights = np.concatenate([each.weight * each.sample_weights for each in whole])
     mean = float(weights @ speed / np.sum(weights))
     speed = np.minimum(speed, control.cut_out or np.inf)

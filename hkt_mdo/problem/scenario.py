@@ -173,7 +173,12 @@ class Scenario:
     @property
     def mean_flow(self) -> float:
         """Mean speed of the flow at the samples, m/s."""
-        return float(np.average(self.inflow.speed_at(self.samples), weights=self.sample_weights))
+        return float(np.average(self.speeds, weights=self.sample_weights))
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Speeds of the flow at the samples, m/s, (n_samples,); rising where it is steady."""
+        return self.inflow.speed_at(self.samples)
 
     @property
     def samples(self) -> np.ndarray:

@@ -111,7 +111,7 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     beside the intervals that need them, which are those where a station changes from attached to
     stalled flow. `finer` halves every interval.
     """
-    flow = np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
+    flow = np.concatenate([each.speeds for each in physics.scenarios])
     # an optimizer that diverged may have stopped the rotor somewhere
     ratios = np.maximum(
         start.operation.rotor_speed * start.blade.rotor_radius / flow, SLOWEST_RATIO

@@ -135,25 +135,6 @@ class BladeComp(om.ExplicitComponent):
             value = getattr(self._blade, name)
             self.add_input(name, val=value, **QUANTITIES[name].meta)
 
-    def blade_of(self, inputs):
-        """Return the `Blade` of the inputs.
-
-        Parameters
-        ----------
-        inputs : om.Vector
-            Inputs of the component.
-
-        Returns
-        -------
-        Blade
-            The blade in the model's present state.
-        """
-        refuse_complex_step(self)
-        refuse_values(inputs)
-        shape = {name: inputs[name] for name in self._inputs_of_blade if name != "rotor_radius"}
-        blade = self._blade.with_rotor_radius(inputs["rotor_radius"][0])
-        return blade.with_shape(**shape)
-
 
 class TablesComp(BladeComp):
     """Tables of a blade over tip speed ratios, by BEM: its torque coefficient and its loads.
@@ -212,7 +193,10 @@ class TablesComp(BladeComp):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
         at = inputs.asarray().tobytes()
         if at != self._known[0]:
-            blade = self.blade_of(inputs)
+            refuse_complex_step(self)
+            refuse_values(inputs)
+            shape = {name: inputs[name] for name in self._inputs_of_blade if name != "rotor_radius"}
+            blade = self._blade.with_rotor_radius(inputs["rotor_radius"][0]).with_shape(**shape)
             ratio = inputs["tip_speed_ratio"] if self._vary else self._nodes
             self._known = at, self._solve(blade, ratio)
         return self._known[1]

@@ -58,8 +58,7 @@ def without_time(physics: Physics) -> Physics:
 
 def _in_speeds(scenario) -> SteadyScenario:
     """Return a scenario as a few speeds of its flow, each for its share of the time."""
-    flow = scenario.inflow.speed_at(scenario.samples)
-    speeds, times = in_speeds(flow, scenario.sample_weights)
+    speeds, times = in_speeds(scenario.speeds, scenario.sample_weights)
     times = np.maximum(times, LEAST_SHARE * np.sum(scenario.sample_weights))
     ends = np.append(0.0, np.cumsum(times))
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))

@@ -220,7 +220,7 @@ def test_aggregates_of_mean_rates():
     expected = 60.0 * (0.5 * 4e3 + 0.3 * 2e3 + 0.2 * 3e3)
     np.testing.assert_allclose(problem.get_val("objective"), expected, rtol=1e-15)
     worst = Worst()
-    component = AggregateComp(aggregate=worst, n_unknowns=1, **about)
+    component = AggregateComp(aggregate=worst, **about)
     problem = checked(component, mean_rate=rates, unknowns=[1.5e3])
     np.testing.assert_allclose(problem.get_val("objective"), 60.0 * 1.5e3)
     np.testing.assert_allclose(problem.get_val("rows"), [2.5e3, 0.5e3, 1.5e3])
