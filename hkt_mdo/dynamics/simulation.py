@@ -530,16 +530,13 @@ class _Motion:
 
         known is what `_rates` returns besides the rates.
         """
-        dense = self._slope(time, flow, values, rates)
-        if self.plant.wake is None:
-            slopes = radau.Slopes.without_chains(dense)
-        else:
-            slopes = radau.Slopes(dense, *self._wake_slopes(flow, values, rates, known))
-        finite = all(np.all(np.isfinite(each)) for each in slopes)
-        return radau.StageSystem(step, slopes) if finite else None
+        dense, remembers = self._slope(time, flow, values, rates), self.plant.wake is not None
+        chains = self._wake_slopes(flow, values, rates, known) if remembers else ()
+        finite = all(np.all(np.isfinite(each)) for each in (dense, *chains))
+        return radau.StageSystem(step, dense, chains) if finite else None
 
     def _wake_slopes(self, flow, values, rates, known):
-        """Return the slopes of `Slopes` that involve filters, by differences."""
+        """Return the slopes that involve filters, the `chains` of `StageSystem`, by differences."""
         (driving, control, at_place), n, shape = known, self.dense, flow.shape
         many, speed = flow.ravel(), values[..., 0].ravel()
         move = 1e-6 * np.maximum(values[..., :1], 1e-3)
