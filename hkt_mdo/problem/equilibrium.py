@@ -80,9 +80,6 @@ class SteadyScenario(Scenario):
     def when(self, time):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
 
-    def rate_of(self, values):
-        return np.zeros(values.shape)
-
     def divided(self, parts=1):
         return self
 

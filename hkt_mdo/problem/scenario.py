@@ -104,10 +104,6 @@ class Scenario:
         """Return the words for a place in it, where `time` (s) is."""
         return f"t = {time:.2f} s"
 
-    def rate_of(self, values: np.ndarray) -> np.ndarray:
-        """Return the rates, 1/s, of values at its samples, (n_times,)."""
-        return np.gradient(values, self.samples)
-
     def divided(self, parts: np.ndarray) -> Scenario:
         """Return this scenario with each segment divided into a number of equal parts."""
         return replace(self, edges=divided(self.edges, parts))
