@@ -291,9 +291,6 @@ class Resource(Inflow):
             problem = f"reaches {self.speeds.speed[-1]:.3g} m/s"
             raise InputError(problem, "give speeds of currents", key="resource")
 
-    def speed_at(self, time):
-        return self.speeds.curve(YEAR).speed_at(time)
-
 
 _Speed = Annotated[float, Quantity("m/s", ge=-20, le=20)]
 _Hours = Annotated[float, Quantity(ge=0)]

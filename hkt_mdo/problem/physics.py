@@ -126,8 +126,7 @@ def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
         return [Scenario(inflow, mesh, **about).resolved()]
     found = [SteadyScenario.of(inflow, mesh, **about)]
     if getattr(inflow, "reversed_speeds", None) is not None:
-        changed = {"polar": inflow.reversed_polar}
-        condition = case.condition.model_copy(update=changed)
+        condition = case.condition.model_copy(update={"polar": inflow.reversed_polar})
         about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
         about |= {"condition": condition, "backwards": True}
         found.append(SteadyScenario.of(inflow, mesh, **about))
