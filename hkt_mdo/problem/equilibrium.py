@@ -47,8 +47,7 @@ class SteadyScenario(Scenario):
     def of(cls, inflow: Inflow, mesh: Phase, **others) -> SteadyScenario:
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
-            back = others.get("backwards") and inflow.reversed_speeds
-            speeds = back or inflow.speeds
+            speeds = inflow.reversed_speeds if others.get("backwards") else inflow.speeds
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
         return cls(speeds.curve(mesh.duration), mesh, resource=inflow, bins=speeds, **others)
@@ -160,8 +159,7 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
     ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
     group.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")
     if law.chooses_speed:
-        at_rest = np.zeros(scenario.segments)
-        unknowns.add_output("rotor_acceleration", at_rest, units="rad/s**2")
+        unknowns.add_output("rotor_acceleration", np.zeros(scenario.segments), units="rad/s**2")
     else:
         # each flow has a torque of its own size
         torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * scales.torque)
