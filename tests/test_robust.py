@@ -78,7 +78,7 @@ def test_the_measures_meet_at_their_ends():
 def test_partials_of_the_measures_are_exact_and_sparse(measure):
     aggregate = MEASURES[measure]
     unknowns = aggregate.best_unknowns(RATES, SHARES)
-    about = {"duration": 60.0, "objective": CapturedEnergy(), "n_unknowns": unknowns.size}
+    about = {"duration": 60.0, "objective": CapturedEnergy()}
     component = AggregateComp(aggregate=aggregate, shares=SHARES, **about)
     checked(component, 1e-12, 1e-12, mean_rate=RATES, unknowns=unknowns - 10.0)
     by_rate = component._subjacs_info["part.rows", "part.mean_rate"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Legendre
@@ -68,56 +68,42 @@ def magnitudes(values: np.ndarray, dense: int) -> np.ndarray:
     return size
 
 
-class Slopes(NamedTuple):
-    """Derivatives of the rates of a few dense values and of many chains of a few filters each.
-
-    Dense values follow each other and the last filters of the chains; a chain follows itself and
-    the first dense value. All are (n_steps, n_stages, …): of dense values by dense values,
-    (n_dense, n_dense), and by last filters, (n_dense, n_chains); of filters by those of their
-    chain, (n_filters, n_filters, n_chains), and by the first dense value, (n_filters, n_chains).
-    """
-
-    dense: np.ndarray
-    by_last: np.ndarray
-    chain: np.ndarray
-    by_first: np.ndarray
-
-    @classmethod
-    def without_chains(cls, dense: np.ndarray) -> Slopes:
-        """Return the slopes of dense values alone."""
-        shape = dense.shape[:2]
-        none = (np.empty((*shape, *x, 0)) for x in (dense.shape[2:3], (1, 1), (1,)))
-        return cls(dense, *none)
-
-
 class StageSystem:
     """The linear system of Newton's method, from which chains of filters are eliminated.
 
-    Values are dense ones, then the first filter of every chain, then the second. What is left to
-    invert has the dense values alone (Schur complement), so that the cost grows with the number of
-    chains, not with its cube.
+    Values are a few dense ones, then the first filter of every chain, then the second. Dense values
+    follow each other and the last filters of the chains; a chain follows itself and the first dense
+    value. What is left to invert has the dense values alone (Schur complement), so that the cost
+    grows with the number of chains, not with its cube.
 
     Parameters
     ----------
     step : array
         Lengths of the steps, (n_steps, 1).
-    slopes : Slopes
-        At the stages.
+    dense : array
+        Derivatives of the rates of dense values by these at the stages,
+        (n_steps, n_stages, n_dense, n_dense).
+    chains : sequence of array
+        Derivatives of the same first dimensions: of dense values by last filters, (n_dense,
+        n_chains); of filters by those of their chain, (n_filters, n_filters, n_chains), and by the
+        first dense value, (n_filters, n_chains). Empty: there are no chains.
     matrix : array
         The method's; one of other stages serves for the errors.
     """
 
-    def __init__(self, step: np.ndarray, slopes: Slopes, matrix: np.ndarray = MATRIX) -> None:
-        self._step, self._slopes, h = step, slopes, step[..., None] * matrix
-        (steps, s, n, m), c = slopes.by_last.shape, slopes.chain.shape[2]
+    def __init__(self, step, dense, chains=(), matrix=MATRIX):
+        self._step, self._slopes, h = step, (dense, *chains), step[..., None] * matrix
+        (steps, s, n, _), none = dense.shape, ((dense.shape[2], 0), (1, 1, 0), (1, 0))
+        by_last, chain, by_first = chains or (np.empty((steps, s, *shape)) for shape in none)
+        c, m = chain.shape[-2:]
         self._shape, self.patience = (steps, s, n, c, m), PATIENCE if m else MOST_ITERATIONS
         # filters at the stages by what they miss and by the first dense value there
-        own = np.einsum("nij,njabm->nmaibj", h, slopes.chain).reshape(steps, m, c * s, c * s)
-        first = np.einsum("nij,njam->nmaij", h, slopes.by_first).reshape(steps, m, c * s, s)
+        own = np.einsum("nij,njabm->nmaibj", h, chain).reshape(steps, m, c * s, c * s)
+        first = np.einsum("nij,njam->nmaij", h, by_first).reshape(steps, m, c * s, s)
         self._chain = np.linalg.inv(np.eye(c * s) - own)
         self._by_first = self._chain @ first
-        self._by_last = np.einsum("nij,njdm->nidmj", h, slopes.by_last)
-        system = np.einsum("nij,njde->nidje", h, slopes.dense).reshape(steps, s * n, s * n)
+        self._by_last = np.einsum("nij,njdm->nidmj", h, by_last)
+        system = np.einsum("nij,njde->nidje", h, dense).reshape(steps, s * n, s * n)
         system[..., ::n] += self._of_last(self._by_first)
         self._inverse = np.linalg.inv(np.eye(s * n) - system)
 
@@ -162,8 +148,8 @@ class StageSystem:
 
     def filtered(self, off: np.ndarray) -> np.ndarray:
         """Return errors of the values, (n_steps, n_values), without their fast part."""
-        first = Slopes(*(each[:, :1] for each in self._slopes))
-        return StageSystem(self._step, first, ERROR[:1, None])._own(off[:, None])[:, 0]
+        dense, *chains = (each[:, :1] for each in self._slopes)
+        return StageSystem(self._step, dense, chains, ERROR[:1, None])._own(off[:, None])[:, 0]
 
     def errors(self, begin: np.ndarray, stages: np.ndarray, first: np.ndarray) -> np.ndarray:
         """Return the error of each step's values by the embedded formula, (n_steps, n_values).

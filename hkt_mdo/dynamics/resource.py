@@ -86,10 +86,10 @@ class Speeds:
         place = np.pad(self.place, more, mode="edge")
         return replace(self, speed=np.concatenate(ends), share=share, place=place)
 
-    def curve(self, duration: float, notes: tuple[str, ...]) -> DurationCurve:
-        """Return the speeds as a flow over a duration, s, with messages about it."""
+    def curve(self, duration: float) -> DurationCurve:
+        """Return the speeds as a flow over a duration, s."""
         ends = duration * np.append(self.idle, self.idle + np.cumsum(self.share))
-        return DurationCurve(speeds=tuple(self.speed), ends=tuple(ends), notes=notes)
+        return DurationCurve(speeds=tuple(self.speed), ends=tuple(ends))
 
     def turbulent(self, intensity: float) -> Speeds:
         """Replace each speed by a normal distribution about it, of a relative deviation.
@@ -144,12 +144,6 @@ class DurationCurve(Inflow):
     ends: tuple[float, ...]
     """Times, s, between which the flow has each speed, rising; one more than speeds."""
     features: ClassVar[tuple] = ()
-    notes: tuple[str, ...] = ()
-    """Messages about it."""
-
-    @property
-    def messages(self):
-        return self.notes
 
     def speed_at(self, time):
         inner = np.array(self.ends[1:-1])
@@ -293,9 +287,6 @@ class Resource(Inflow):
         if self.speeds.speed[-1] > 1e3:
             problem = f"reaches {self.speeds.speed[-1]:.3g} m/s"
             raise InputError(problem, "give speeds of currents", key="resource")
-
-    def speed_at(self, time):
-        return self.speeds.curve(YEAR, self.messages).speed_at(time)
 
 
 _Speed = Annotated[float, Quantity("m/s", ge=-20, le=20)]

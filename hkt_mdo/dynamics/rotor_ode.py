@@ -68,7 +68,8 @@ class RotorODE(om.Group):
 class NodeComp(om.ExplicitComponent):
     """Outputs at the nodes of a phase by a formula of inputs there, of scalars and of tables.
 
-    `needs` names the inputs of each output; those in `fixed` are scalars, the others arrays.
+    `needs` names the inputs of each output; those in `fixed` do not change over time and have an
+    initial value there, the others are arrays over the nodes.
     `tables` names the table, of a `size`, on which an output depends, too; `basis(**inputs)` is its
     derivative by that. `formula(**inputs)` returns the outputs by name and must accept complex
     numbers: the other derivatives are taken by complex step. `described` has the unit and
@@ -76,7 +77,8 @@ class NodeComp(om.ExplicitComponent):
     else the formula needs are attributes, given by name.
     """
 
-    fixed, tables, described = ("rotor_radius", "density", "inertia"), {}, _INNER | WAKE_STATES
+    fixed = dict.fromkeys(("rotor_radius", "density", "inertia"), 1.0)
+    tables, described = {}, _INNER | WAKE_STATES
 
     def __init__(self, num_nodes, **known):
         super().__init__()
@@ -88,15 +90,12 @@ class NodeComp(om.ExplicitComponent):
         return dict.fromkeys(name for names in self.needs.values() for name in names)
 
     def setup(self):
-        shape, static = (self.num_nodes,), ["dymos.static_target"]
+        known, static = {"shape": self.num_nodes}, ["dymos.static_target"]
         for name in self._needed:
-            if name in self.fixed:
-                self.add_input(name, val=1.0, tags=static, **self._meta(name))
-            else:
-                tags = ["dymos.targets:time"] if name == "time" else None
-                self.add_input(name, shape=shape, tags=tags, **self._meta(name))
+            about = {"val": self.fixed[name], "tags": static} if name in self.fixed else known
+            self.add_input(name, **about, **self._meta(name))
         for name in self.needs:
-            self.add_output(name, shape=shape, **self._meta(name))
+            self.add_output(name, **known, **self._meta(name))
         for name, table in self.tables.items():
             units = QUANTITIES[name].per_pressure if name in QUANTITIES else None
             self.add_input(table, shape=self.size, units=units, tags=static)
@@ -193,21 +192,15 @@ class CurveComp(NodeComp):
 class CoefficientComp(NodeComp):
     """Torque coefficient at a phase's nodes by direct BEM.
 
-    Besides the inputs of `needs`, chord and twist[n_stations]. `blade`, `polar` and the BEM solver
+    Inputs chord and twist are those of the stations. `blade`, `polar` and the BEM solver
     `coefficients` are attributes.
     """
 
-    needs = {"torque_coefficient": ("tip_speed_ratio", "inflow_speed", "rotor_radius")}  # noqa: RUF012
-
-    def setup(self):
-        super().setup()
-        for name in ("chord", "twist"):
-            about = QUANTITIES[name].meta | {"tags": ["dymos.static_target"]}
-            self.add_input(name, val=getattr(self.blade, name), **about)
-
-    def setup_partials(self):
-        super().setup_partials()
-        self.declare_partials("torque_coefficient", ["chord", "twist"])
+    _AT = "tip_speed_ratio", "inflow_speed", "rotor_radius", "chord", "twist"
+    needs = {"torque_coefficient": _AT}  # noqa: RUF012
+    fixed = property(
+        lambda self: NodeComp.fixed | {name: getattr(self.blade, name) for name in self._AT[3:]}
+    )
 
     def _solve(self, inputs, derivatives):
         """Return the `Coefficients` of the blade, flow and tip speed ratio of the inputs."""
@@ -293,7 +286,7 @@ class FeedbackComp(NodeComp):
     Outputs: the generator torque and, of each state of `law`, its rate, `<state>_rate`.
     """
 
-    fixed = property(lambda self: self.law.named_gains)
+    fixed = property(lambda self: dict.fromkeys(self.law.named_gains, 1.0))
     described = property(lambda self: self.law.named_gains | self.law.states)
 
     @property
@@ -324,23 +317,19 @@ class ShaftComp(NodeComp):
     @property
     def needs(self):
         """Inputs of the balance, and of the power, which needs the generator's torque."""
-        rubbing = ("rotor_speed",) if self.generator.rubs else ()
+        given, found = "control_torque", "rotor_acceleration"
         if self.inverse:
-            torque = ("hydrodynamic_torque", "rotor_acceleration", "inertia")
-            found, power = {"control_torque": (*rubbing, *torque)}, ("rotor_speed", *torque)
-        else:
-            torque = (*rubbing, "hydrodynamic_torque", "control_torque", "inertia")
-            found, power = {"rotor_acceleration": torque}, ("rotor_speed", "control_torque")
-        return found | {"generator_power": power, "electrical_power": power}
+            given, found = found, given
+        balance, rubbing = ("hydrodynamic_torque", given, "inertia"), ["rotor_speed"]
+        power = ("rotor_speed", *(balance if self.inverse else [given]))
+        balance = (*rubbing * self.generator.rubs, *balance)
+        return {found: balance, "generator_power": power, "electrical_power": power}
 
     def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
-        (given,) = given.values()
-        net = hydrodynamic_torque - self.generator.friction(rotor_speed)
+        (given,), net = given.values(), hydrodynamic_torque - self.generator.friction(rotor_speed)
         if self.inverse:
-            torque = net - inertia * given
-            found = {"control_torque": torque}
+            torque = found = net - inertia * given
         else:
-            torque, acceleration = given, (net - given) / inertia
-            found = {"rotor_acceleration": acceleration}
+            torque, found = given, (net - given) / inertia
         electrical = self.generator.electrical_power(torque, rotor_speed)
-        return found | {"generator_power": torque * rotor_speed, "electrical_power": electrical}
+        return dict(zip(self.needs, (found, torque * rotor_speed, electrical), strict=True))

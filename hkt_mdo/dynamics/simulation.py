@@ -351,10 +351,14 @@ def simulate(
         If the integration fails, which is not the same as a rotor that stops.
     """
     begin, duration = float(time[0]), float(np.ptp(time))
-    start = np.atleast_1d(np.asarray(start, dtype=float))
-    motion = _Motion(plant, inflow, controller, start, begin, duration, tolerance)
+    start = first = np.atleast_1d(np.asarray(start, dtype=float))
+    dense = start.size
+    if plant.wake is not None:  # it begins in equilibrium
+        rest = plant.wake.at_rest(start[:1], np.atleast_1d(inflow.speed_at(begin)))
+        first = np.append(start, rest[0])
+    motion = _Motion(plant, inflow, controller, first, dense, begin, duration, tolerance)
     path, energies, stopped = motion.march(max_step or duration / 100.0)
-    end, dense = float(path.x[-1]), start.size
+    end = float(path.x[-1])
     time = begin + (time - begin) * (end - begin) / duration
     values, flow = path(time), inflow.speed_at(time)
     speed, *states = values[:, :dense].T
@@ -376,34 +380,23 @@ def simulate(
 class _Motion:
     """The equation of motion of one run, and its integration.
 
-    Its values are the rotor's speed and the controller's states, `dense` of them, which begin with
-    `start`, and then the state of the wake's filters, if the plant's has memory.
+    Its values, which begin with `start`, are the rotor's speed and the controller's states, `dense`
+    of them, and then the state of the wake's filters, if the plant's has memory.
     """
 
     plant: Plant
     inflow: Inflow
     controller: Callable
     start: np.ndarray
+    dense: int
     begin: float
     duration: float
     tolerance: float
 
-    @property
-    def dense(self):
-        return self.start.size
-
-    @property
-    def _first(self):
-        """The values at the begin, where the wake is in equilibrium."""
-        if self.plant.wake is None:
-            return self.start
-        flow = np.atleast_1d(self.inflow.speed_at(self.begin))
-        return np.append(self.start, self.plant.wake.at_rest(self.start[:1], flow)[0])
-
     def march(self, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, last, begun, start = [], np.zeros(4), None, edges.size, self._first
+        paths, energies, last, begun, start = [], np.zeros(4), None, edges.size, self.start
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
             fine = self._graded(self._divided_by_flow(window), last)
@@ -530,16 +523,13 @@ class _Motion:
 
         known is what `_rates` returns besides the rates.
         """
-        dense = self._slope(time, flow, values, rates)
-        if self.plant.wake is None:
-            slopes = radau.Slopes.without_chains(dense)
-        else:
-            slopes = radau.Slopes(dense, *self._wake_slopes(flow, values, rates, known))
-        finite = all(np.all(np.isfinite(each)) for each in slopes)
-        return radau.StageSystem(step, slopes) if finite else None
+        dense, remembers = self._slope(time, flow, values, rates), self.plant.wake is not None
+        chains = self._wake_slopes(flow, values, rates, known) if remembers else ()
+        finite = all(np.all(np.isfinite(each)) for each in (dense, *chains))
+        return radau.StageSystem(step, dense, chains) if finite else None
 
     def _wake_slopes(self, flow, values, rates, known):
-        """Return the slopes of `Slopes` that involve filters, by differences."""
+        """Return the slopes that involve filters, the `chains` of `StageSystem`, by differences."""
         (driving, control, at_place), n, shape = known, self.dense, flow.shape
         many, speed = flow.ravel(), values[..., 0].ravel()
         move = 1e-6 * np.maximum(values[..., :1], 1e-3)

@@ -146,7 +146,7 @@ def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return flow speeds, rotor speeds and torques in equilibrium, on the side of overspeed."""
     law: Any = design.law
     scenarios = design.physics.scenarios
-    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
+    speed = np.concatenate([each.speeds for each in scenarios])
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
     if law.states:
         speeds = law.speed_at_rest(flows, design.gains)  # its schedule

@@ -279,7 +279,7 @@ def steady_operation(
     if not isinstance(law, FeedbackLaw):
         return None
     if flow_range is None:
-        speed = np.concatenate([each.inflow.speed_at(each.samples) for each in world.scenarios])
+        speed = np.concatenate([each.speeds for each in world.scenarios])
         low = max((1.0 - WIDER) * float(np.min(speed)), cut_in(design))
         high = min((1.0 + WIDER) * float(np.max(speed)), law.cut_out or np.inf)
         flow_range = round(low, 3), round(high, 3)

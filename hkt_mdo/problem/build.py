@@ -15,7 +15,6 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.errors import InputError
-from hkt_mdo.problem.components import area_component
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
@@ -86,7 +85,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     alone : bool
         Whether quantities that are not designed are set to constants, or are inputs of the group.
     """
-    blade, band = setup.start.blade, setup.band(physics)
+    band = setup.band(physics)
     designed, kept = _declare_design(group, physics, setup)
     designed |= _unknowns(group, physics, setup)
     if own := designed | (kept if alone else {}):
@@ -96,8 +95,6 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     for name in kept.keys() - own.keys():
         group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
     _add_rotors(group, physics, setup, band)
-    if physics.asks_for("blade_area"):
-        group.add_subsystem("planform", area_component(blade), promotes=["*"])
     operation = OperationGroup(physics, setup, _scales(physics, setup), band)
     group.add_subsystem("operation", operation, promotes=["*"])
 
@@ -160,15 +157,11 @@ def _scales(physics, setup):
         limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
     states = _state_scales(physics, setup.start)
     if physics.remembers:
-        states |= _wake_scales(physics, setup.start)
+        fastest = max(np.max(known["inflow_speed"]) for known in on_start(physics, setup.start))
+        tau1 = physics.case.inflow_dynamics.tau1 or setup.start.blade.rotor_radius / fastest
+        induced = WAKE_SHARE * float(fastest)
+        states |= dict.fromkeys(WAKE_STATES, (induced, induced / tau1))
     return Scales(speed, torque, torque / inertia, limit, states)
-
-
-def _wake_scales(physics, start):
-    """Return the reference magnitudes of the wake's states and rates, by name."""
-    fastest = max(float(np.max(known["inflow_speed"])) for known in on_start(physics, start))
-    tau1 = physics.case.inflow_dynamics.tau1 or start.blade.rotor_radius / fastest
-    return {name: (WAKE_SHARE * fastest, WAKE_SHARE * fastest / tau1) for name in WAKE_STATES}
 
 
 def _state_scales(physics, start):
@@ -248,10 +241,7 @@ def _objective_reference(physics, setup) -> float:
     """
     if not physics.objective.is_energy:
         return 0.1 * abs(objective_at(physics, setup.start)) or 1.0
-    passing = sum(
-        each.weight * float(each.sample_weights @ each.inflow.speed_at(each.samples) ** 3)
-        for each in physics.scenarios
-    )
+    passing = sum(x.weight * float(x.sample_weights @ x.speeds**3) for x in physics.scenarios)
     passing *= physics.density * setup.start.blade.rotor_radius**2
     return 0.1 * max(setup.start.operation.energy, 0.05 * passing)
 

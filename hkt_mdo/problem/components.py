@@ -8,7 +8,6 @@ from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.formulas import STEP, Formula, slope
 from hkt_mdo.dynamics.rotor_ode import CurveComp
 from hkt_mdo.quantities import OVER_TIME, QUANTITIES, names
-from hkt_mdo.rotor.blade import Blade
 
 _NONE = np.empty(0)
 _NUMBERS = {*names(over="design"), *names(over="result")}
@@ -48,17 +47,6 @@ class TorqueRateComp(om.ExplicitComponent):
 
     def compute(self, inputs, outputs):
         outputs["torque_rate"] = self._matrix @ inputs["control_torque"]
-
-
-def area_component(blade: Blade) -> om.ExecComp:
-    """Return the planform area of all blades, blade_area (m**2), see `Blade.area_weights`.
-
-    Inputs chord[n_stations] (m), rotor_radius (m), with which the stations move.
-    """
-    about = {name: QUANTITIES[name].meta for name in ("blade_area", "chord", "rotor_radius")}
-    about["chord"] |= {"shape": blade.r.shape}
-    about["widths"] = {"val": blade.area_weights / blade.rotor_radius, "constant": True}
-    return om.ExecComp("blade_area = rotor_radius * dot(widths, chord)", **about)
 
 
 def _add_known(component, name, place, n_times):
@@ -186,12 +174,12 @@ class AggregateComp(om.ExplicitComponent):
     must not be negative. `shares` are the scenarios' of the time, `duration` is in s.
     """
 
-    def __init__(self, aggregate, shares, duration, objective, n_unknowns=0):
+    def __init__(self, aggregate, shares, duration, objective):
         super().__init__()
         self._aggregate, self._shares, self._duration = aggregate, shares, duration
-        sizes = {"mean_rate": shares.size, "unknowns": n_unknowns}
-        self._ones = {name: np.ones(size) for name, size in sizes.items() if size}
-        self._objective = objective
+        self._ones, self._objective = {"mean_rate": np.ones(shares.size)}, objective
+        if size := np.size(aggregate.best_unknowns(*self._ones.values(), shares)):
+            self._ones["unknowns"] = np.ones(size)
 
     def setup(self):
         objective = self._objective

@@ -47,19 +47,18 @@ class SteadyScenario(Scenario):
     def of(cls, inflow: Inflow, mesh: Phase, **others) -> SteadyScenario:
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
-            back = others.get("backwards") and inflow.reversed_speeds
-            speeds, notes = back or inflow.speeds, inflow.messages
+            speeds = inflow.reversed_speeds if others.get("backwards") else inflow.speeds
         else:
             speeds = _without_time(Scenario(inflow, mesh).resolved())
-            notes = *inflow.messages, f"taken without time: {speeds.mean.size} speeds of the flow"
-        curve = speeds.curve(mesh.duration, notes)
-        edges = np.array(curve.ends)
-        return cls(curve, mesh, edges=edges, resource=inflow, bins=speeds, **others)
+        return cls(speeds.curve(mesh.duration), mesh, resource=inflow, bins=speeds, **others)
+
+    def __post_init__(self):
+        object.__setattr__(self, "edges", np.array(self.inflow.ends))
 
     @property
-    def speeds(self) -> np.ndarray:
-        """Its speeds of the flow, m/s, rising, (n,)."""
-        return self.inflow.speed_at(self.samples)
+    def messages(self):
+        without = f"taken without time: {self.bins.mean.size} speeds of the flow"
+        return (*self.resource.messages, *[without] * (not isinstance(self.resource, Resource)))
 
     def below(self, cut_out: float | None) -> SteadyScenario:
         """Return the scenario without the speeds above the cut-out speed, m/s."""
@@ -75,14 +74,10 @@ class SteadyScenario(Scenario):
             place = {"key": "control.cut_out", "value": cut_out}
             raise InputError(problem, "give a larger one, or null for none", **place)
         found = found.with_ends(found.speed[0], cut_out)
-        curve = found.curve(self.mesh.duration, self.messages)
-        return replace(self, inflow=curve, edges=np.array(curve.ends), bins=found)
+        return replace(self, inflow=found.curve(self.mesh.duration), bins=found)
 
     def when(self, time):
         return f"a flow of {float(self.inflow.speed_at(np.array(time))):.4g} m/s"
-
-    def rate_of(self, values):
-        return np.zeros(values.shape)
 
     def divided(self, parts=1):
         return self
@@ -164,8 +159,7 @@ def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -
     ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
     group.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")
     if law.chooses_speed:
-        at_rest = np.zeros(scenario.segments)
-        unknowns.add_output("rotor_acceleration", at_rest, units="rad/s**2")
+        unknowns.add_output("rotor_acceleration", np.zeros(scenario.segments), units="rad/s**2")
     else:
         # each flow has a torque of its own size
         torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * scales.torque)

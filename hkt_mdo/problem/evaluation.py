@@ -33,24 +33,19 @@ def split(physics: Physics, operation: Operation) -> list[np.ndarray]:
     return np.split(rows, ends, axis=1)
 
 
-def on_start(physics: Physics, point: StartingPoint) -> list[dict]:
+@lru_cache(maxsize=8)  # every limit of a problem asks, and the checks of a run
+def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
     """Return the quantities of a quasi-steady starting point, one dict a scenario.
 
     Those of `hkt_mdo.quantities.OVER_TIME`, of loads those that the case limits, and the scalars
     that limits and objectives may take. The generator torque is that of a static law, else it
     balances the flow's.
     """
-    return [dict(each) for each in _quantities(physics, point)]
-
-
-@lru_cache(maxsize=8)  # every limit of a problem asks, and the checks of a run
-def _quantities(physics, point) -> list[dict]:
-    """Compute the quantities of `on_start`."""
     found, blade, generator = [], point.blade, physics.case.generator
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     for scenario, (speed, torque, *states) in pairs:
         rotor, radius = physics.rotor_in(scenario), blade.rotor_radius
-        time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
+        time, flow = scenario.samples, scenario.speeds
         if rotor is not physics.rotor:  # the operation is that of the case's own turbine
             torque = torque_of(rotor, blade, speed, flow)
         held = torque - generator.friction(speed)
@@ -58,14 +53,13 @@ def _quantities(physics, point) -> list[dict]:
             held = physics.law_in(scenario).torque(speed, point.gains)
         known = trajectory_of(time, flow, speed, torque, held, radius, generator)
         known |= loads_along(rotor, blade, known, physics.load_names)
-        known |= {"torque_rate": scenario.rate_of(held), "steady": scenario.steady}
+        rate = 0.0 * held if scenario.steady else np.gradient(held, time)
+        known |= {"torque_rate": rate, "steady": scenario.steady}
         known |= scalars(physics, rotor, blade)
         found.append(known | dict(zip(physics.law.states, states, strict=True)))
+    weights = [scenario.weight for scenario in physics.scenarios]
     integrals = {
-        name: sum(
-            scenario.weight * float(scenario.sample_weights @ integrand.rate_of(known))
-            for scenario, known in zip(physics.scenarios, found, strict=True)
-        )
+        name: float(np.dot(weights, _integrals(physics, found, integrand)))
         for name, integrand in INTEGRALS.items()
     }
     return [known | integrals for known in found]
@@ -160,16 +154,16 @@ def _means(physics, integrals) -> tuple[np.ndarray, np.ndarray]:
     return physics.rate_factors * rates, shares
 
 
-def _integrals(physics, starts) -> list[float]:
-    """Return the integrals of the objective's rate over each scenario, of `on_start`."""
+def _integrals(physics, starts, objective) -> list[float]:
+    """Return the integrals of an objective's rate over each scenario, of `on_start`."""
     pairs = zip(physics.scenarios, starts, strict=True)
-    return [each.sample_weights @ physics.objective.rate_of(known) for each, known in pairs]
+    return [each.sample_weights @ objective.rate_of(known) for each, known in pairs]
 
 
 def epigraph(physics: Physics, point: StartingPoint) -> tuple[np.ndarray, int]:
     """Return the aggregate's unknowns at a starting point, and the number of its rows."""
-    aggregate, integrals = physics.case.robustness, _integrals(physics, on_start(physics, point))
-    means = _means(physics, integrals)
+    aggregate, starts = physics.case.robustness, on_start(physics, point)
+    means = _means(physics, _integrals(physics, starts, physics.objective))
     unknowns = aggregate.best_unknowns(*means)
     return unknowns, np.size(aggregate.rows(*means, unknowns))
 
@@ -179,7 +173,7 @@ def objective_at(physics: Physics, point: StartingPoint) -> float:
     starts, price = on_start(physics, point), physics.price_of(point.blade)
     if not physics.objective.is_rate:
         return float(physics.objective.value_of(starts[0])) - price
-    return united(physics, _integrals(physics, starts)) - price
+    return united(physics, _integrals(physics, starts, physics.objective)) - price
 
 
 def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, float | None]]:

@@ -35,7 +35,7 @@ def in_operation(
     count, longest = int(np.sum(kept)), float(np.max(lengths, initial=0.0))
     place = {"key": "control.cut_out", "value": cut_out}
     if not count:
-        slowest = float(np.min(whole.inflow.speed_at(whole.samples)))
+        slowest = float(np.min(whole.speeds))
         problem = f"leaves no time for operation: the flow has at least {slowest:.4g} m/s, and is "
         problem += f"slower than this for {longest:.3g} s at a time, at most, while the rotor "
         problem += f"needs {shortest:.3g} s"

@@ -16,7 +16,7 @@ from hkt_mdo.problem.components import (
     TorqueRateComp,
 )
 from hkt_mdo.problem.equilibrium import equilibrium_group
-from hkt_mdo.problem.evaluation import epigraph, on_start, split
+from hkt_mdo.problem.evaluation import on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, dm
 from hkt_mdo.problem.setup import Setup
@@ -124,8 +124,7 @@ class OperationGroup(om.Group):
         physics, start = self._physics, self._start.start
         scenario = physics.scenarios[number]
         table = physics.rotor_in(scenario).coefficients(start.blade, limit.spline.nodes)
-        known = on_start(physics, start)[number]
-        known |= {"torque_coefficient_table": table.torque}
+        known = on_start(physics, start)[number] | {"torque_coefficient_table": table.torque}
         known |= zip(limit.named_numbers, start.gains, strict=True)
         unit = torque_scale(known["density"], known["rotor_radius"], known["inflow_speed"])
         margin = limit.value_of(known) / (TYPICAL * unit) + LEAST
@@ -208,7 +207,7 @@ class OperationGroup(om.Group):
         induced_velocity (m/s), and wake_factor, the tip speed ratio over that of the wake.
         """
         physics, blade, band = self._physics, self._start.start.blade, self._band
-        time, flow = scenario.samples, scenario.inflow.speed_at(scenario.samples)
+        time, flow = scenario.samples, scenario.speeds
         ratio = speed * blade.rotor_radius / flow
         tables = band.solve(physics.rotor_in(scenario), blade, ())
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
@@ -305,7 +304,6 @@ class OperationGroup(om.Group):
             shares=np.array(list(physics.shares.values())),
             duration=physics.case.phase.duration,
             objective=physics.objective,
-            n_unknowns=epigraph(physics, self._start.start)[0].size,
         )
         about = {"promotes_inputs": ["*"], "promotes_outputs": ["*", ("objective", name)]}
         self.add_subsystem("aggregate", component, **about)

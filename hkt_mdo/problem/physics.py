@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import (
     CavitationLimit,
     DesignBounds,
     ForwardRotation,
     Limit,
     PowerLimit,
-    RotorSpeedLimit,
     TableEnd,
     TorqueLimit,
 )
@@ -55,7 +53,7 @@ def complete(case: Case) -> Case:
     span, year = phase.duration, case.inflow.length
     if span not in (None, year) and case.inflow.steady and not case.scenarios:
         raise InputError("is not 8766 h, a year", "leave it out", key="phase.duration", value=span)
-    duration, segments = _span(case.inflow, phase.duration, phase.segments)
+    duration, segments = _span(case)
     if not case.scenarios:
         case.inflow.check(duration)
     final = phase.final_speed
@@ -65,11 +63,10 @@ def complete(case: Case) -> Case:
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
     for number, own in enumerate(case.scenarios):
-        inflow = own.inflow or case.inflow
+        part = case.of_scenario(own.name)
         try:
-            given = own.duration or phase.duration, own.segments or phase.segments
-            duration, segments = _span(inflow, *given)
-            inflow.check(duration)
+            duration, segments = _span(part)
+            part.inflow.check(duration)
         except InputError as error:
             error.key = f"scenarios[{number}].{error.key.removeprefix('phase.')}".rstrip(".")
             raise
@@ -78,8 +75,9 @@ def complete(case: Case) -> Case:
     return case.model_copy(update=update)
 
 
-def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple[float, int]:
-    """Return the duration of a flow, s, and the number of segments, where they are not given."""
+def _span(case: Case) -> tuple[float, int]:
+    """Return the duration of a case's flow, s, and the number of segments, given or not."""
+    inflow, duration, segments = case.inflow, case.phase.duration, case.phase.segments
     if inflow.length is not None:
         inflow.check(inflow.length)
     duration = duration or inflow.length or DURATION
@@ -104,23 +102,22 @@ def _span(inflow: Inflow, duration: float | None, segments: int | None) -> tuple
 def _whole_scenarios(case: Case) -> list[Scenario]:
     """Return the scenarios of a complete case, each over its whole time span."""
     if not case.scenarios:
-        return _scenarios(case, case.inflow, case.phase)
+        return _scenarios(case)
     found, total = [], sum(each.weight for each in case.scenarios)
     for own in case.scenarios:
-        mesh = {"duration": own.duration, "segments": own.segments}
         about = {"name": own.name, "density": own.density, "condition": own.condition}
         about["weight"] = own.weight / total * case.phase.duration / own.duration
-        mesh, inflow = case.phase.model_copy(update=mesh), own.inflow or case.inflow
-        found += _scenarios(case, inflow, mesh, steady=own.steady, **about)
+        found += _scenarios(case.of_scenario(own.name), steady=own.steady, **about)
     return found
 
 
-def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> list[Scenario]:
-    """Return the scenario of a flow, on a mesh that resolves it.
+def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
+    """Return the scenario of a case of one flow, on a mesh that resolves it.
 
     Without time where it is steady or of a resource; two if its rotor turns backwards in reversed
     flow, the second of the same group.
     """
+    inflow, mesh = case.inflow, case.phase
     steady = steady or inflow.steady
     if steady and case.control.chooses_torque:
         problem = "has no torque over time in a steady scenario"
@@ -129,8 +126,7 @@ def _scenarios(case: Case, inflow: Inflow, mesh, *, steady=False, **about) -> li
         return [Scenario(inflow, mesh, **about).resolved()]
     found = [SteadyScenario.of(inflow, mesh, **about)]
     if getattr(inflow, "reversed_speeds", None) is not None:
-        changed = {"polar": inflow.reversed_polar}
-        condition = (found[0].condition or case.condition).model_copy(update=changed)
+        condition = case.condition.model_copy(update={"polar": inflow.reversed_polar})
         about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
         about |= {"condition": condition, "backwards": True}
         found.append(SteadyScenario.of(inflow, mesh, **about))
@@ -142,7 +138,7 @@ def physics(case: Case) -> Physics:
     case = complete(case)
     control = case.control.applied(case.condition.torque_constant)
     whole = _whole_scenarios(case)
-    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in whole])
+    speed = np.concatenate([each.speeds for each in whole])
     weights = np.concatenate([each.weight * each.sample_weights for each in whole])
     mean = float(weights @ speed / np.sum(weights))
     speed = np.minimum(speed, control.cut_out or np.inf)
@@ -182,7 +178,7 @@ def physics(case: Case) -> Physics:
         shape,
         _rotors(case, turbine, shape, scenarios),
         turbine,
-        tuple(_with_limits(each, limits, case, shape) for each in scenarios),
+        tuple(_with_limits(each, case, shape, control.torque_limit) for each in scenarios),
         control,
         limits,
         case.objective,
@@ -224,21 +220,14 @@ def _ceilings(physics: Physics) -> dict[str, float]:
 
 
 def _with_limits(
-    scenario: Scenario, limits: tuple[Limit, ...], case: Case, shape: Shape
+    scenario: Scenario, case: Case, shape: Shape, torque_limit: float | None
 ) -> Scenario:
-    """Return a scenario with its limits over time: its own in place of the case's."""
-    constant = (scenario.condition or case.condition).torque_constant
-    given = [x for own in case.scenarios if own.name == scenario.group for x in own.limits.given]
-    if not given and constant == case.condition.torque_constant:
+    """Return a scenario with its own limits, where they differ from the case's."""
+    own = case.of_scenario(scenario.group)
+    known = [(x.limits, x.condition.torque_constant) for x in (own, case)]
+    if known[0] == known[1]:
         return scenario
-    found = {limit.name: limit for limit in limits if limit.place == "time"}
-    for limit in limits:
-        # of the torque that the law demands
-        if isinstance(limit, TorqueLimit) and limit.bound is not None:
-            bound = limit.bound * constant / case.condition.torque_constant
-            found[limit.name] = TorqueLimit(bound=bound)
-    found |= {limit.name: limit for limit in _given(case, shape, given)}
-    return replace(scenario, limits=tuple(found.values()))
+    return replace(scenario, limits=_limits(own, shape, torque_limit))
 
 
 def _rotors(
@@ -352,14 +341,6 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
     return Shape.designed(blade, points, bounds, radius_bounds, turbine.polar.several)
 
 
-def _given(case: Case, shape: Shape, limits: Iterable[Limit]) -> Iterator[Limit]:
-    """Yield given limits for a case's blade, that of the speed within the generator's table."""
-    end, material = case.generator.fastest, case.rotor.blade_material
-    for limit in limits:
-        beyond = isinstance(limit, RotorSpeedLimit) and limit.upper > end
-        yield TableEnd(bound=end) if beyond else limit.on(shape.blade, material)
-
-
 def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
     """Return the limits of a case: torque and rotation, the design's bounds, and those it gives.
 
@@ -370,9 +351,11 @@ def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit
         bounds = {"set_angle": shape.bounds["twist"]}
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     bounds["hub_inertia"] = case.design.hub_inertia_bounds
-    given = {limit.name: limit for limit in _given(case, shape, case.limits.given)}
-    if np.isfinite(case.generator.fastest):
-        given.setdefault("rotor_speed", TableEnd(bound=case.generator.fastest))
+    material, end = case.rotor.blade_material, case.generator.fastest
+    given = {limit.name: limit.on(shape.blade, material) for limit in case.limits.given}
+    speed = given.get("rotor_speed")
+    if end < (np.inf if speed is None else speed.upper):
+        given["rotor_speed"] = TableEnd(bound=end)
     return (
         TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
         ForwardRotation(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -130,15 +130,14 @@ class StartingPoint:
 
 
 def records(
-    tried: Iterable[StartRecord], kept: StartingPoint, branches: Iterable[StartingPoint] = ()
+    tried: Sequence[StartRecord], kept: StartingPoint, branches: Iterable[StartingPoint] = ()
 ) -> tuple[StartRecord, ...]:
     """Return records with those of the kept point and of the best of each branch marked.
 
     They are found by their objectives.
     """
     sides = {each.objective: each.branch for each in branches}
-    found = [replace(each, kept=False, side=sides.pop(each.objective, "")) for each in tried]
-    place = next((i for i, each in enumerate(found) if each.objective == kept.objective), None)
-    if place is not None:
-        found[place] = replace(found[place], kept=True)
-    return tuple(found)
+    first = next((each for each in tried if each.objective == kept.objective), None)
+    return tuple(
+        replace(each, kept=each is first, side=sides.pop(each.objective, "")) for each in tried
+    )

@@ -105,10 +105,6 @@ class Scenario:
         """Return the words for a place in it, where `time` (s) is."""
         return f"t = {time:.2f} s"
 
-    def rate_of(self, values: np.ndarray) -> np.ndarray:
-        """Return the rates, 1/s, of values at its samples, (n_times,)."""
-        return np.gradient(values, self.samples)
-
     def divided(self, parts: np.ndarray) -> Scenario:
         """Return this scenario with each segment divided into a number of equal parts."""
         return replace(self, edges=divided(self.edges, parts))
@@ -174,7 +170,12 @@ class Scenario:
     @property
     def mean_flow(self) -> float:
         """Mean speed of the flow at the samples, m/s."""
-        return float(np.average(self.inflow.speed_at(self.samples), weights=self.sample_weights))
+        return float(np.average(self.speeds, weights=self.sample_weights))
+
+    @property
+    def speeds(self) -> np.ndarray:
+        """Speeds of the flow at the samples, m/s, (n_samples,); rising where it is steady."""
+        return self.inflow.speed_at(self.samples)
 
     @property
     def samples(self) -> np.ndarray:

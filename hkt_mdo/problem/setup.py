@@ -17,20 +17,10 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness / chord
 LOAD_ERROR = 5e-5  # of a load between the nodes of its curve, relatively
-
-
-@dataclass(frozen=True)
-class MoveLimits:
-    """How far from its start an optimization may go, besides the case's own bounds.
-
-    Rotor speed between `slower` and `faster` times the start's range; disc radius and gain by
-    factors.
-    """
-
-    slower: float = 0.2
-    faster: float = 4.0
-    radius: float = np.inf
-    gain: float = np.inf
+FAR, NEAR = (0.2, 4.0, np.inf, np.inf), (0.6, 1.5, 1.2, 5.0)
+"""How far from its start an optimization may go, besides the case's own bounds: factors on the
+start's smallest and largest rotor speed, on the disc radius and on the gains. Near its start it
+stays on its branch."""
 
 
 def gain_bounds(physics: Physics) -> tuple[float, float]:
@@ -45,12 +35,13 @@ class Setup:
     `nodes` are the tip speed ratios of the torque curve. `shares` has, by the names of limit and
     scenario, the share of the limit's upper bound to which the nodes of each segment are held, so
     that the limit holds between the nodes as well; a lower bound is raised there by as much.
-    `least_hub` (kg*m**2) raises the lower bound of a designed `hub_inertia`.
+    `near` tells that it must stay `NEAR` the start, not only within `FAR`; `least_hub` (kg*m**2)
+    raises the lower bound of a designed `hub_inertia`.
     """
 
     start: StartingPoint
     nodes: np.ndarray
-    moves: MoveLimits = MoveLimits()
+    near: bool = False
     shares: dict = field(default_factory=dict)
     least_hub: float = 0.0
 
@@ -59,17 +50,18 @@ class Setup:
 
         By their names in the model; a radius, a hub and gains that are not designed have none.
         """
-        start, moves, shape = self.start, self.moves, physics.shape
+        start, shape = self.start, physics.shape
+        slower, faster, by_radius, by_gain = NEAR if self.near else FAR
         speed, radius = start.operation.rotor_speed, start.blade.rotor_radius
         found = {f"{name}_control": ends for name, ends in shape.bounds.items()}
-        found["rotor_speed"] = moves.slower * np.min(speed), moves.faster * np.max(speed)
+        found["rotor_speed"] = slower * np.min(speed), faster * np.max(speed)
         if shape.radius_bounds is not None:
-            ends = radius / moves.radius, radius * moves.radius
+            ends = radius / by_radius, radius * by_radius
             found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)
         if physics.designs_hub:
             low, high = physics.case.design.hub_inertia_bounds
             found["hub_inertia"] = max(low, self.least_hub), high
-        gains = np.clip(physics.law.moves(start.gains, moves.gain), *gain_bounds(physics))
+        gains = np.clip(physics.law.moves(start.gains, by_gain), *gain_bounds(physics))
         for i, (low, high) in enumerate(np.sort(gains, axis=0).T):
             if low < high:
                 found[f"gain_{i}"] = low, high
@@ -111,7 +103,7 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     beside the intervals that need them, which are those where a station changes from attached to
     stalled flow. `finer` halves every interval.
     """
-    flow = np.concatenate([each.inflow.speed_at(each.samples) for each in physics.scenarios])
+    flow = np.concatenate([each.speeds for each in physics.scenarios])
     # an optimizer that diverged may have stopped the rotor somewhere
     ratios = np.maximum(
         start.operation.rotor_speed * start.blade.rotor_radius / flow, SLOWEST_RATIO

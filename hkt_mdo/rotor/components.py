@@ -128,42 +128,12 @@ class BladeComp(om.ExplicitComponent):
 
     def __init__(self, rotor: RotorModel, blade: Blade):
         super().__init__()
-        self._rotor, self._blade = rotor, blade
+        self._rotor, self._blade, self._inputs_of_blade = rotor, blade, rotor_inputs(blade)
 
     def setup(self):
-        for name in self.inputs_of_blade:
+        for name in self._inputs_of_blade:
             value = getattr(self._blade, name)
             self.add_input(name, val=value, **QUANTITIES[name].meta)
-
-    @property
-    def inputs_of_blade(self):
-        """Names of the component's inputs that describe the blade.
-
-        Returns
-        -------
-        list of str
-            Names of `INPUTS`.
-        """
-        return rotor_inputs(self._blade)
-
-    def blade_of(self, inputs):
-        """Return the `Blade` of the inputs.
-
-        Parameters
-        ----------
-        inputs : om.Vector
-            Inputs of the component.
-
-        Returns
-        -------
-        Blade
-            The blade in the model's present state.
-        """
-        refuse_complex_step(self)
-        refuse_values(inputs)
-        shape = {name: inputs[name] for name in self.inputs_of_blade if name != "rotor_radius"}
-        blade = self._blade.with_rotor_radius(inputs["rotor_radius"][0])
-        return blade.with_shape(**shape)
 
 
 class TablesComp(BladeComp):
@@ -215,7 +185,7 @@ class TablesComp(BladeComp):
             units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
             text = f"{name.replace('_', ' ')} of the blade"
             self.add_output(name, shape=shape, units=units, desc=text)
-            self.declare_partials(name, self.inputs_of_blade)
+            self.declare_partials(name, self._inputs_of_blade)
             if self._vary:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
 
@@ -223,7 +193,10 @@ class TablesComp(BladeComp):
         """Return the tables by name, with their derivatives, which an optimizer asks for next."""
         at = inputs.asarray().tobytes()
         if at != self._known[0]:
-            blade = self.blade_of(inputs)
+            refuse_complex_step(self)
+            refuse_values(inputs)
+            shape = {name: inputs[name] for name in self._inputs_of_blade if name != "rotor_radius"}
+            blade = self._blade.with_rotor_radius(inputs["rotor_radius"][0]).with_shape(**shape)
             ratio = inputs["tip_speed_ratio"] if self._vary else self._nodes
             self._known = at, self._solve(blade, ratio)
         return self._known[1]
@@ -249,56 +222,44 @@ class TablesComp(BladeComp):
     def compute_partials(self, inputs, partials):
         by_ratio = ["tip_speed_ratio"] if self._vary else []
         for table, found in self._tables(inputs).items():
-            for name in (*self.inputs_of_blade, *by_ratio):
+            for name in (*self._inputs_of_blade, *by_ratio):
                 partials[table, name] = getattr(found, f"by_{name}")
 
 
 class InertiaComp(BladeComp):
-    """Mass and inertia of the rotor from its chord and radius; see `mass_and_inertia`.
+    """Mass, inertia and planform of a rotor; see `mass_and_inertia` and `Blade.area_weights`.
 
-    Inputs chord[n_stations] (m), twist[n_stations] (rad) where the inertia of the water counts,
-    thickness[n_stations] (over chord) and hub_inertia (kg*m**2) where they are designed,
-    rotor_radius (m), with which hub, stations and tip move: mass is proportional to it and the
-    blades' inertia to its cube. Outputs mass (kg), inertia (kg*m**2).
+    Inputs are those of `BladeComp`, and hub_inertia (kg*m**2) where it is designed. Hub, stations
+    and tip move with the radius: mass and area are proportional to it and the blades' inertia to
+    its cube. Outputs mass (kg), inertia (kg*m**2), blade_area (m**2).
     """
 
     def setup(self):
         super().setup()
-        self.add_output("mass", units="kg", desc="mass of the blades")
-        self.add_output("inertia", units="kg*m**2", desc="inertia of the rotor about its axis")
+        for name in ("mass", "inertia", "blade_area"):
+            self.add_output(name, **QUANTITIES[name].meta)
         if (hub := self._blade.hub_inertia) is not None:
             text = "inertia of all that is not a blade"
             self.add_input("hub_inertia", val=hub, units="kg*m**2", desc=text)
         self.declare_partials("*", "*")
 
-    @property
-    def inputs_of_blade(self):
-        """Names of the inputs that decide the inertia: without water, not the twist.
-
-        Returns
-        -------
-        list of str
-            Names of `INPUTS`.
-        """
-        moves_water = self._rotor.added_inertia != "none"
-        names = rotor_inputs(self._blade)
-        return [name for name in names if name != "twist" or moves_water]
-
     def _evaluate(self, inputs, **moved):
-        """Return the `RotorMass` of the blade of the inputs, some of which are moved."""
+        """Return the outputs by name of the blade of the inputs, some of which are moved."""
         values = {name: x[0] if name in _SCALARS else x for name, x in inputs.items()} | moved
-        blade = self._blade.with_rotor_radius(values.pop("rotor_radius"))
-        return self._rotor.mass_and_inertia(replace(blade, **values))
+        blade = replace(self._blade.with_rotor_radius(values.pop("rotor_radius")), **values)
+        area = {"blade_area": blade.chord @ blade.area_weights}
+        return self._rotor.mass_and_inertia(blade)._asdict() | area
 
     def compute(self, inputs, outputs):
-        outputs["mass"], outputs["inertia"] = self._evaluate(inputs)
+        for name, value in self._evaluate(inputs).items():
+            outputs[name] = value
 
     def compute_partials(self, inputs, partials):
         for name, value in inputs.items():
             moved = value + 1j * bem.STEP * np.eye(value.size)
             moved = self._evaluate(inputs, **{name: moved[0, 0] if name in _SCALARS else moved})
-            partials["mass", name] = np.imag(moved.mass) / bem.STEP
-            partials["inertia", name] = np.imag(moved.inertia) / bem.STEP
+            for output, each in moved.items():
+                partials[output, name] = np.imag(each) / bem.STEP
 
 
 class BladeGroup(om.Group):
@@ -309,7 +270,8 @@ class BladeGroup(om.Group):
     Inputs are rotor_radius (m) and the inputs of `ShapeComp`; without a shape rotor_radius, chord,
     twist[n_stations] (m, rad), and thickness[n_stations] (over chord) where the blade has one; and
     tip_speed_ratio[n_nodes] if it varies. Outputs are chord, twist and thickness (with a shape);
-    mass (kg), inertia (kg*m**2) and the tables of `TablesComp`. Partials are exact.
+    mass (kg), inertia (kg*m**2), blade_area (m**2) and the tables of `TablesComp`. Partials are
+    exact.
 
     Parameters
     ----------

@@ -126,7 +126,7 @@ class Flow:
         self.kind = getattr(first, "resource", first.inflow)
         self.duration = first.mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
-        met = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
+        met = np.concatenate([each.speeds for each in scenarios])
         if self.steady:
             self.weights = np.concatenate([each.sample_weights for each in scenarios])
             self.time, self.speed = np.cumsum(self.weights) - 0.5 * self.weights, met

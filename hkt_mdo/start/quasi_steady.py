@@ -30,7 +30,7 @@ SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip spee
 def sampled_flow(physics: Physics) -> tuple[np.ndarray, np.ndarray]:
     """Return the speeds (m/s) of all scenarios' flows, and their weights (s), both (n_times,)."""
     scenarios = physics.scenarios
-    speed = np.concatenate([each.inflow.speed_at(each.samples) for each in scenarios])
+    speed = np.concatenate([each.speeds for each in scenarios])
     return speed, np.concatenate([each.weight * each.sample_weights for each in scenarios])
 
 

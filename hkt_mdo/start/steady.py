@@ -20,14 +20,13 @@ from hkt_mdo.problem.equilibrium import SteadyScenario
 from hkt_mdo.problem.evaluation import broken_limits, split, torque_of
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
-from hkt_mdo.problem.setup import MoveLimits, Setup, curve_nodes
+from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.solve import drivers
 from hkt_mdo.start.steady_flow import in_speeds
 
 ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
 PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
-MOVES = MoveLimits(0.6, 1.5, radius=1.2, gain=5.0)  # beyond, it would leave its branch
 LEAST_SHARE = 1e-6  # of the time, of a speed at which only limits count
 
 
@@ -58,14 +57,13 @@ def without_time(physics: Physics) -> Physics:
 
 def _in_speeds(scenario) -> SteadyScenario:
     """Return a scenario as a few speeds of its flow, each for its share of the time."""
-    flow = scenario.inflow.speed_at(scenario.samples)
-    speeds, times = in_speeds(flow, scenario.sample_weights)
+    speeds, times = in_speeds(scenario.speeds, scenario.sample_weights)
     times = np.maximum(times, LEAST_SHARE * np.sum(scenario.sample_weights))
     ends = np.append(0.0, np.cumsum(times))
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
     kept = "mesh", "weight", "name", "limits", "interval_of", "density", "condition"
     about = {name: getattr(scenario, name) for name in kept}
-    return SteadyScenario(curve, edges=ends, resource=curve, **about)
+    return SteadyScenario(curve, resource=curve, **about)
 
 
 class _Hopeless(Exception):
@@ -128,8 +126,8 @@ def optimized(
     # without equations, corrections for their curvature only cost time
     if not physics.law.is_feedback:
         driver.opt_settings["max_soc"] = 0
-    moves = MoveLimits() if free else MOVES
-    problem = assemble(physics, Setup(point, curve_nodes(physics, point), moves), driver, scratch)
+    setup = Setup(point, curve_nodes(physics, point), near=not free)
+    problem = assemble(physics, setup, driver, scratch)
     given_up = False
     try:
         problem.run_model()

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.radau import LOST, MATRIX, Slopes, StageSystem, solve_stages
+from hkt_mdo.dynamics.radau import LOST, MATRIX, StageSystem, solve_stages
 from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake
@@ -220,8 +220,8 @@ def test_eliminated_filters_are_those_of_the_full_system(n):
     full[..., place, 0], place = by_first.reshape(steps, 5, -1), place.reshape(2, m)
     full[..., place[:, None], place] = chain
     step = random.uniform(0.1, 0.5, (steps, 1))
-    whole = StageSystem(step, Slopes.without_chains(full))
-    parts = StageSystem(step, Slopes(dense, by_last, chain, by_first))
+    whole = StageSystem(step, full)
+    parts = StageSystem(step, dense, (by_last, chain, by_first))
     miss = random.normal(size=(steps, 5, n + 2 * m))
     np.testing.assert_allclose(parts.correction(miss), whole.correction(miss), atol=1e-11)
     np.testing.assert_allclose(parts.filtered(miss[:, 0]), whole.filtered(miss[:, 0]), atol=1e-12)
@@ -237,7 +237,7 @@ def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
         return slope * stages, None
 
     def system_at(stages, *_):
-        return StageSystem(step, Slopes.without_chains(np.full((1, 5, 1, 1), slope)))
+        return StageSystem(step, np.full((1, 5, 1, 1), slope))
 
     guess = np.ones((1, 5, 1))
     assert solve_stages(rates_at, system_at, np.ones(1), step, guess, 1, 1e-9) is None

@@ -12,9 +12,8 @@ from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy, GeneratorEnergy, Objective
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import PowerLawFeedback
-from hkt_mdo.problem.components import AggregateComp, FormulaComp, IntegralComp, area_component
+from hkt_mdo.problem.components import AggregateComp, FormulaComp, IntegralComp
 from hkt_mdo.quantities import names
-from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from tests.conftest import checked
 
@@ -221,20 +220,8 @@ def test_aggregates_of_mean_rates():
     expected = 60.0 * (0.5 * 4e3 + 0.3 * 2e3 + 0.2 * 3e3)
     np.testing.assert_allclose(problem.get_val("objective"), expected, rtol=1e-15)
     worst = Worst()
-    component = AggregateComp(aggregate=worst, n_unknowns=1, **about)
+    component = AggregateComp(aggregate=worst, **about)
     problem = checked(component, mean_rate=rates, unknowns=[1.5e3])
     np.testing.assert_allclose(problem.get_val("objective"), 60.0 * 1.5e3)
     np.testing.assert_allclose(problem.get_val("rows"), [2.5e3, 0.5e3, 1.5e3])
     assert worst.of(rates, shares) == 2e3
-
-
-def test_the_planform_is_the_integral_of_the_chord():
-    """Of a trapezoid: (root + tip) / 2 times span; it grows with the radius of stations too."""
-    r = np.linspace(0.2, 1.4, 7)
-    chord = 0.3 - 0.1 * r
-    blade = Blade(r, chord, np.zeros(7), 0.2, 1.4, 3)
-    area = blade.area_weights @ blade.chord
-    assert area == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
-    problem = checked(area_component(blade), chord=chord, rotor_radius=2.8)
-    twice = 2.0 * area
-    np.testing.assert_allclose(problem.get_val("blade_area"), twice, rtol=1e-14)

@@ -63,6 +63,17 @@ def test_water_of_a_plate_turning_like_a_paddle():
         assert thick == pytest.approx(0.09 * found, rel=1e-12)
 
 
+def test_the_planform_is_the_integral_of_the_chord():
+    """Of a trapezoid: (root + tip) / 2 times span; it grows with the radius of stations too."""
+    r = np.linspace(0.2, 1.4, 7)
+    trapezoid = Blade(r, 0.3 - 0.1 * r, np.zeros(7), 0.2, 1.4, 3)
+    area = trapezoid.area_weights @ trapezoid.chord
+    assert area == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
+    rotor = RotorModel(None, SimpleNamespace(density=DENSITY), section_area=AREA)
+    problem = checked(InertiaComp(rotor, trapezoid), 1e-10, 1e-12, rotor_radius=2.8)
+    np.testing.assert_allclose(problem.get_val("blade_area"), 2.0 * area, rtol=1e-14)
+
+
 # Partials
 
 
