@@ -369,22 +369,21 @@ class Achieved(_Entry):
     the hub and the suction of the sections are known, cavitation; torque and shaft power of the
     generator, rotor speed and tip speed."""
 
-    def at_limits(self) -> dict[str, tuple[str, LoadEntry]]:
-        """Return name and entry of each limit and of each load without one, by words for them.
+    def at_limits(self, case: Case) -> dict[str, tuple[LoadEntry, str]]:
+        """Return each limit and each load without one, with remarks (`unasked`), by words for them.
 
         A limit has the place of its load. A load whose largest value is that of another scenario
         than the limit's is an entry of its own.
         """
         limits, loads, found = self.limits or {}, self.loads or {}, {}
         for name in limits | loads:
-            load, words = loads.get(name), limit_words(name)
-            limit = limits.get(name, load)
-            found[words] = name, limit
-            if load and load.scenario != limit.scenario:
-                found[f"{words} of all"] = name, load
+            words, load = limit_words(name), loads.get(name)
+            own = {words: limits.get(name, load)}
+            if load and load.scenario != own[words].scenario:
+                own[f"{words} of all"] = load
             elif load:
-                where = {x: getattr(load, x) for x in WHERE}
-                found[words] = name, limit.model_copy(update=where)
+                own[words] = own[words].model_copy(update={x: getattr(load, x) for x in WHERE})
+            found |= {key: (x, unasked(name, x, case)) for key, x in own.items()}
         return found
 
 
@@ -758,9 +757,9 @@ def in_operation(of: Achieved, case: Case, duration: float | None = None) -> Ite
     """
     if of.operation is not None:
         yield of.operation.row(duration)
-    for words, (name, entry) in of.at_limits().items():
+    for words, (entry, remark) in of.at_limits(case).items():
         row = entry.row(words)
-        yield replace(row, note=joined(row.note, unasked(name, entry, case)))
+        yield replace(row, note=joined(row.note, remark))
 
 
 def unasked(name: str, load: LoadEntry, case: Case) -> str:
