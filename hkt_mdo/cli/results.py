@@ -232,8 +232,7 @@ def simulate(
     print those of each simulation, as --out writes them. With --inflow-dynamics oye the wake needs
     time to change: the command prints what that changes, and whether the rotor runs away.
     """
-    from hkt_mdo.results.rows import flow_words
-    from hkt_mdo.results.words import limit_words
+    from hkt_mdo.results.words import flow_words, limit_words
     from hkt_mdo.studies.other_flows import largest, records, simulations, write
     from hkt_mdo.studies.uncertainty import Sensor
 
