@@ -11,7 +11,7 @@ import numpy as np
 
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_text, write_new
+from hkt_mdo.files.table import write_new
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
@@ -20,9 +20,6 @@ from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.results.words import Row, aligned, limit_words, measured, printable, texts
 from hkt_mdo.sections import Section
-
-LONGEST_CASE = 1024**2
-"""Bytes of a case's file that a report repeats."""
 
 
 def write_report(
@@ -125,7 +122,7 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "state": state,
         "scenarios": _scenarios(summary),
         "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
-        "yaml": read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE),
+        "yaml": solution.case.to_yaml(),
     }
 
 

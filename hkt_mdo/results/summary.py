@@ -721,9 +721,10 @@ class Summary(Achieved, Mapping[str, Any]):
         yield Row("rotor speed, relative error", self.max_speed_error, digits=2)
         if self.bins_error is not None:
             yield Row("energy by bins of the flow, relative error", self.bins_error, digits=2)
-        seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
-        iterations = f"{measured(self.iterations)} iterations"
-        work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")
+        seconds = measured(self.wall_seconds, "s", 3)
+        work = (
+            f"{self.optimizer} ({self.package}), {measured(self.iterations)} iterations, {seconds}"
+        )
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
