@@ -101,17 +101,14 @@ def report(
     For the folder of a sweep, report.html is written into that folder. It shows front and map; a
     click on a point opens the report of that run, which is written into the folder of the run.
     """
+    from hkt_mdo.files.table import refuse_existing
+    from hkt_mdo.pages.page import write_report, write_sweep_report
     from hkt_mdo.results.sweep import TABLE, SweepTable
 
     if len(results) == 1 and (results[0] / TABLE).is_file():
-        from hkt_mdo.pages.sweep import write_sweep_report
-
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
-    from hkt_mdo.files.table import refuse_existing
-    from hkt_mdo.pages.page import write_report
-
     refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
 

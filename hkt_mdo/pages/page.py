@@ -1,8 +1,8 @@
-"""The page of a report: what is shown of each result, put into the templates."""
+"""The pages of reports, of results and of sweeps: what is shown, put into the templates."""
 
 import base64
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from hkt_mdo.case import Case
+from hkt_mdo.case.kinds import Extension
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import write_new
+from hkt_mdo.files.table import write_files, write_new
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import dominated, ranked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.sweep import SweepTable
 from hkt_mdo.results.words import Row, aligned, limit_words, measured, printable, texts
 from hkt_mdo.sections import Section
 
@@ -52,6 +54,66 @@ def write_report(
         raise InputError("a report needs a result", "give a result folder")
     (path,) = write_new({Path(out): _page(chosen, shared, script).encode()}, force=True)
     return path
+
+
+def write_sweep_report(
+    table: SweepTable,
+    told: Callable[[str], None] = lambda line: None,
+    extensions: Iterable[Extension] = (),
+) -> Path:
+    """Write `report.html` into a sweep's folder, and the pages of its runs into theirs.
+
+    The pages share one `plotly.js`, so that a hundred of them stay small; they open from disk, and
+    need no network. A page that is newer than its result is kept.
+
+    Parameters
+    ----------
+    table : SweepTable
+        The table of the sweep.
+    told : callable
+        told(line) is called after each page.
+    extensions : iterable
+        Of the cases, as `load_case` takes them.
+
+    Returns
+    -------
+    pathlib.Path
+        The sweep's page.
+
+    Raises
+    ------
+    InputError
+        If a package is missing, or a file cannot be written.
+    """
+    from hkt_mdo.pages.panels import stacked
+    from hkt_mdo.results.sweep_plots import sweep_charts
+
+    script = plotly_script()
+    runs = [str(run) for run in table.columns["run"]]
+    for number, run in enumerate(runs, start=1):
+        folder = table.folder / run
+        page, result = folder / "report.html", folder / "summary.json"
+        if not run or not result.is_file():
+            continue
+        if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
+            solution = Solution.load(folder, extensions=extensions)
+            write_report([solution], page, shared="../../plotly.js")
+            told(f"{number} of {len(runs)}: {page}")
+    drawn = sweep_charts(table)
+    charts = {x: stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
+    rows = zip(table.pages, runs, table.columns["message"], table.verified, strict=True)
+    failed = [(link, run or "no run", message) for link, run, message, good in rows if not good]
+    share = f"{len(runs) - len(failed)} of {len(runs)} runs"
+    text = rendered(
+        "sweep.html",
+        title=f"Sweep over {', '.join(table.sweep.over)}",
+        lead=f"{share} of {Path(table.sweep.case).stem} are verified.",
+        failed=failed,
+        data=json.dumps(charts, allow_nan=False),
+    )
+    out = table.folder / "report.html"
+    write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
+    return out
 
 
 def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
