@@ -73,14 +73,14 @@ def plot(
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
     """
-    from hkt_mdo.results import figures, style
+    from hkt_mdo.results import charts, style
     from hkt_mdo.results.sweep import TABLE, SweepTable
     from hkt_mdo.results.sweep_plots import sweep_figures
 
     if (result / TABLE).is_file():
         drawn = sweep_figures(SweepTable.load(result))
     else:
-        drawn = figures.figures(read_result(result))
+        drawn = charts.figures(read_result(result))
     if not drawn:
         raise InputError("holds no data to draw", "let the run finish", file=result)
     parts.print_lines(style.save(drawn, out or result / "figures", formats or ["png"]))
@@ -147,9 +147,9 @@ def compare(
             left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
-        from hkt_mdo.results import figures, style
+        from hkt_mdo.results import charts, style
 
-        parts.print_lines(style.save(figures.figures(finished), out), err=for_program)
+        parts.print_lines(style.save(charts.figures(finished), out), err=for_program)
 
 
 _WIDEST = 44  # characters of a column; longer texts take more lines

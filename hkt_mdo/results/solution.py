@@ -399,7 +399,7 @@ class Solution:
         Parameters
         ----------
         *names : str
-            Of `hkt_mdo.results.figures.FIGURES`; by default blade, operation, power_curve and
+            Of `hkt_mdo.results.charts.FIGURES`; by default blade, operation, power_curve and
             limits, as far as the result has their data.
 
         Returns
@@ -412,7 +412,7 @@ class Solution:
         InputError
             If there is no figure of a name.
         """
-        drawn = import_module("hkt_mdo.results.figures")  # Matplotlib takes its time
+        drawn = import_module("hkt_mdo.results.charts")  # Matplotlib takes its time
         return drawn.figures(self, names or ("blade", "operation", "power_curve", "limits"))
 
     def __repr__(self) -> str:
