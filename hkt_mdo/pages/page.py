@@ -15,7 +15,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import write_files, write_new
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import labelled
-from hkt_mdo.results.nesting import dominated, ranked
+from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.summary import Summary
@@ -137,7 +137,6 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     return rendered(
         "report.html",
         title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
-        alike=len({each.case.objective.kind for each in order}) == 1,
         results=told,
         headline=aligned([*map(texts, headlines)]),
         merits=aligned([each["merits"] for each in told]),
@@ -145,9 +144,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         measured=measured,
         limits=sorted(aligned(limits), key=lambda row: not any(x and x[0].limit for x in row[1])),
         differences=_differences([each.case for each in order]),
-        dominated=[
-            printable(str(line)) for line in dominated(each for each in order if each.finished)
-        ],
+        remarks=list(map(printable, remarks(each for each in order if each.finished))),
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=[printable(reason) for reason in reasons],
         picture=base64.b64encode(blade.picture(found)).decode() if found else "",
