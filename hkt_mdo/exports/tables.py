@@ -344,10 +344,9 @@ def _load_cases(
         if all(QUANTITIES[name].column in each for each in series)
     }
     largest: dict[int, list[str]] = {}
-    for name in LOADS:
-        if name in recorded:
-            row = int(np.argmax(recorded[name]))
-            largest.setdefault(row, []).append(name.replace("_", " "))
+    for name in (x for x in LOADS if x in recorded):
+        row = int(np.argmax(recorded[name]))
+        largest.setdefault(row, []).append(name.replace("_", " "))
     instants = list(largest)
     operation, of, word = recorded, scenario, "recorded"
     if steady is not None:
@@ -355,8 +354,7 @@ def _load_cases(
         operation, of, word = steady | {"time": np.full(size, np.nan)}, np.full(size, ""), "steady"
     flow = operation["inflow_speed"]
     wanted = np.linspace(np.min(flow), np.max(flow), LOAD_FLOWS)
-    rows = np.unique([int(np.argmin(np.abs(flow - speed))) for speed in wanted])
-    rows = rows[np.argsort(flow[rows])]
+    rows = [*dict.fromkeys(np.argmin(np.abs(flow - wanted[:, None]), axis=1))]
     names = [f"largest {', '.join(loads)}" for loads in largest.values()]
     names += [f"{word} at {flow[row]:.4g} m/s" for row in rows]
     points = {x: np.concatenate((recorded[x][instants], operation[x][rows])) for x in _AT}
