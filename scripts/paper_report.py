@@ -15,7 +15,7 @@ from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import locate
 from hkt_mdo.pages import rendered
 from hkt_mdo.results import charts, style
-from hkt_mdo.results.figures import figure_of
+from hkt_mdo.results.charts import figure_of
 from hkt_mdo.results.folder import write_json, write_text
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 

@@ -89,7 +89,7 @@ def test_modules_import_each_other_in_no_circle():
         ("import hkt_mdo.cli", "numpy jinja2 plotly"),
         ("from hkt_mdo import Solution", "dymos openmdao wisdem matplotlib numba"),
         ("import hkt_mdo.rotor.bem, hkt_mdo.rotor.shape, hkt_mdo.rotor.inertia", "openmdao"),
-        ("import hkt_mdo.results.figures", "dymos openmdao wisdem numba"),
+        ("import hkt_mdo.results.charts", "dymos openmdao wisdem numba"),
         (
             "import hkt_mdo.run.run, hkt_mdo.run.sweep, hkt_mdo.cli",
             "wisdem casadi pyoptsparse distributed dask pandas",

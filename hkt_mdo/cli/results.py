@@ -73,14 +73,14 @@ def plot(
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
     """
-    from hkt_mdo.results import figures, style
+    from hkt_mdo.results import charts, style
     from hkt_mdo.results.sweep import TABLE, SweepTable
     from hkt_mdo.results.sweep_plots import sweep_figures
 
     if (result / TABLE).is_file():
         drawn = sweep_figures(SweepTable.load(result))
     else:
-        drawn = figures.figures(read_result(result))
+        drawn = charts.figures(read_result(result))
     if not drawn:
         raise InputError("holds no data to draw", "let the run finish", file=result)
     parts.print_lines(style.save(drawn, out or result / "figures", formats or ["png"]))
@@ -101,17 +101,14 @@ def report(
     For the folder of a sweep, report.html is written into that folder. It shows front and map; a
     click on a point opens the report of that run, which is written into the folder of the run.
     """
+    from hkt_mdo.files.table import refuse_existing
+    from hkt_mdo.pages.page import write_report, write_sweep_report
     from hkt_mdo.results.sweep import TABLE, SweepTable
 
     if len(results) == 1 and (results[0] / TABLE).is_file():
-        from hkt_mdo.pages.sweep import write_sweep_report
-
         table = SweepTable.load(results[0])
         echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
         return
-    from hkt_mdo.files.table import refuse_existing
-    from hkt_mdo.pages.page import write_report
-
     refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
 
@@ -150,9 +147,9 @@ def compare(
             left_out = "it is not ranked and not in the figures"
             echo(f"note: {each.folder}: {each.message or 'did not end'}; {left_out}", err=True)
     if out is not None and finished:
-        from hkt_mdo.results import figures, style
+        from hkt_mdo.results import charts, style
 
-        parts.print_lines(style.save(figures.figures(finished), out), err=for_program)
+        parts.print_lines(style.save(charts.figures(finished), out), err=for_program)
 
 
 _WIDEST = 44  # characters of a column; longer texts take more lines
@@ -232,8 +229,7 @@ def simulate(
     print those of each simulation, as --out writes them. With --inflow-dynamics oye the wake needs
     time to change: the command prints what that changes, and whether the rotor runs away.
     """
-    from hkt_mdo.results.rows import flow_words
-    from hkt_mdo.results.words import limit_words
+    from hkt_mdo.results.words import flow_words, limit_words
     from hkt_mdo.studies.other_flows import largest, records, simulations, write
     from hkt_mdo.studies.uncertainty import Sensor
 

@@ -61,7 +61,7 @@ class Rosco(Format):
         words |= _law_words(design) | _coefficients(design, rotor, ratios)
         loop = words["loop"]
         own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
-        words["speed_filter"] = own_filter if self.speed_filter is None else self.speed_filter
+        words["speed_filter"] = self.speed_filter or own_filter
         words["step"] = f"{1.0 / (MARGIN * loop):.2g}"
         texts = {name: filled(name, design, words) for name in ("DISCON.IN", "Cp_Ct_Cq.txt")}
         return {f"rosco/{name}": text.encode() for name, text in texts.items()}
@@ -71,9 +71,7 @@ def _law_words(design: Design) -> dict[str, Any]:
     """Return entries of DISCON.IN for the law, and the frequency `loop` of its loop (rad/s)."""
     law, gains = design.law, design.gains
     flows, speeds, torques = _schedule(design)
-    largest, fastest = NEVER * float(np.max(torques)), float(np.max(speeds))
-    if law.torque_limit is not None:
-        largest = law.torque_limit
+    largest, fastest = law.torque_limit or NEVER * float(np.max(torques)), float(np.max(speeds))
     rates = [each.upper for each in design.physics.all_limits if each.name == "torque_rate"]
     words = {
         "reference_filter": FAST / LAG,

@@ -16,7 +16,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import Format, filled, provenance
 from hkt_mdo.files.table import csv_text
 from hkt_mdo.results.design import Design
-from hkt_mdo.results.sections import STACKING, outline_names, sides
+from hkt_mdo.results.sections import STACKING, around, outline_names, sides
 from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.rotor.inertia import mass_and_inertia
 from hkt_mdo.rotor.outline import Outline
@@ -94,17 +94,16 @@ class Outer(Format, ABC):
             raise InputError(problem, "give a thinner one", key=key, value=f"{given:.3g} mm")
         aft = np.arange(x.shape[1]) > np.argmax(thickness, axis=1)[:, None]
         grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
-        along = np.hstack((x[:, ::-1], x[:, 1:])) - self.stacking
-        across = np.hstack(((upper + grown)[:, ::-1], (lower - grown)[:, 1:]))
-        along, across = chord[:, None] * along, chord[:, None] * across
+        plane = around(x, upper + grown, lower - grown) - (self.stacking, 0.0)
+        plane *= chord[:, None, None]
+        along, across = np.moveaxis(plane, -1, 0)
         sine, cosine = np.sin(twist)[:, None], np.cos(twist)[:, None]
         axial, backwards = along * sine + across * cosine, along * cosine - across * sine
         tilt = blade.cone
         x = axial * np.cos(tilt) - r[:, None] * np.sin(tilt)
         y = backwards * (1.0 if self.rotation == "clockwise" else -1.0)
         z = axial * np.sin(tilt) + r[:, None] * np.cos(tilt)
-        plane, points = np.stack((along, across), -1), np.stack((x, y, z), -1)
-        return Stations(largest, plane, points)
+        return Stations(largest, plane, np.stack((x, y, z), -1))
 
     def remarks(self, design: Design) -> list[str]:
         """Return remarks on the geometry: provenance, unit, axes, sense of rotation and options.
@@ -300,10 +299,7 @@ def airfoils(design: Design) -> list[Airfoil]:
     """
     outlines, r = design.outlines, design.blade.r
     if design.plant.polar.follows_thickness:
-        outlines = tuple(
-            Outline(np.concatenate((x[::-1], x[1:])), np.concatenate((upper[::-1], lower[1:])))
-            for x, upper, lower in zip(*sides(design.turbine, r), strict=True)
-        )
+        outlines = tuple(Outline(*each.T) for each in around(*sides(design.turbine, r)))
     found: dict[tuple, Airfoil] = {}
     for station, polars in enumerate(design.plant.polar.stations(design.blade)):
         outline = outlines[station % len(outlines)]

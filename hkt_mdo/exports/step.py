@@ -1,33 +1,20 @@
 """Blade and rotor as solids of B-spline surfaces, in STEP (ISO 10303-21)."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from io import BytesIO
 from textwrap import wrap
 from typing import Annotated, Any
 
 import numpy as np
+from OCP import BRepBuilderAPI as build
+from OCP import collections as arrays
 from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
 from OCP.BRep import BRep_Builder
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Fuse
-from OCP.BRepBuilderAPI import (
-    BRepBuilderAPI_MakeEdge,
-    BRepBuilderAPI_MakeFace,
-    BRepBuilderAPI_MakeSolid,
-    BRepBuilderAPI_MakeWire,
-    BRepBuilderAPI_Sewing,
-    BRepBuilderAPI_Transform,
-)
 from OCP.BRepCheck import BRepCheck_Analyzer
 from OCP.BRepGProp import BRepGProp
 from OCP.BRepLib import BRepLib
 from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder
-from OCP.collections import (
-    Array1_double,
-    Array1_int,
-    Array2_gp_Pnt,
-    HArray1_TCollection_HAsciiString,
-)
 from OCP.Geom import Geom_BSplineSurface
 from OCP.gp import gp, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 from OCP.GProp import GProp_GProps
@@ -50,6 +37,9 @@ SHARP = 1e-6
 """Thickness, m, below which a trailing edge is an edge of the solid, and above it a face."""
 
 _MILLI = 1e3  # OpenCASCADE works in millimetres; the files are in metres
+
+for printer in Message.DefaultMessenger_s().Printers():  # which print what is written, too
+    printer.SetTraceLevel(Message_Gravity.Message_Fail)
 
 
 class Step(Solid):
@@ -103,17 +93,17 @@ class Step(Solid):
         if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:
             straight = np.array([0.0, 0.0, 1.0, 1.0])
             surfaces.append(spline_surface(edge, (straight, knots[1]), (1, DEGREE)))
-        sewing = BRepBuilderAPI_Sewing(_MILLI * SHARP)
+        sewing = build.BRepBuilderAPI_Sewing(_MILLI * SHARP)
         for surface in surfaces:
-            sewing.Add(BRepBuilderAPI_MakeFace(surface, 1e-7).Face())
+            sewing.Add(build.BRepBuilderAPI_MakeFace(surface, 1e-7).Face())
         for end in (r[0], r[-1]):
-            wire = BRepBuilderAPI_MakeWire()
+            wire = build.BRepBuilderAPI_MakeWire()
             for surface in surfaces:
-                wire.Add(BRepBuilderAPI_MakeEdge(surface.VIso(float(end))).Edge())
-            sewing.Add(BRepBuilderAPI_MakeFace(wire.Wire(), True).Face())
+                wire.Add(build.BRepBuilderAPI_MakeEdge(surface.VIso(float(end))).Edge())
+            sewing.Add(build.BRepBuilderAPI_MakeFace(wire.Wire(), True).Face())
         sewing.Perform()
         shell = checked(sewing.SewedShape(), closed=sewing.NbFreeEdges() == 0)
-        solid = BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
+        solid = build.BRepBuilderAPI_MakeSolid(TopoDS.Shell(shell)).Solid()
         BRepLib.OrientClosedSolid_s(solid)
         return checked(solid)
 
@@ -197,14 +187,12 @@ def spline_surface(
     OCP.Geom.Geom_BSplineSurface
         The surface.
     """
-    net = Array2_gp_Pnt(1, poles.shape[0], 1, poles.shape[1])
+    net = arrays.Array2_gp_Pnt(1, poles.shape[0], 1, poles.shape[1])
     for place in np.ndindex(poles.shape[:2]):
         net.SetValue(place[0] + 1, place[1] + 1, gp_Pnt(*map(float, poles[place])))
-    values, counts = [], []
-    for each in knots:
-        once, repeated = np.unique(each, return_counts=True)
-        values.append(_array(Array1_double, once.tolist()))
-        counts.append(_array(Array1_int, repeated.tolist()))
+    once = [np.unique(each, return_counts=True) for each in knots]
+    values = [_array(arrays.Array1_double, each.tolist()) for each, _ in once]
+    counts = [_array(arrays.Array1_int, each.tolist()) for _, each in once]
     return Geom_BSplineSurface(net, *values, *counts, *degrees)
 
 
@@ -233,7 +221,7 @@ def turned(solid: Any, angle: float) -> Any:
     """
     about = gp_Trsf()
     about.SetRotation(gp.OX_s(), angle)
-    return BRepBuilderAPI_Transform(solid, about, True).Shape()
+    return build.BRepBuilderAPI_Transform(solid, about, True).Shape()
 
 
 def cylinder(begin: float, end: float, radius: float) -> Any:
@@ -290,51 +278,26 @@ def step_file(solids: Sequence[Any], name: str, remarks: Sequence[str]) -> bytes
     bytes
         The file.
     """
-    shape, builder = solids[0], BRep_Builder()
-    if len(solids) > 1:
-        shape = TopoDS_Compound()
-        builder.MakeCompound(shape)
-        for solid in solids:
-            builder.Add(shape, solid)
-    writer = STEPControl_Writer()  # declares the settings
-    content = BytesIO()
-    with writing(name):
-        writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
-        header = APIHeaderSection_MakeHeader(writer.Model())
-        lines = [part for line in remarks for part in wrap(line, 60)]
-        texts = [TCollection_HAsciiString(x.encode("ascii", "replace").decode()) for x in lines]
-        header.SetDescription(_array(HArray1_TCollection_HAsciiString, texts))
-        header.SetName(TCollection_HAsciiString(f"{name}.step"))
-        writer.WriteStream(content)
+    shape, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(shape)
+    for solid in solids:
+        builder.Add(shape, solid)
+    writer, content = STEPControl_Writer(), BytesIO()  # declares the settings
+    before = _set({"write.step.unit": "M", "write.step.product.name": name})
+    writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
+    _set(before)
+    header = APIHeaderSection_MakeHeader(writer.Model())
+    lines = [part for line in remarks for part in wrap(line, 60)]
+    texts = [TCollection_HAsciiString(x.encode("ascii", "replace").decode()) for x in lines]
+    header.SetDescription(_array(arrays.HArray1_TCollection_HAsciiString, texts))
+    header.SetName(TCollection_HAsciiString(f"{name}.step"))
+    writer.WriteStream(content)
     return content.getvalue()
 
 
-@contextmanager
-def writing(name: str) -> Iterator[None]:
-    """Let OpenCASCADE write metres, and print nothing.
-
-    Parameters
-    ----------
-    name : str
-        Name of the product that is written.
-
-    Yields
-    ------
-    None
-        Afterwards the settings, which are global, are as before.
-    """
-    own = {"write.step.unit": "M", "write.step.product.name": name}
-    before = {key: Interface_Static.CVal_s(key) for key in own}
-    printers = list(Message.DefaultMessenger_s().Printers())
-    levels = [printer.GetTraceLevel() for printer in printers]
-    try:
-        for key, value in own.items():
-            Interface_Static.SetCVal_s(key, value)
-        for printer in printers:
-            printer.SetTraceLevel(Message_Gravity.Message_Fail)
-        yield
-    finally:
-        for key, value in before.items():
-            Interface_Static.SetCVal_s(key, value)
-        for printer, level in zip(printers, levels, strict=True):
-            printer.SetTraceLevel(level)
+def _set(settings: dict[str, str]) -> dict[str, str]:
+    """Change settings of OpenCASCADE, which are global, and return what they were."""
+    before = {key: Interface_Static.CVal_s(key) for key in settings}
+    for key, value in settings.items():
+        Interface_Static.SetCVal_s(key, value)
+    return before

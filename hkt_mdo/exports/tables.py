@@ -16,7 +16,7 @@ from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.quantities import LOADS, QUANTITIES
 from hkt_mdo.results.design import Design
 from hkt_mdo.results.folder import to_json
-from hkt_mdo.results.solution import TABLES
+from hkt_mdo.results.solution import TABLES, dataset
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.sections import Pair, Quantity
@@ -105,23 +105,15 @@ class Netcdf(_Tables):
     """One NetCDF file, a group a table, whose dimension is the table's first column."""
 
     def files(self, design: Design) -> dict[str, bytes]:
-        from netCDF4 import Dataset
+        groups = {
+            x.name: dataset(x.columns, title=x.title) for x in tables(design, self.flow_range)
+        }
+        from xarray import DataTree
 
-        solution = design.solution
-        file = Dataset("result.nc", "w", memory=1024)  # nothing of this name is written to disk
-        file.setncatts({"source": "\n".join(provenance(solution)), "title": solution.name})
-        for table in tables(design, self.flow_range):
-            group = file.createGroup(table.name)
-            group.title = table.title
-            first, *_ = table.columns
-            group.createDimension(first, len(table.columns[first].values))
-            for name, column in table.columns.items():
-                values = np.asarray(column.values)
-                kind = str if values.dtype.kind == "U" else values.dtype
-                variable = group.createVariable(name, kind, (first,))
-                variable.setncatts({"units": column.unit or "1", "long_name": column.text})
-                variable[:] = values.astype(object) if kind is str else values
-        return {"result.nc": bytes(file.close())}
+        tree = DataTree.from_dict(groups)
+        about = "\n".join(provenance(design.solution))
+        tree.attrs = {"source": about, "title": design.solution.name}
+        return {"result.nc": bytes(tree.to_netcdf(engine="netcdf4"))}
 
 
 @lru_cache(maxsize=1)
@@ -352,10 +344,9 @@ def _load_cases(
         if all(QUANTITIES[name].column in each for each in series)
     }
     largest: dict[int, list[str]] = {}
-    for name in LOADS:
-        if name in recorded:
-            row = int(np.argmax(recorded[name]))
-            largest.setdefault(row, []).append(name.replace("_", " "))
+    for name in (x for x in LOADS if x in recorded):
+        row = int(np.argmax(recorded[name]))
+        largest.setdefault(row, []).append(name.replace("_", " "))
     instants = list(largest)
     operation, of, word = recorded, scenario, "recorded"
     if steady is not None:
@@ -363,8 +354,7 @@ def _load_cases(
         operation, of, word = steady | {"time": np.full(size, np.nan)}, np.full(size, ""), "steady"
     flow = operation["inflow_speed"]
     wanted = np.linspace(np.min(flow), np.max(flow), LOAD_FLOWS)
-    rows = np.unique([int(np.argmin(np.abs(flow - speed))) for speed in wanted])
-    rows = rows[np.argsort(flow[rows])]
+    rows = [*dict.fromkeys(np.argmin(np.abs(flow - wanted[:, None]), axis=1))]
     names = [f"largest {', '.join(loads)}" for loads in largest.values()]
     names += [f"{word} at {flow[row]:.4g} m/s" for row in rows]
     points = {x: np.concatenate((recorded[x][instants], operation[x][rows])) for x in _AT}

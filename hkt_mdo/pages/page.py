@@ -1,27 +1,27 @@
-"""The page of a report: what is shown of each result, put into the templates."""
+"""The pages of reports, of results and of sweeps: what is shown, put into the templates."""
 
 import base64
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hkt_mdo.case import Case
+from hkt_mdo.case.kinds import Extension
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import read_text, write_new
+from hkt_mdo.files.table import write_files, write_new
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import labelled
-from hkt_mdo.results.nesting import dominated, ranked
+from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import LoadEntry, Summary, unasked
-from hkt_mdo.results.words import aligned, limit_words, measured, printable, texts
+from hkt_mdo.results.summary import Summary
+from hkt_mdo.results.sweep import SweepTable
+from hkt_mdo.results.words import Row, aligned, limit_words, measured, printable, texts
 from hkt_mdo.sections import Section
-
-LONGEST_CASE = 1024**2
-"""Bytes of a case's file that a report repeats."""
 
 
 def write_report(
@@ -56,6 +56,66 @@ def write_report(
     return path
 
 
+def write_sweep_report(
+    table: SweepTable,
+    told: Callable[[str], None] = lambda line: None,
+    extensions: Iterable[Extension] = (),
+) -> Path:
+    """Write `report.html` into a sweep's folder, and the pages of its runs into theirs.
+
+    The pages share one `plotly.js`, so that a hundred of them stay small; they open from disk, and
+    need no network. A page that is newer than its result is kept.
+
+    Parameters
+    ----------
+    table : SweepTable
+        The table of the sweep.
+    told : callable
+        told(line) is called after each page.
+    extensions : iterable
+        Of the cases, as `load_case` takes them.
+
+    Returns
+    -------
+    pathlib.Path
+        The sweep's page.
+
+    Raises
+    ------
+    InputError
+        If a package is missing, or a file cannot be written.
+    """
+    from hkt_mdo.pages.panels import stacked
+    from hkt_mdo.results.sweep_plots import sweep_charts
+
+    script = plotly_script()
+    runs = [str(run) for run in table.columns["run"]]
+    for number, run in enumerate(runs, start=1):
+        folder = table.folder / run
+        page, result = folder / "report.html", folder / "summary.json"
+        if not run or not result.is_file():
+            continue
+        if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
+            solution = Solution.load(folder, extensions=extensions)
+            write_report([solution], page, shared="../../plotly.js")
+            told(f"{number} of {len(runs)}: {page}")
+    drawn = sweep_charts(table)
+    charts = {x: stacked([drawn[x]], 300) if x in drawn else None for x in ("front", "map")}
+    rows = zip(table.pages, runs, table.columns["message"], table.verified, strict=True)
+    failed = [(link, run or "no run", message) for link, run, message, good in rows if not good]
+    share = f"{len(runs) - len(failed)} of {len(runs)} runs"
+    text = rendered(
+        "sweep.html",
+        title=f"Sweep over {', '.join(table.sweep.over)}",
+        lead=f"{share} of {Path(table.sweep.case).stem} are verified.",
+        failed=failed,
+        data=json.dumps(charts, allow_nan=False),
+    )
+    out = table.folder / "report.html"
+    write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
+    return out
+
+
 def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     """Return the page as HTML."""
     from hkt_mdo.pages import blade, panels
@@ -69,22 +129,22 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     names = [each.label or "result" for each in results]
     told, titles = list(map(_told, order, names)), dict.fromkeys(each.name for each in order)
     checks = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in order]
+    limits = [each.summary.at_limits(each.case) for each in order]
+    headlines = [
+        [replace(x, note="") for x in (*rows, *_headline(each)) if x.value is not None]
+        for each, rows in zip(order, behind, strict=True)
+    ]
     return rendered(
         "report.html",
         title=" and ".join(titles) if len(titles) < 4 else f"{len(order)} results",
-        alike=len({each.case.objective.kind for each in order}) == 1,
         results=told,
-        headline=aligned(
-            [texts(rows) | _headline(each) for each, rows in zip(order, behind, strict=True)]
-        ),
+        headline=aligned([*map(texts, headlines)]),
         merits=aligned([each["merits"] for each in told]),
         checks=sorted(aligned(checks), key=lambda row: all(not x or x.passed for x in row[1])),
         measured=measured,
-        limits=_limits(order),
+        limits=sorted(aligned(limits), key=lambda row: not any(x and x[0].limit for x in row[1])),
         differences=_differences([each.case for each in order]),
-        dominated=[
-            printable(str(line)) for line in dominated(each for each in order if each.finished)
-        ],
+        remarks=list(map(printable, remarks(each for each in order if each.finished))),
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
         reasons=[printable(reason) for reason in reasons],
         picture=base64.b64encode(blade.picture(found)).decode() if found else "",
@@ -121,63 +181,36 @@ def _told(solution: Solution, name: str) -> dict[str, Any]:
         "state": state,
         "scenarios": _scenarios(summary),
         "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
-        "yaml": read_text(solution.folder / "case.yaml", "case of a result", LONGEST_CASE),
+        "yaml": solution.case.to_yaml(),
     }
 
 
-def _headline(solution: Solution) -> dict[str, str]:
-    """Return the figures that a designer asks for first, by their names."""
+def _headline(solution: Solution) -> Iterator[Row]:
+    """Yield the figures that a designer asks for first, of which some may not be known."""
     summary, largest = solution.summary, solution.summary.largest
     entries = (summary.scenarios or {}).values()
     duration = sum((x.weight or 0.0) * (x.duration_s or 0.0) for x in entries)
     if not duration and len(solution.scenarios) == 1:  # an older result
         duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
-    rows = {"verdict": summary.verdict(solution.case)}
-    for row in summary.year.rows() if summary.year else ():
-        if row.value is not None:
-            rows[row.label] = measured(row.value, row.unit, row.digits)
-    for name, energy in (
-        ("captured", summary.simulated_energy_J or summary.energy_J),
-        ("electrical", summary.electrical_energy_J),
-    ):
-        lossless = name == "electrical" and energy == summary.generator_energy_J
-        if energy is not None and not lossless and duration:
-            power = 1e-3 * energy / duration
-            rows[f"mean {name} power"] = measured(power, "kW", 4)
-            rows[f"{name} energy a day"] = measured(24.0 * power, "kWh", 4)
-    alone = [(each, rated_point(each)) for each in solution.by_scenario]
+    yield Row("verdict", summary.verdict(solution.case))
+    yield from summary.year.rows() if summary.year else ()
+    energies = {"captured": summary.simulated_energy_J or summary.energy_J}
+    if summary.electrical_energy_J != summary.generator_energy_J:
+        energies["electrical"] = summary.electrical_energy_J
+    for name, energy in energies.items():
+        if energy is not None and duration:
+            yield Row(f"mean {name} power", energy / duration, "W", digits=4)
+            yield Row(f"{name} energy a day", 24e-3 * energy / duration, "kWh", digits=4)
+    alone = [(each.simulation, rated_point(each)) for each in solution.by_scenario]
     rated = [point[0] for _, point in alone if point is not None]
-    if rated:
-        rows["power limit reached from"] = f"{min(rated):.2f} m/s"
-    speeds = [x.table("simulation")["rotor_speed_rad_s"] for x, _ in alone if x.simulation]
-    if speeds:
-        both = 30.0 / np.pi * np.array([min(map(np.min, speeds)), max(map(np.max, speeds))])
-        rows["rotor speed"] = measured(both, "rpm", 4)
+    yield Row("power limit reached from", min(rated, default=None), "m/s", digits=3)
+    speeds = [30.0 / np.pi * x["rotor_speed_rad_s"] for x, _ in alone if x]
+    yield Row("rotor speed", np.concatenate(speeds) if speeds else None, "rpm", digits=4)
     shown = "control_torque", "power", "thrust", "root_moment", "stress", "cavitation", "tip_speed"
-    for name in shown:
-        if name in largest:
-            row = largest[name].row(name)
-            rows[row.label] = measured(row.value, row.unit, 4)
-    if summary.rotor_radius_m is not None:
-        rows["rotor diameter"] = f"{2.0 * summary.rotor_radius_m:.4g} m"
-    if summary.mass_kg is not None:
-        rows["mass of the blades"] = measured(summary.mass_kg, "kg", 4)
-    return rows
-
-
-def _limits(solutions: Sequence[Solution]) -> list[tuple[str, list[tuple[LoadEntry, str]]]]:
-    """Return the entries of limits, and below them those of loads without a limit, of each result.
-
-    Beside each is a remark on a large load without a limit.
-    """
-    columns = [
-        {
-            words: (entry, unasked(name, entry, each.case))
-            for words, (name, entry) in each.summary.at_limits().items()
-        }
-        for each in solutions
-    ]
-    return sorted(aligned(columns), key=lambda row: not any(x and x[0].limit for x in row[1]))
+    yield from (replace(largest[x].row(x), digits=4) for x in shown if x in largest)
+    radius = summary.rotor_radius_m
+    yield Row("rotor diameter", radius and 2.0 * radius, "m", digits=4)
+    yield Row("mass of the blades", summary.mass_kg, "kg", digits=4)
 
 
 def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:

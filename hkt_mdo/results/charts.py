@@ -1,19 +1,25 @@
-"""The charts of results: what each shows, as panels that Matplotlib or plotly.js draws.
+"""The charts of results: what each shows, as panels that Matplotlib or plotly.js draws; figures.
 
 A chart is a list of panels (`hkt_mdo.results.panel`). Results, and the scenarios of one, differ by
 colour, line style and marker, so that they can be told apart in grey. Of a single one, a quantity
 has the same colour in every chart.
 """
 
-from collections.abc import Iterator, Sequence
+import base64
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.results import style
 from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel, Span
 from hkt_mdo.results.sections import STACKING
 from hkt_mdo.results.sections import sections as sections_of
@@ -499,6 +505,86 @@ def convergence(results: Results) -> list[Panel]:
     return [panel]
 
 
+# ---- figures: the panels of a chart for which a result has data, drawn by Matplotlib
+
+_OF_ONE = "operation", "limits", "year"
+"""Figures of one scenario each."""
+_OF_DESIGN = "blade", "coefficients", "convergence"
+"""Figures of a result as a whole."""
+FIGURES: dict[str, tuple[Callable[[Results], list[Panel]], float, float]] = {
+    "blade": (blade, 6.6, 1.8),
+    "coefficients": (coefficients, 5.6, 2.2),
+    "operation": (partial(operation, nodes=True), 7.4, 1.55),
+    "power_curve": (power_curve, 7.0, 2.05),
+    "year": (year, 6.4, 2.05),
+    "limits": (limits, 7.0, 2.2),
+    "loads": (loads, 5.6, 2.0),
+    "convergence": (convergence, 6.2, 2.7),
+}
+"""By the name of a figure: its panels, its width and a panel's height (inches)."""
+
+
+def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | None:
+    """Return one of the `FIGURES`, with the panels that results have data for; None if none.
+
+    Of several scenarios it shows the `scenario`, else all. The title of a single result has the
+    name of its case and the scenario.
+    """
+    results, (make, width, height) = labelled(solutions), FIGURES[name]
+    first = printable(results[0].solution.name) if len(results) == 1 else ""
+    title = ": ".join(filter(None, (joined(first, scenario), name.replace("_", " "))))
+    if scenario:
+        results = of_scenario(results, scenario)
+    elif name not in _OF_DESIGN:
+        results = by_scenario(results)
+    panels = make(results)
+    known = any(panel.curves for panel in panels)
+    return style.figure_of_panels(panels, width, height, title) if known else None
+
+
+class Figures(dict[str, Figure]):
+    """Figures by their names, which a notebook shows one below the other."""
+
+    def _repr_html_(self) -> str:
+        pictures = (base64.b64encode(style.picture(figure)).decode() for figure in self.values())
+        return "".join(f'<img src="data:image/png;base64,{each}">' for each in pictures)
+
+
+def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
+    """Return the `FIGURES` for which there are data.
+
+    Those over time are drawn for each scenario, as ``operation_<name>``, where there are several;
+    the others have a line for each.
+
+    Parameters
+    ----------
+    solutions : Solution or sequence of Solution
+        Results, which are drawn together.
+    names : sequence of str
+        Which; by default all.
+
+    Returns
+    -------
+    Figures
+
+    Raises
+    ------
+    InputError
+        If there is no figure of a name.
+    """
+    drawn: dict[str, Figure | None] = {}
+    several = [solutions] if isinstance(solutions, Solution) else solutions
+    for name in names or FIGURES:
+        if name not in FIGURES:
+            raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
+        if name in _OF_ONE and any(len(each.scenarios) > 1 for each in several):
+            for one in dict.fromkeys(name for each in several for name in each.scenarios):
+                drawn[f"{name}_{one}"] = figure_of(several, name, one)
+        else:
+            drawn[name] = figure_of(several, name)
+    return Figures({name: each for name, each in drawn.items() if each})
+
+
 # ---- polars, for `hkt check` and `hkt polar`
 
 
@@ -516,9 +602,6 @@ def polar_panels(curves: Sequence[tuple[str, Polar, np.ndarray, np.ndarray]]) ->
     list of Panel
         Of many curves only the first and the last are named.
     """
-    from matplotlib import colormaps  # takes its time
-    from matplotlib.colors import to_hex
-
     several = len(curves) > MOST_NAMED
     shades = [to_hex(each) for each in colormaps["viridis"](np.linspace(0.0, 0.9, len(curves)))]
     panels = [Panel(title, "angle of attack (deg)") for title in POLARS]

@@ -217,14 +217,11 @@ class Design:
         cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
         if cut_out is None or case.inflow.steady:
             return
-        flows = inflow, self.physics.inflow
-        here, own = (np.sum(np.diff(x.spans_below(cut_out, duration))) < duration for x in flows)
-        law = "a design under a feedback law, and " if own and not self.law.is_feedback else ""
-        if here or law:
-            flow = "the design's own flow" if own else "this flow"
-            problem = f"stops the machine in {flow}, and "
+        flows = [inflow] if self.law.is_feedback else [inflow, self.physics.inflow]
+        if any(np.sum(np.diff(x.spans_below(cut_out, duration))) < duration for x in flows):
+            problem = "stops the machine in this flow, or an open loop's in the design's own flow; "
             problem += "a design is simulated through one interval of operation only"
-            remedy = f"give {law}a flow that stays below it"
+            remedy = "give a flow that stays below it, or a design under a feedback law"
             raise InputError(problem, remedy, key="control.cut_out", value=cut_out)
 
     def simulate(self, inflow: Inflow, initial_speed=None, tolerance=1e-9, refined=1) -> Simulation:

@@ -42,9 +42,7 @@ def sections(solution: Any, places: Sequence[float]) -> np.ndarray:
     outline_names(solution, turbine)  # refuses where there is none
     blade = blade_of(solution, turbine.blade)
     r = blade.hub_radius + np.array(places) * (blade.tip_radius - blade.hub_radius)
-    x, upper, lower = sides(turbine._replace(blade=blade), r)
-    along = np.hstack((x[:, ::-1], x[:, 1:])) - STACKING
-    plane = np.stack((along, np.hstack((upper[:, ::-1], lower[:, 1:]))), axis=-1)
+    plane = around(*sides(turbine._replace(blade=blade), r)) - (STACKING, 0.0)
     return np.interp(r, blade.r, blade.chord)[:, None, None] * plane
 
 
@@ -67,6 +65,23 @@ def sides(turbine: Any, r: np.ndarray, fractions: np.ndarray = FRACTIONS) -> np.
     """
     outlines = [each.resampled(fractions) for each in turbine.outlines]
     return np.moveaxis(turbine.along_span(outlines, r), 1, 0)
+
+
+def around(x: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> np.ndarray:
+    """Return the points of sections, from the trailing edge over the upper side round to it.
+
+    Parameters
+    ----------
+    x, upper, lower : numpy.ndarray, shape (n_sections, n_fractions)
+        As of `sides`.
+
+    Returns
+    -------
+    numpy.ndarray, shape (n_sections, n_points, 2)
+        x and y of the points, that of the leading edge once.
+    """
+    over, under = np.stack((x, upper), -1), np.stack((x, lower), -1)
+    return np.concatenate((over[:, ::-1], under[:, 1:]), axis=1)
 
 
 def blade_of(solution: Any, blade: Blade) -> Blade:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import html
 import os.path
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -370,13 +370,9 @@ class Solution:
         Every variable has the attributes ``units`` and ``long_name``. Parameters, errors and the
         choice of a scenario are those of `table`: every scenario has times of its own.
         """
-        xarray, table = _package("xarray"), self.table(name, scenario)
-        dimension, variables = next(iter(table)), {}
-        for column, values in table.items():
-            unit, about = TABLES[name][column]
-            variables[column] = dimension, values, {"units": unit or "1", "long_name": about}
+        columns = {x: (y, *TABLES[name][x]) for x, y in self.table(name, scenario).items()}
         attrs = {"case": self.name, "table": name} | ({"scenario": scenario} if scenario else {})
-        return xarray.Dataset(variables, attrs=attrs)
+        return dataset(columns, **attrs)
 
     def to_datatree(self) -> Any:
         """Return all tables as an xarray DataTree, whose method `to_netcdf` writes one file.
@@ -399,7 +395,7 @@ class Solution:
         Parameters
         ----------
         *names : str
-            Of `hkt_mdo.results.figures.FIGURES`; by default blade, operation, power_curve and
+            Of `hkt_mdo.results.charts.FIGURES`; by default blade, operation, power_curve and
             limits, as far as the result has their data.
 
         Returns
@@ -412,7 +408,7 @@ class Solution:
         InputError
             If there is no figure of a name.
         """
-        drawn = import_module("hkt_mdo.results.figures")  # Matplotlib takes its time
+        drawn = import_module("hkt_mdo.results.charts")  # Matplotlib takes its time
         return drawn.figures(self, names or ("blade", "operation", "power_curve", "limits"))
 
     def __repr__(self) -> str:
@@ -428,6 +424,19 @@ class Solution:
             for row in self.summary.rows(self.case)
         )
         return f"<table>{rows}</table>"
+
+
+def dataset(columns: Mapping[str, Sequence[Any]], **attrs: str) -> Any:
+    """Return columns as an xarray Dataset over the first one, with its attributes.
+
+    Each column has values, unit (None: dimensionless) and meaning. InputError without xarray.
+    """
+    dimension = next(iter(columns))
+    variables = {
+        name: (dimension, np.asarray(values), {"units": unit or "1", "long_name": about})
+        for name, (values, unit, about) in columns.items()
+    }
+    return _package("xarray").Dataset(variables, attrs=attrs)
 
 
 def _package(name: str) -> Any:

@@ -6,7 +6,6 @@ Nothing is drawn by pyplot, and no rcParams are set.
 import io
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -81,10 +80,10 @@ def figure_of(
 def figure_of_panels(panels: Sequence[Panel], width: float, height: float, title: str) -> Figure:
     """Return a figure of the panels that have curves, `height` inches each.
 
-    The last ones with the same label share their horizontal axis.
+    The last ones, with the same label, share their horizontal axis.
     """
     panels = [panel for panel in panels if panel.curves]
-    share = sum(1 for _ in takewhile(lambda x: x.across == panels[-1].across, reversed(panels)))
+    share = [panel.across for panel in panels].count(panels[-1].across)
     plots = [partial(draw, panel) for panel in panels]
     return figure_of(width, BESIDES + height * len(plots), plots, share, title)
 

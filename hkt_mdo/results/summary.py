@@ -18,7 +18,6 @@ from hkt_mdo.dynamics.limits import BETWEEN, CavitationLimit
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.yaml_text import dotted
 from hkt_mdo.problem.point import StartRecord
-from hkt_mdo.results.rows import bending, bends_far, water_inertia
 from hkt_mdo.results.words import Row, amounts, joined, limit_words, measured, per_cent, printable
 
 VERSION = 1
@@ -48,6 +47,9 @@ CAPS = "control_torque", "power", "electrical_power"
 
 WHERE = "time_s", "flow_m_s", "r_m", "scenario"
 """Fields of an entry that tell when and where a value occurs."""
+
+BENT = 0.1
+"""Deflection of a tip over the radius above which its loads do not hold."""
 
 FAST = 14.1
 """Speed (m/s) at which the dynamic pressure of water equals atmospheric less vapour pressure."""
@@ -369,22 +371,21 @@ class Achieved(_Entry):
     the hub and the suction of the sections are known, cavitation; torque and shaft power of the
     generator, rotor speed and tip speed."""
 
-    def at_limits(self) -> dict[str, tuple[str, LoadEntry]]:
-        """Return name and entry of each limit and of each load without one, by words for them.
+    def at_limits(self, case: Case) -> dict[str, tuple[LoadEntry, str]]:
+        """Return each limit and each load without one, with remarks (`unasked`), by words for them.
 
         A limit has the place of its load. A load whose largest value is that of another scenario
         than the limit's is an entry of its own.
         """
         limits, loads, found = self.limits or {}, self.loads or {}, {}
         for name in limits | loads:
-            load, words = loads.get(name), limit_words(name)
-            limit = limits.get(name, load)
-            found[words] = name, limit
-            if load and load.scenario != limit.scenario:
-                found[f"{words} of all"] = name, load
+            words, load = limit_words(name), loads.get(name)
+            own = {words: limits.get(name, load)}
+            if load and load.scenario != own[words].scenario:
+                own[f"{words} of all"] = load
             elif load:
-                where = {x: getattr(load, x) for x in WHERE}
-                found[words] = name, limit.model_copy(update=where)
+                own[words] = own[words].model_copy(update={x: getattr(load, x) for x in WHERE})
+            found |= {key: (x, unasked(name, x, case)) for key, x in own.items()}
         return found
 
 
@@ -720,9 +721,10 @@ class Summary(Achieved, Mapping[str, Any]):
         yield Row("rotor speed, relative error", self.max_speed_error, digits=2)
         if self.bins_error is not None:
             yield Row("energy by bins of the flow, relative error", self.bins_error, digits=2)
-        seconds = "-" if self.wall_seconds is None else f"{self.wall_seconds:.1f}"
-        iterations = f"{measured(self.iterations)} iterations"
-        work = joined(f"{self.optimizer} ({self.package})", iterations, f"{seconds} s")
+        seconds = measured(self.wall_seconds, "s", 3)
+        work = (
+            f"{self.optimizer} ({self.package}), {measured(self.iterations)} iterations, {seconds}"
+        )
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
@@ -758,9 +760,9 @@ def in_operation(of: Achieved, case: Case, duration: float | None = None) -> Ite
     """
     if of.operation is not None:
         yield of.operation.row(duration)
-    for words, (name, entry) in of.at_limits().items():
+    for words, (entry, remark) in of.at_limits(case).items():
         row = entry.row(words)
-        yield replace(row, note=joined(row.note, unasked(name, entry, case)))
+        yield replace(row, note=joined(row.note, remark))
 
 
 def unasked(name: str, load: LoadEntry, case: Case) -> str:
@@ -790,3 +792,31 @@ def unasked(name: str, load: LoadEntry, case: Case) -> str:
     key = "limits.cavitation or limits.tip_speed" if name == "tip_speed" else f"limits.{name}"
     large = most and (load.value or 0.0) > most and not any(getattr(limits, x, None) for x in by)
     return f"{word}: {load.scenario or 'the case'} has no {key}" if large else ""
+
+
+def water_inertia(estimates: tuple[float, float], inertia: float, model: str) -> Row:
+    """Return the row of the water's inertia, two estimates beside that of the rotor (kg m²)."""
+    shares = measured(tuple(100.0 * each / inertia for each in estimates), "%", 3)
+    counted = "not counted in it" if model == "none" else f"as {model} counted in it"
+    note = f"as plates to ellipses, {shares} of the inertia, {counted}"
+    return Row("inertia of water", estimates, "kg*m**2", note, 3)
+
+
+def bends_far(deflection: float | None, radius: float | None) -> Iterator[str]:
+    """Yield that a tip's deflection (m) is out of a beam's range, where it is."""
+    if deflection and radius and deflection > BENT * radius:
+        share = f"{per_cent(deflection, radius, 3) or 'over 10000 %'} of the radius"
+        yield f"the largest deflection of a tip is {share}, above {100.0 * BENT:g} %"
+
+
+def bending(deflection: float | None, radius: float | None, weight: float | None) -> Iterator[Row]:
+    """Yield the rows of a tip's deflection and of a blade's weight in water, where they are known.
+
+    Deflection and radius are in m, the moment of the weight at the hub's radius in N*m.
+    """
+    if deflection is not None:
+        share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""
+        yield Row("largest tip deflection", deflection, "m", joined(share, "as a linear beam"), 4)
+    if weight is not None:
+        note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"
+        yield Row("weight in water", abs(weight), "N*m", note, 3)

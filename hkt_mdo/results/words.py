@@ -2,8 +2,10 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from itertools import groupby, zip_longest
 from operator import itemgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,12 @@ _LARGE = ("G", 1e9), ("M", 1e6), ("k", 1e3)
 PREFIXED = "W", "J", "N", "Pa", "N m"
 """Units that take a prefix for thousands; `_SMALL` take one for thousandths."""
 _SMALL = "m", "s"
+_IDLE = (
+    *("start", "phase", "scale", "gaps", "spikes", "uneven"),
+    *("turbulence_intensity", "reversal", "availability", "array_losses", "electrical_losses"),
+    *("speed_uncertainty", "reversed_polar"),
+)
+"""Keys of a flow that are not shown if they have their defaults."""
 
 
 @dataclass(frozen=True)
@@ -153,3 +161,26 @@ def powers(values: Any) -> str:
     ends = (f"{end:.1e}".split("e") for end in (np.min(values), np.max(values)))
     texts = (f"{digits.removesuffix('.0')}e{int(power)}" for digits, power in ends)
     return " to ".join(dict.fromkeys(texts))
+
+
+def duration(seconds: float) -> str:
+    """Return a time in s, and in hours, minutes and seconds where it is long."""
+    clock = f" ({timedelta(seconds=round(seconds))})" if seconds >= 120.0 else ""
+    return f"{seconds:g} s{clock}"
+
+
+def flow_words(section: Any) -> str:
+    """Return the kind of a flow and the values that make it, without those that change nothing."""
+    if section.profile == "sum":
+        return " + ".join(flow_words(part) for part in section.parts)
+    words = []
+    for name, field in type(section).model_fields.items():
+        value, usual = getattr(section, name), field.default
+        if name == "file" and value is not None:
+            words.insert(0, Path(value).name)
+        elif name == "constituents":
+            words += [part.name or duration(part.period) for part in value]
+        elif name != "profile" and value is not None and (name not in _IDLE or value != usual):
+            unit = plain_unit(type(section).unit_of(name))
+            words.append(f"{name.replace('_', ' ')} {measured(value, '', 4)} {unit}".rstrip())
+    return f"{section.profile}: {', '.join(words)}"

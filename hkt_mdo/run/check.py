@@ -19,8 +19,8 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.problem.scenario import FLOW_MISSED
-from hkt_mdo.results.rows import bending, bends_far, duration, flow_words, water_inertia
-from hkt_mdo.results.summary import Achieved, in_operation
+from hkt_mdo.results import words
+from hkt_mdo.results.summary import Achieved, bending, bends_far, in_operation, water_inertia
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
@@ -225,7 +225,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     area = np.pi * found.plant.blade.rotor_radius**2
     density = found.physics.rotor_in(flow.scenarios[0]).water_density
     passing = flow.average(power_scale(density, 1.0, flow.speed)) / np.pi
-    yield Row("kind", flow_words(flow.kind))
+    yield Row("kind", words.flow_words(flow.kind))
     yield Row("speed", flow.range, "m/s", digits=4)
     operating = " while operating" if flow.steady else ""
     yield Row(f"mean speed{operating}", flow.mean, "m/s", digits=4)
@@ -234,7 +234,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     if isinstance(flow.kind, Resource):
         why = "a year"
         yield Row("limits hold up to", flow.range[1], "m/s", _fastest(found, flow), 4)
-    yield Row("time", duration(flow.duration), "", why)
+    yield Row("time", words.duration(flow.duration), "", why)
     if len(found.flows) > 1:
         yield Row("share of time", flow.share)
     yield Row("changes", changes)

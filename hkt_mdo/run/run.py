@@ -194,7 +194,7 @@ def _run(physics: Physics, out: Path, calls, figures, records, start=None, histo
     solution = Solution.load(out, extensions=physics.case.extensions)
     if figures:
         from hkt_mdo.results import style
-        from hkt_mdo.results.figures import figures as drawn
+        from hkt_mdo.results.charts import figures as drawn
 
         formats = ("png",) if figures is True else tuple(figures)
         contents = style.pictures(drawn(solution), out / "figures", formats)

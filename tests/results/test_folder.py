@@ -3,7 +3,7 @@
 import pytest
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.figures import FIGURES
+from hkt_mdo.results.charts import FIGURES
 from hkt_mdo.results.folder import MARKER, check_folder, claim, write_text
 
 OWN = [

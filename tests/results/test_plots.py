@@ -14,7 +14,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
-from hkt_mdo.results.figures import figure_of, figures
+from hkt_mdo.results.charts import figure_of, figures
 from hkt_mdo.results.panel import COLORS, Curve, Panel
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution

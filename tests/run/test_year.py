@@ -19,7 +19,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.problem.turbine import build_turbine
-from hkt_mdo.results.figures import figures
+from hkt_mdo.results.charts import figures
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.check import check_case
