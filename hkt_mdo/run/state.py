@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -13,12 +14,13 @@ import numpy as np
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.folder import write_csv, write_json
-from hkt_mdo.results.summary import PassEntry, Summary
+from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.run.iterate import as_data
 from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.start.find import steady_optimum
 
+UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 FEASIBLE = 1e-6
 """Largest scaled violation of an iterate that may be the best of a run: that of a converged one."""
 RESUMABLE = 1e-2
@@ -29,36 +31,27 @@ EVALUATIONS_BETWEEN_POINTS = 5
 """By count, not by time: a resumed run must not depend on the clock."""
 
 
+@dataclass(eq=False, repr=False)
 class RunState:
     """The state of a run; called at every evaluation of the optimizer.
 
     It writes history, iterate and summary while the run works; nothing is read from these.
 
-    Parameters
-    ----------
-    physics
-        The case's, on the mesh that the run begins with.
-    out
-        The result folder.
-    records
-        Whether OpenMDAO's databases are written.
-    summary
-        The summary that stands in the folder until the run ends.
-    scratch
-        Folder for OpenMDAO's own files.
-    history
-        Evaluations of an earlier run: number, objective (J), infeasibility.
-    progress
-        Called at every evaluation.
-    on_pass
-        Called after every optimization.
-    on_start
-        Called after every one of the search for a start.
-
     Attributes
     ----------
     first : Physics
         The case's, on the mesh that the run began with.
+    out : Path
+        The result folder.
+    records : bool
+        Whether OpenMDAO's databases are written.
+    history : list of tuple
+        Number, objective (J) and infeasibility of every evaluation, those of an earlier run first.
+    progress, on_pass, on_start : callable or None
+        Called at every evaluation, after every optimization, and after every one of the search for
+        a start.
+    scratch : str
+        Folder for OpenMDAO's own files.
     physics : Physics
         On the mesh at work.
     point : callable
@@ -73,31 +66,31 @@ class RunState:
         The optimizations so far.
     terminated : bool
         Whether the run was asked to end: the next evaluation does so.
+    summary : Summary
+        The summary that stands in the folder, but for the passes.
     """
 
-    def __init__(
-        self,
-        physics: Physics,
-        out: Path,
-        records: bool,
-        summary: Summary,
-        scratch: str,
-        history: Iterable = (),
-        progress: Progress | None = None,
-        on_pass: Callable[[PassEntry], None] | None = None,
-        on_start: Callable[[StartRecord], None] | None = None,
-    ):
-        self.first = self.physics = physics
-        self.out, self.records, self.scratch, self.on_start = out, records, scratch, on_start
-        self.point: Callable[[], StartingPoint]
-        self.last: StartingPoint | None = None
-        self.best: tuple[Physics, StartingPoint] | None = None
-        self.passes: list[PassEntry] = []
-        self.terminated = False
-        self._progress, self._on_pass = progress, on_pass
-        self._summary, self._history = summary, [*history]
-        self._highest, self._saved = -np.inf, 0.0
-        self.write_summary(summary)
+    first: Physics
+    out: Path
+    records: bool
+    history: list[tuple] = field(default_factory=list)
+    progress: Progress | None = None
+    on_pass: Callable[[PassEntry], None] | None = None
+    on_start: Callable[[StartRecord], None] | None = None
+    scratch: str = ""
+    point: Callable[[], StartingPoint] = field(init=False)
+    last: StartingPoint | None = None
+    best: tuple[Physics, StartingPoint] | None = None
+    passes: list[PassEntry] = field(default_factory=list)
+    terminated: bool = False
+    _highest: float = -np.inf
+    _saved: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Write the summary that stands in the folder until the run ends."""
+        self.physics, about = self.first, {"version": VERSION, "case": self.first.case.name}
+        self.summary = Summary(**about, success=False, message=UNFINISHED)
+        self.write_summary()
 
     @cached_property
     def optimum(self) -> SteadyOptimum:
@@ -108,17 +101,17 @@ class RunState:
         """Note an evaluation, and the iterate if a run may continue from it."""
         if self.terminated:
             raise KeyboardInterrupt
-        self._history.append((len(self._history), objective, infeasibility))
+        self.history.append((len(self.history), objective, infeasibility))
         if infeasibility <= RESUMABLE:
-            if len(self._history) % EVALUATIONS_BETWEEN_POINTS == 0:
+            if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
                 if infeasibility <= FEASIBLE:
                     self.keep(self.last, objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
                 self._save(self.point())
                 self.write_history()
-        if self._progress is not None:
-            self._progress(len(self._history), objective, infeasibility)
+        if self.progress is not None:
+            self.progress(len(self.history), objective, infeasibility)
 
     def terminate(self, number, frame) -> None:
         """Handle SIGTERM, which ends a run as Ctrl-C does."""
@@ -153,15 +146,16 @@ class RunState:
     def write_history(self) -> None:
         """Write the energy and infeasibility of every evaluation."""
         header = ("evaluation", "energy_J", "infeasibility")
-        write_csv(self.out / "convergence.csv", header, self._history)
+        write_csv(self.out / "convergence.csv", header, self.history)
 
-    def write_summary(self, summary: Summary) -> None:
-        """Write a summary."""
+    def write_summary(self) -> None:
+        """Write the summary, with the passes so far."""
+        summary = self.summary.model_copy(update={"passes": self.passes})
         write_json(self.out / "summary.json", summary.model_dump(exclude_unset=True))
 
     def note_pass(self, entry: PassEntry) -> None:
         """Note an optimization and the remedy that decides the next one."""
         self.passes.append(entry)
-        self.write_summary(self._summary.model_copy(update={"passes": self.passes}))
-        if self._on_pass is not None:
-            self._on_pass(entry)
+        self.write_summary()
+        if self.on_pass is not None:
+            self.on_pass(entry)
