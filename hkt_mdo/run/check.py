@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import starmap
 from operator import itemgetter
 from pathlib import Path
 
@@ -18,13 +19,12 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
-from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.results.rows import bending, bends_far, duration, flow_words, water_inertia
 from hkt_mdo.results.summary import Achieved, in_operation
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
-from hkt_mdo.run.checks import FLOW_ERROR, designed, in_case
+from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow
 from hkt_mdo.run.findings import Findings, Flow, problem_values
 from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
@@ -217,7 +217,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
-    yield from _unresolved(flow)
+    yield from _unresolved(found, flow)
     why = "as the case says"
     if by_default:
         own = flow.inflow.length
@@ -258,24 +258,12 @@ def _sampled(flow: Flow) -> bool:
     return any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
 
 
-def _unresolved(flow: Flow) -> Rows:
-    """Warn of a flow that the mesh does not resolve."""
-    lower = ", or a lower cutoff" if _sampled(flow) else ""
-    error = max(float(np.sum(scenario.flow_errors)) for scenario in flow.scenarios)
-    if error > FLOW_ERROR:
-        segments = sum(scenario.segments for scenario in flow.scenarios)
-        yield _warning(
-            "phase.duration",
-            f"{segments} segments leave the integral of v³ uncertain by {error:.1g}, more than "
-            f"{FLOW_ERROR:g}: give a shorter phase.duration{lower}",
-        )
-    missed = max(float(np.max(scenario.flow_missed)) for scenario in flow.scenarios)
-    if missed > FLOW_MISSED:
-        yield _warning(
-            "inflow",
-            f"up to {100.0 * missed:.2g} % of the flow's speed is missed between the instants at "
-            f"which limits are checked: give a shorter phase.duration{lower}",
-        )
+def _unresolved(found: Findings, flow: Flow) -> Rows:
+    """Warn of a flow that the mesh does not resolve, as the checks of a run do."""
+    for scenario in flow.scenarios:
+        for check in starmap(entry, of_flow(scenario)):
+            if not check.passed:
+                yield _warning("inflow", explain(check, found.physics))
 
 
 def _fast_changes(found: Findings, flow: Flow) -> Rows:

@@ -19,7 +19,7 @@ from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
-from hkt_mdo.problem.scenario import FLOW_MISSED
+from hkt_mdo.problem.scenario import FLOW_MISSED, Scenario
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.rotor.band import FACTORS
@@ -89,10 +89,10 @@ class Checked:
     def checks(self) -> list[CheckEntry]:
         """All checks, that of the optimizer first."""
         status = self.result.outcome
-        checks = [_check("optimizer", not status.success, 0.0, status.message)]
+        checks = [entry("optimizer", not status.success, 0.0, status.message)]
         for verification, suffix in _suffixed(self.verifications):
-            checks += [_check(name + suffix, *about) for name, *about in _of_scenario(verification)]
-        return checks + [_check(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
+            checks += [entry(name + suffix, *about) for name, *about in _of_scenario(verification)]
+        return checks + [entry(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
 
     @property
     def passed(self) -> bool:
@@ -142,7 +142,8 @@ def _suffixed(verifications):
         yield verification, "" if len(verifications) == 1 else f" ({verification.scenario.name})"
 
 
-def _check(name, value, limit, detail) -> CheckEntry:
+def entry(name: str, value: float, limit: float, detail: str) -> CheckEntry:
+    """Return a check of a value, which must not exceed a limit."""
     passed = bool(value <= limit)
     return CheckEntry(name=name, value=float(value), limit=limit, passed=passed, detail=detail)
 
@@ -163,8 +164,7 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     simulated, integrated = verification.simulation, verification.integrated
     nodes = verification.trajectory
     time, stopped, own = nodes["time"], simulated.stopped_at, verification.of_model.integrated
-    if not verification.scenario.steady:
-        yield from _of_flow(verification.scenario)
+    yield from of_flow(verification.scenario)
     when = verification.scenario.when
     word = "the rotor generates until the end"
     if stopped is not None:
@@ -202,18 +202,22 @@ def _of_two_filters(verification, reduced):
     yield "two_filters_speed", error, REDUCED_SPEED, f"the same of the speed, at {when}"
 
 
-def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
-    """Yield name, value, limit and place of the checks of a scenario's mesh against its flow."""
-    errors, edges = scenario.flow_errors, scenario.edges
-    worst = int(np.argmax(errors))
-    word = "the mesh's integral of v³ against an adaptive one; they differ most between "
-    word += f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s"
-    yield "flow_error", np.sum(errors), FLOW_ERROR, word
-    missed = scenario.flow_missed
-    worst = int(np.argmax(missed))
-    word = "share of the flow's speed missed by the instants at which limits are checked, between "
-    word += f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
-    yield "flow_missed", missed[worst], FLOW_MISSED, word
+def of_flow(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
+    """Yield name, value, limit and place of the checks of a scenario's mesh against its flow.
+
+    A steady one has none.
+    """
+    errors, missed, edges = scenario.flow_errors, scenario.flow_missed, scenario.edges
+
+    def place(values):
+        worst = int(np.argmax(values))
+        return f"most between t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
+
+    if not scenario.steady:
+        word = f"error of the mesh's integral of v³, {place(errors)}"
+        yield "flow_error", np.sum(errors), FLOW_ERROR, word
+        word = "share of the flow's speed missed between the instants at which limits are checked"
+        yield "flow_missed", np.max(missed), FLOW_MISSED, f"{word}, {place(missed)}"
 
 
 def _of_design(ended):
