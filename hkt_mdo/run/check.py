@@ -1,7 +1,7 @@
 """The report of `hkt check`: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import starmap
 from operator import itemgetter
@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
 from hkt_mdo.problem.build import make_driver
@@ -24,7 +23,7 @@ from hkt_mdo.results.summary import Achieved, in_operation
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
-from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow
+from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow, of_table
 from hkt_mdo.run.findings import Findings, Flow, problem_values
 from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
@@ -217,7 +216,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
-    yield from _unresolved(found, flow)
+    for scenario in flow.scenarios:
+        yield from _refused(found, "inflow", of_flow(scenario))
     why = "as the case says"
     if by_default:
         own = flow.inflow.length
@@ -253,24 +253,19 @@ def _fastest(found: Findings, flow: Flow) -> str:
     return f"{edge}, {slower:.4g} m/s + {turbulence}" if spread else edge
 
 
-def _sampled(flow: Flow) -> bool:
-    """Return whether a flow, or a part of it, has a cutoff that a case may lower."""
-    return any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
-
-
-def _unresolved(found: Findings, flow: Flow) -> Rows:
-    """Warn of a flow that the mesh does not resolve, as the checks of a run do."""
-    for scenario in flow.scenarios:
-        for check in starmap(entry, of_flow(scenario)):
-            if not check.passed:
-                yield _warning("inflow", explain(check, found.physics))
+def _refused(found: Findings, key: str, checks: Iterable[tuple]) -> Rows:
+    """Warn of what the checks of a run would refuse."""
+    for check in starmap(entry, checks):
+        if not check.passed:
+            yield _warning(key, explain(check, found.physics))
 
 
 def _fast_changes(found: Findings, flow: Flow) -> Rows:
     """Warn of a flow that changes too fast for disc or rotor."""
     cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
     eddies = flow.mean / diameter
-    if _sampled(flow) and cutoff > EDDY * eddies:
+    given = any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+    if given and cutoff > EDDY * eddies:
         yield _warning(
             "inflow.cutoff",
             f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "
@@ -370,7 +365,8 @@ def _start(found: Findings) -> Rows:
             branch = f"branch {found.start.branch}{over}"
         yield Row("tip speed ratio under the control law", found.working, "", branch, 3)
         yield Row("energy if the rotor followed the flow at once", energy, "J", share, 4)
-        yield from _beyond_table(found)
+        table = of_table(found.case.generator, found.at_start.values())
+        yield from _refused(found, "generator.table", table)
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
@@ -381,17 +377,6 @@ def _start(found: Findings) -> Rows:
         how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
         yield Row("time constant", found.time_constant, "s", f"{how}, {at}", 3)
-
-
-def _beyond_table(found: Findings) -> Rows:
-    """Warn of a generator's table that does not cover the operation of the starting blade."""
-    names, generator = ("control_torque", "rotor_speed"), found.case.generator
-    torque, speed = (np.concatenate([x[name] for x in found.at_start.values()]) for name in names)
-    off = generator.beyond_table(torque, np.minimum(speed, generator.fastest))  # a limit above it
-    if off > BEYOND:
-        told = f"{measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)}"
-        text = f"the starting blade has {told}, {100.0 * off:.3g} % of the table's range beyond it"
-        yield _warning("generator.table", f"{text}: check its units, or give a larger one")
 
 
 def _not_turning(found: Findings) -> Row:
