@@ -13,7 +13,6 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
@@ -84,7 +83,6 @@ def check_case(case: Case) -> CheckReport:
         asks for is not installed.
     """
     world = _begun(physics(case))
-    refuse_slow(world.scenarios, world.law)
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}

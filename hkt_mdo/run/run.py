@@ -21,9 +21,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
-from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics as make_physics
@@ -158,7 +156,6 @@ def _prepared(case: Case) -> Physics:
     """Return the physics of a case; what cannot be run is refused before anything is written."""
     physics = make_physics(case)
     make_driver(physics)
-    refuse_slow(physics.scenarios, physics.law)
     return physics
 
 
@@ -192,10 +189,9 @@ def _run(state: RunState, figures, start: StartingPoint | None = None) -> Soluti
         from hkt_mdo.results.figures import figures as drawn
 
         formats = ("png",) if figures is True else tuple(figures)
-        contents = style.pictures(drawn(solution), out / "figures", formats)
         with usable(out):  # not made anew where it has been taken away meanwhile
             (out / "figures").mkdir(exist_ok=True)
-            write_files(contents)
+            style.save(drawn(solution), out / "figures", formats)
     return solution
 
 
