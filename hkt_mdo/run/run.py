@@ -32,11 +32,10 @@ from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.run.checked import best_of, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.iterate import read_iterate
 from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
-from hkt_mdo.run.state import RunState
+from hkt_mdo.run.state import RunState, read_iterate
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.solve.threads import one_thread
@@ -201,7 +200,7 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
         start = with_memory(state.first, measured(state.first, start))
     end = best = optimize(state, start)
-    message, held, prices = explain_all(end.checks, end.physics), "", {}
+    message, held = explain_all(end.checks, end.physics), ""
     if message:
         best, held = best_of(state, end)
         if held:
@@ -209,9 +208,8 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         why = none_found(state.first, best.start, best.checks)
         message = f"{why}; {message}" if why else message
     result = best.result
-    if result.outcome.success:
-        prices = shadow_prices(best)
-    summary = summarize(best, message, broken_limits(state.first, best.start), prices)
+    about = broken_limits(state.first, best.start), shadow_prices(best)
+    summary = summarize(best, message, *about)
     write_tables(state.out, best)
     if state.records:
         om.n2(result.problem, outfile=str(state.out / "n2.html"), **_SILENT)

@@ -11,9 +11,8 @@ from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import to_json
-from hkt_mdo.run.iterate import as_data, read_iterate
 from hkt_mdo.run.run import resume_case, run_case
-from hkt_mdo.run.state import RunState
+from hkt_mdo.run.state import RunState, as_data, read_iterate
 from hkt_mdo.start.find import find_start, steady_optimum
 
 GUST = {"profile": "gust", "mean": 1.4, "amplitude": 0.4, "time": 6.0, "width": 8.0}
