@@ -471,7 +471,9 @@ def _limits(found: Findings) -> Rows:
             yield replace(row, label=name + row.label)
     rotor, blade, bent = found.physics.rotor, found.start.blade, None
     if found.running and not rotor.polar.follows_reynolds:
-        bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
+        rotors = [found.physics.rotor_in(flow.scenarios[0]) for flow in found.flows]
+        pairs = zip(rotors, found.at_start.values(), strict=True)
+        bent = max(loads.tip_deflection(own, blade, known) for own, known in pairs)
     yield from bending(bent, blade.tip_radius, rotor.weight_moment(blade))
     yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
 

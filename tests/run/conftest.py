@@ -52,8 +52,7 @@ def _solve(
         state = RunState(world, Path(folder), False, scratch=folder)
         start = find_start(world, state.optimum)
         end = optimize(state, replace(start, reference=objective_at(world, start)))
-    parts = end.start, end.result, end.verifications, end.optimum
-    return Solved(*parts, world, state.passes)
+    return Solved(end.start, end.result, end.verifications, end.optimum, world, state.passes)
 
 
 @pytest.fixture(scope="session")

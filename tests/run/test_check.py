@@ -257,6 +257,11 @@ def test_limits_and_loads_of_the_starting_blade() -> None:
     assert broken == ["limits.power", "limits.stress"]
 
 
+def test_loads_of_a_scenario_are_those_in_its_water() -> None:
+    found = check("scenarios=[{name: own}, {name: salt, density: 2000}]").findings.at_start
+    assert found["salt"]["thrust"] == pytest.approx(2.0 * found["own"]["thrust"])
+
+
 def test_a_start_that_stalls_tells_its_branch_and_what_the_other_one_breaks() -> None:
     told = rows(check("control.law=open_loop", "limits={thrust: 3 kN}"), "Starting blade")
     assert "branch underspeed; overspeed breaks thrust by up to 13" in told
