@@ -88,10 +88,13 @@ class Limit(Formula):
         return self.lower if self.upper == np.inf and self.lower != 0.0 else self.upper
 
     def end_of(self, values: np.ndarray) -> Any:
-        """Return the bound in reports of some values: of two bounds the one they are closest to."""
+        """Return the bound in reports of some values: of two bounds the one they are closest to.
+
+        A lower bound of zero, as of a torque, counts where it is broken.
+        """
         two = np.isfinite(self.upper) and self.lower not in (0.0, -self.upper, -np.inf)
-        below = two and np.max(self.lower - values) > np.max(values - self.upper)
-        return self.lower if below else self.end
+        least = np.max(values - self.upper) if two else BETWEEN * self.bounds_size
+        return self.lower if np.max(self.lower - values) > least else self.end
 
     @property
     def bounds_size(self) -> float:

@@ -21,7 +21,7 @@ from hkt_mdo.dynamics.limits import (
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
-from hkt_mdo.problem.equilibrium import SteadyScenario
+from hkt_mdo.problem.equilibrium import SteadyScenario, refuse_slow
 from hkt_mdo.problem.model import OWN, Physics
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.plausible import doubts
@@ -163,6 +163,7 @@ def physics(case: Case) -> Physics:
     if any(each.steady for each in whole):
         text = "has no effect in a steady scenario: without time the torque has no rate"
         notes += [f"{limit.key} {text}" for limit in case.all_limits if limit.is_of(RATES)]
+    refuse_slow(scenarios, control)
     refuse_contradictions(case, shape, mean, fastest)
     flows = {message: None for each in whole for message in each.messages}
     messages = (*turbine.messages, *flows, *dict.fromkeys(notes), *redundant_limits(case, shape))

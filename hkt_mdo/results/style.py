@@ -230,31 +230,22 @@ def picture(figure: Figure, form: str = "png") -> bytes:
     return drawn.getvalue()
 
 
-def pictures(
+def save(
     figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
-) -> dict[Path, bytes]:
-    """Return the contents of figures' files, by the paths NAME.FORMAT in a folder.
+) -> list[Path]:
+    """Write figures as NAME.FORMAT into a folder that is made if need be, and return the paths.
 
-    Raises InputError if Matplotlib does not know a format.
+    Raises InputError if Matplotlib does not know a format, when nothing has been written, or if a
+    file cannot be written.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    return {
+    drawn = {
         Path(folder, f"{name}.{form}"): picture(figure, form)
         for name, figure in figures.items()
         for form in formats
     }
-
-
-def save(
-    figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Write figures as `pictures` names them, into a folder that is made if need be.
-
-    Returns the paths. Raises InputError as `pictures` does, when nothing has been written, or if a
-    file cannot be written.
-    """
-    return write_new(pictures(figures, folder, formats), force=True)
+    return write_new(drawn, force=True)

@@ -1,30 +1,28 @@
 """The report of `hkt check`: `hkt_mdo.run.findings` as rows, with notes and warnings."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import starmap
 from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
 
 from hkt_mdo.case import Case
-from hkt_mdo.dynamics.generator import BEYOND
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
-from hkt_mdo.problem.scenario import FLOW_MISSED
 from hkt_mdo.results import words
 from hkt_mdo.results.summary import Achieved, bending, bends_far, in_operation, water_inertia
 from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_cent, powers
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
-from hkt_mdo.run.checks import FLOW_ERROR, designed, in_case
+from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow, of_table
 from hkt_mdo.run.findings import Findings, Flow, problem_values
 from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
@@ -85,7 +83,6 @@ def check_case(case: Case) -> CheckReport:
         asks for is not installed.
     """
     world = _begun(physics(case))
-    refuse_slow(world.scenarios, world.law)
     package = make_driver(world).package
     found = Findings(world)
     rows = {"Turbine": [*_turbine(found), *_stations(found)]}
@@ -217,7 +214,8 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
         period = measured(1.0 / cutoff, "s", 3)
         changes = f"up to {cutoff:.3g} Hz, a period of {period}"
         yield from _fast_changes(found, flow)
-    yield from _unresolved(flow)
+    for scenario in flow.scenarios:
+        yield from _refused(found, "inflow", of_flow(scenario))
     why = "as the case says"
     if by_default:
         own = flow.inflow.length
@@ -253,36 +251,19 @@ def _fastest(found: Findings, flow: Flow) -> str:
     return f"{edge}, {slower:.4g} m/s + {turbulence}" if spread else edge
 
 
-def _sampled(flow: Flow) -> bool:
-    """Return whether a flow, or a part of it, has a cutoff that a case may lower."""
-    return any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
-
-
-def _unresolved(flow: Flow) -> Rows:
-    """Warn of a flow that the mesh does not resolve."""
-    lower = ", or a lower cutoff" if _sampled(flow) else ""
-    error = max(float(np.sum(scenario.flow_errors)) for scenario in flow.scenarios)
-    if error > FLOW_ERROR:
-        segments = sum(scenario.segments for scenario in flow.scenarios)
-        yield _warning(
-            "phase.duration",
-            f"{segments} segments leave the integral of v³ uncertain by {error:.1g}, more than "
-            f"{FLOW_ERROR:g}: give a shorter phase.duration{lower}",
-        )
-    missed = max(float(np.max(scenario.flow_missed)) for scenario in flow.scenarios)
-    if missed > FLOW_MISSED:
-        yield _warning(
-            "inflow",
-            f"up to {100.0 * missed:.2g} % of the flow's speed is missed between the instants at "
-            f"which limits are checked: give a shorter phase.duration{lower}",
-        )
+def _refused(found: Findings, key: str, checks: Iterable[tuple]) -> Rows:
+    """Warn of what the checks of a run would refuse."""
+    for check in starmap(entry, checks):
+        if not check.passed:
+            yield _warning(key, explain(check, found.physics))
 
 
 def _fast_changes(found: Findings, flow: Flow) -> Rows:
     """Warn of a flow that changes too fast for disc or rotor."""
     cutoff, diameter = flow.cutoff, 2.0 * found.plant.blade.rotor_radius
     eddies = flow.mean / diameter
-    if _sampled(flow) and cutoff > EDDY * eddies:
+    given = any(hasattr(part, "cutoff") for part in getattr(flow.inflow, "parts", [flow.inflow]))
+    if given and cutoff > EDDY * eddies:
         yield _warning(
             "inflow.cutoff",
             f"the flow has frequencies up to {cutoff:.3g} Hz, and a rotor averages over eddies "
@@ -382,7 +363,8 @@ def _start(found: Findings) -> Rows:
             branch = f"branch {found.start.branch}{over}"
         yield Row("tip speed ratio under the control law", found.working, "", branch, 3)
         yield Row("energy if the rotor followed the flow at once", energy, "J", share, 4)
-        yield from _beyond_table(found)
+        table = of_table(found.case.generator, found.at_start.values())
+        yield from _refused(found, "generator.table", table)
     else:
         yield Row("under the control law", "it does not turn unstalled throughout this flow")
         yield _not_turning(found)
@@ -393,17 +375,6 @@ def _start(found: Findings) -> Rows:
         how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
         yield Row("time constant", found.time_constant, "s", f"{how}, {at}", 3)
-
-
-def _beyond_table(found: Findings) -> Rows:
-    """Warn of a generator's table that does not cover the operation of the starting blade."""
-    names, generator = ("control_torque", "rotor_speed"), found.case.generator
-    torque, speed = (np.concatenate([x[name] for x in found.at_start.values()]) for name in names)
-    off = generator.beyond_table(torque, np.minimum(speed, generator.fastest))  # a limit above it
-    if off > BEYOND:
-        told = f"{measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)}"
-        text = f"the starting blade has {told}, {100.0 * off:.3g} % of the table's range beyond it"
-        yield _warning("generator.table", f"{text}: check its units, or give a larger one")
 
 
 def _not_turning(found: Findings) -> Row:
@@ -500,7 +471,9 @@ def _limits(found: Findings) -> Rows:
             yield replace(row, label=name + row.label)
     rotor, blade, bent = found.physics.rotor, found.start.blade, None
     if found.running and not rotor.polar.follows_reynolds:
-        bent = max(loads.tip_deflection(rotor, blade, each) for each in found.at_start.values())
+        rotors = [found.physics.rotor_in(flow.scenarios[0]) for flow in found.flows]
+        pairs = zip(rotors, found.at_start.values(), strict=True)
+        bent = max(loads.tip_deflection(own, blade, known) for own, known in pairs)
     yield from bending(bent, blade.tip_radius, rotor.weight_moment(blade))
     yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
 

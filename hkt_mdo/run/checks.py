@@ -5,23 +5,24 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
 
 import numpy as np
 
-from hkt_mdo.dynamics.generator import BEYOND
+from hkt_mdo.dynamics.generator import BEYOND, Generator
 from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
-from hkt_mdo.problem.scenario import FLOW_MISSED
+from hkt_mdo.problem.scenario import FLOW_MISSED, Scenario
 from hkt_mdo.quantities import LOADS, names
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.results.words import joined, measured
 from hkt_mdo.rotor.band import FACTORS
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import power_scale
@@ -89,10 +90,11 @@ class Checked:
     def checks(self) -> list[CheckEntry]:
         """All checks, that of the optimizer first."""
         status = self.result.outcome
-        checks = [_check("optimizer", not status.success, 0.0, status.message)]
+        how = "" if status.success else "the optimizer did not converge: "
+        checks = [entry("optimizer", not status.success, 0.0, how + status.message)]
         for verification, suffix in _suffixed(self.verifications):
-            checks += [_check(name + suffix, *about) for name, *about in _of_scenario(verification)]
-        return checks + [_check(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
+            checks += [entry(name + suffix, *about) for name, *about in _of_scenario(verification)]
+        return checks + [entry(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
 
     @property
     def passed(self) -> bool:
@@ -142,7 +144,8 @@ def _suffixed(verifications):
         yield verification, "" if len(verifications) == 1 else f" ({verification.scenario.name})"
 
 
-def _check(name, value, limit, detail) -> CheckEntry:
+def entry(name: str, value: float, limit: float, detail: str) -> CheckEntry:
+    """Return a check of a value, which must not exceed a limit."""
     passed = bool(value <= limit)
     return CheckEntry(name=name, value=float(value), limit=limit, passed=passed, detail=detail)
 
@@ -163,8 +166,7 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     simulated, integrated = verification.simulation, verification.integrated
     nodes = verification.trajectory
     time, stopped, own = nodes["time"], simulated.stopped_at, verification.of_model.integrated
-    if not verification.scenario.steady:
-        yield from _of_flow(verification.scenario)
+    yield from of_flow(verification.scenario)
     when = verification.scenario.when
     word = "the rotor generates until the end"
     if stopped is not None:
@@ -202,18 +204,34 @@ def _of_two_filters(verification, reduced):
     yield "two_filters_speed", error, REDUCED_SPEED, f"the same of the speed, at {when}"
 
 
-def _of_flow(scenario) -> Iterator[tuple[str, float, float, str]]:
-    """Yield name, value, limit and place of the checks of a scenario's mesh against its flow."""
-    errors, edges = scenario.flow_errors, scenario.edges
-    worst = int(np.argmax(errors))
-    word = "the mesh's integral of v³ against an adaptive one; they differ most between "
-    word += f"t = {edges[worst]:.6g} and {edges[worst + 1]:.6g} s"
-    yield "flow_error", np.sum(errors), FLOW_ERROR, word
-    missed = scenario.flow_missed
-    worst = int(np.argmax(missed))
-    word = "share of the flow's speed missed by the instants at which limits are checked, between "
-    word += f"t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
-    yield "flow_missed", missed[worst], FLOW_MISSED, word
+def of_flow(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
+    """Yield name, value, limit and place of the checks of a scenario's mesh against its flow.
+
+    A steady one has none.
+    """
+    errors, missed, edges = scenario.flow_errors, scenario.flow_missed, scenario.edges
+
+    def place(values):
+        worst = int(np.argmax(values))
+        return f"most between t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
+
+    if not scenario.steady:
+        word = f"error of the mesh's integral of v³, {place(errors)}"
+        yield "flow_error", np.sum(errors), FLOW_ERROR, word
+        word = "share of the flow's speed missed between the instants at which limits are checked"
+        yield "flow_missed", np.max(missed), FLOW_MISSED, f"{word}, {place(missed)}"
+
+
+def of_table(generator: Generator, several: Iterable[dict]) -> Iterator[tuple]:
+    """Yield how far trajectories leave the table of a generator, if it has one, as `of_flow`."""
+    if generator.table is not None:
+        pairs = ((known["control_torque"], known["rotor_speed"]) for known in several)
+        torque, speed = map(np.concatenate, zip(*pairs, strict=True))
+        # a limit holds the speed below the end of the table
+        off = generator.beyond_table(torque, np.minimum(speed, generator.fastest))
+        told = f"{measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)}"
+        word = f"how far {told} leave generator.table, over its range"
+        yield "generator_table", max(off, 0.0), BEYOND, word
 
 
 def _of_design(ended):
@@ -228,11 +246,7 @@ def _of_design(ended):
     elif not physics.may_pulse:  # else the objective has no limit on ever finer meshes
         change = "change of the objective on a finer mesh, as far as it is known"
         yield "mesh_error", result.mesh_error, MESH_ERROR, change
-    if physics.case.generator.table is not None:
-        beyond, nodes = physics.case.generator.beyond_table, [x.trajectory for x in verifications]
-        off = max(beyond(each["control_torque"], each["rotor_speed"]) for each in nodes)
-        word = "how far torque or speed leave generator.table, over its range"
-        yield "generator_table", max(off, 0.0), BEYOND, word
+    yield from of_table(physics.case.generator, [x.trajectory for x in verifications])
     alone = [x for x in verifications if x.scenario.steady or physics.law.states]
     if physics.law.is_feedback and alone:
         growth, when = _worst(alone, "growth")
@@ -462,13 +476,10 @@ def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
 
 def explain(check: CheckEntry, physics: Physics) -> str:
     """Return the failed check, its place and what to try."""
-    name, remedy = check.name.partition(" (")[0], _remedy(check, physics)
-    if name == "optimizer":
-        return f"the optimizer did not converge: {check.detail} ({remedy})"
-    if name == "rotor_keeps_turning":
-        return f"{check.detail} ({remedy})"
-    where = f", {check.detail}" if check.detail else ""
-    return f"{check.name} = {check.value:.3g} exceeds {check.limit:g}{where} ({remedy})"
+    told = check.detail or ""
+    if check.name.partition(" (")[0] not in ("optimizer", "rotor_keeps_turning"):
+        told = joined(f"{check.name} = {check.value:.3g} exceeds {check.limit:g}", told)
+    return f"{told} ({_remedy(check, physics)})"
 
 
 def _remedy(check: CheckEntry, physics: Physics) -> str:

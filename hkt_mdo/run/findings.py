@@ -196,7 +196,8 @@ class Findings:
         several = on_start(physics, self.start)
         if self.running:
             names = tuple(name for name in physics.rotor.load_names if name not in several[0])
-            several = [x | loads_along(physics.rotor, self.start.blade, x, names) for x in several]
+            pairs = zip(map(physics.rotor_in, physics.scenarios), several, strict=True)
+            several = [x | loads_along(rotor, self.start.blade, x, names) for rotor, x in pairs]
         self.at_start = {}
         for name, places in physics.groups.items():
             parts = [several[place] for place in places]

@@ -21,24 +21,21 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
-from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.build import make_driver
-from hkt_mdo.problem.equilibrium import refuse_slow
 from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics as make_physics
-from hkt_mdo.problem.point import StartRecord
+from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.summary import VERSION, PassEntry, Summary
+from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.run.checked import best_of, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
-from hkt_mdo.run.iterate import read_iterate
 from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
-from hkt_mdo.run.state import RunState
+from hkt_mdo.run.state import RunState, read_iterate
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.solve.threads import one_thread
@@ -46,7 +43,6 @@ from hkt_mdo.start.build import build_problem
 from hkt_mdo.start.find import find_start
 
 ROOM = "make room on the disk and give hkt run --resume"
-UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 
 
 @interrupts_of_compiled_code()
@@ -102,7 +98,7 @@ def run_case(
         names = tuple(physics.groups)
         claim(out, names if len(names) > 1 else ())
         write_text(out / "case.yaml", physics.case.to_yaml())
-        return _run(physics, out, (progress, on_pass, on_start), figures, records)
+        return _run(RunState(physics, out, records, [], progress, on_pass, on_start), figures)
 
 
 @interrupts_of_compiled_code()
@@ -144,44 +140,39 @@ def resume_case(
     out = Path(out).absolute()
     with locked(out):
         physics = _prepared(load_case(out / "case.yaml", extensions=extensions))
-        evaluations: Iterable = ()
+        evaluations: list = []
         if (out / "summary.json").exists():
             solution = Solution.load(out, extensions=extensions)
             if solution.success:
                 return solution
-            evaluations = zip(*solution.convergence.values(), strict=True)
+            evaluations = [*zip(*solution.convergence.values(), strict=True)]
         physics, start = read_iterate(out, physics)
-        earlier = start, evaluations if start else ()
-        return _run(physics, out, (progress, on_pass, on_start), figures, records, *earlier)
+        about = evaluations if start else [], progress, on_pass, on_start
+        return _run(RunState(physics, out, records, *about), figures, start)
 
 
 def _prepared(case: Case) -> Physics:
     """Return the physics of a case; what cannot be run is refused before anything is written."""
     physics = make_physics(case)
     make_driver(physics)
-    refuse_slow(physics.scenarios, physics.law)
     return physics
 
 
 _SILENT = {"show_browser": False, "display_in_notebook": False}
 
 
-def _run(physics: Physics, out: Path, calls, figures, records, start=None, history=()) -> Solution:
-    """Run a case in its locked folder; `calls` are its callbacks.
-
-    From `start`, the last iterate of an earlier run, whose evaluations are in `history`.
-    """
-    began, made_of = time.perf_counter(), digest(physics.case)
-    summary = Summary(version=VERSION, case=physics.case.name, success=False, message=UNFINISHED)
-    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as scratch, one_thread():
-        state = RunState(physics, out, records, summary, scratch, history, *calls)
+def _run(state: RunState, figures, start: StartingPoint | None = None) -> Solution:
+    """Run a case in its locked folder, from the last iterate of an earlier run if there is one."""
+    case, out = state.first.case, state.out
+    began, made_of = time.perf_counter(), digest(case)
+    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as state.scratch, one_thread():
         try:
             with handling(signal.SIGTERM, state.terminate):
                 finished = _optimize_and_verify(state, start)
             update = {"wall_seconds": time.perf_counter() - began, "digest": made_of}
-            summary = finished.model_copy(update=update)
+            state.summary = finished.model_copy(update=update)
         except InputError as error:
-            summary = summary.model_copy(update={"message": str(error)})
+            state.summary = state.summary.model_copy(update={"message": str(error)})
             raise
         except sqlite3.Error as error:
             reason = f"OpenMDAO's recorder: {error}"
@@ -190,17 +181,16 @@ def _run(physics: Physics, out: Path, calls, figures, records, start=None, histo
             raise InputError(f"cannot be written ({reason})", ROOM, file=out) from error
         finally:
             state.write_history()
-            state.write_summary(summary.model_copy(update={"passes": state.passes}))
-    solution = Solution.load(out, extensions=physics.case.extensions)
+            state.write_summary()
+    solution = Solution.load(out, extensions=case.extensions)
     if figures:
         from hkt_mdo.results import style
         from hkt_mdo.results.charts import figures as drawn
 
         formats = ("png",) if figures is True else tuple(figures)
-        contents = style.pictures(drawn(solution), out / "figures", formats)
         with usable(out):  # not made anew where it has been taken away meanwhile
             (out / "figures").mkdir(exist_ok=True)
-            write_files(contents)
+            style.save(drawn(solution), out / "figures", formats)
     return solution
 
 
@@ -210,7 +200,7 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         start = find_start(state.first, state.optimum, on_start=state.on_start)
         start = with_memory(state.first, measured(state.first, start))
     end = best = optimize(state, start)
-    message, held, prices = explain_all(end.checks, end.physics), "", {}
+    message, held = explain_all(end.checks, end.physics), ""
     if message:
         best, held = best_of(state, end)
         if held:
@@ -218,9 +208,8 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         why = none_found(state.first, best.start, best.checks)
         message = f"{why}; {message}" if why else message
     result = best.result
-    if result.outcome.success:
-        prices = shadow_prices(best)
-    summary = summarize(best, message, broken_limits(state.first, best.start), prices)
+    about = broken_limits(state.first, best.start), shadow_prices(best)
+    summary = summarize(best, message, *about)
     write_tables(state.out, best)
     if state.records:
         om.n2(result.problem, outfile=str(state.out / "n2.html"), **_SILENT)

@@ -20,10 +20,11 @@ def shadow_prices(optimum: Checked) -> dict[str, float]:
     """Return by how much the objective (J) of an optimum grows with one per cent more of a limit.
 
     For each limit over time that has an upper bound, by name: from the multipliers of the optimum
-    and the problem with a little more of the limit, at the same design.
+    and the problem with a little more of the limit, at the same design. Empty where the optimizer
+    did not converge.
     """
     physics, result = optimum.physics, optimum.result
-    if not physics.objective.is_energy:
+    if not (physics.objective.is_energy and result.outcome.success):
         return {}
     pairs = [
         (limit, each.at_nodes)

@@ -1,24 +1,33 @@
-"""The state of a run, to which the optimizer reports every evaluation, and its files meanwhile."""
+"""The state of a run, to which the optimizer reports every evaluation, and its files meanwhile.
+
+`iterate.json` has the design, gains and trajectories from which a resumed run continues.
+"""
 
 from __future__ import annotations
 
+import json
 import signal
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from hkt_mdo.errors import InputError
+from hkt_mdo.files.table import read_bytes
+from hkt_mdo.problem.evaluation import split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import StartingPoint, StartRecord
+from hkt_mdo.problem.point import Operation, StartingPoint, StartRecord
 from hkt_mdo.results.folder import write_csv, write_json
-from hkt_mdo.results.summary import PassEntry, Summary
+from hkt_mdo.results.summary import VERSION, PassEntry, Summary
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum
-from hkt_mdo.run.iterate import as_data
 from hkt_mdo.solve.driver_base import Progress
 from hkt_mdo.start.find import steady_optimum
 
+UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 FEASIBLE = 1e-6
 """Largest scaled violation of an iterate that may be the best of a run: that of a converged one."""
 RESUMABLE = 1e-2
@@ -27,38 +36,35 @@ SECONDS_BETWEEN_SAVES = 1.0
 """A save takes milliseconds, an evaluation some ten."""
 EVALUATIONS_BETWEEN_POINTS = 5
 """By count, not by time: a resumed run must not depend on the clock."""
+ITERATE = 1
+"""Version of `iterate.json`; one of before the versions is refused."""
+MAX_BYTES = 64 * 1024**2
+"""Largest `iterate.json` that is read: an hour of flow takes a tenth of it."""
+OVER_TIME = "segment_ends_s", "rotor_speed_rad_s", "hydrodynamic_torque_Nm"
+REMEDY = "delete it to begin anew, or run the case again with --force"
 
 
+@dataclass(eq=False, repr=False)
 class RunState:
     """The state of a run; called at every evaluation of the optimizer.
 
     It writes history, iterate and summary while the run works; nothing is read from these.
 
-    Parameters
-    ----------
-    physics
-        The case's, on the mesh that the run begins with.
-    out
-        The result folder.
-    records
-        Whether OpenMDAO's databases are written.
-    summary
-        The summary that stands in the folder until the run ends.
-    scratch
-        Folder for OpenMDAO's own files.
-    history
-        Evaluations of an earlier run: number, objective (J), infeasibility.
-    progress
-        Called at every evaluation.
-    on_pass
-        Called after every optimization.
-    on_start
-        Called after every one of the search for a start.
-
     Attributes
     ----------
     first : Physics
         The case's, on the mesh that the run began with.
+    out : Path
+        The result folder.
+    records : bool
+        Whether OpenMDAO's databases are written.
+    history : list of tuple
+        Number, objective (J) and infeasibility of every evaluation, those of an earlier run first.
+    progress, on_pass, on_start : callable or None
+        Called at every evaluation, after every optimization, and after every one of the search for
+        a start.
+    scratch : str
+        Folder for OpenMDAO's own files.
     physics : Physics
         On the mesh at work.
     point : callable
@@ -73,31 +79,31 @@ class RunState:
         The optimizations so far.
     terminated : bool
         Whether the run was asked to end: the next evaluation does so.
+    summary : Summary
+        The summary that stands in the folder, but for the passes.
     """
 
-    def __init__(
-        self,
-        physics: Physics,
-        out: Path,
-        records: bool,
-        summary: Summary,
-        scratch: str,
-        history: Iterable = (),
-        progress: Progress | None = None,
-        on_pass: Callable[[PassEntry], None] | None = None,
-        on_start: Callable[[StartRecord], None] | None = None,
-    ):
-        self.first = self.physics = physics
-        self.out, self.records, self.scratch, self.on_start = out, records, scratch, on_start
-        self.point: Callable[[], StartingPoint]
-        self.last: StartingPoint | None = None
-        self.best: tuple[Physics, StartingPoint] | None = None
-        self.passes: list[PassEntry] = []
-        self.terminated = False
-        self._progress, self._on_pass = progress, on_pass
-        self._summary, self._history = summary, [*history]
-        self._highest, self._saved = -np.inf, 0.0
-        self.write_summary(summary)
+    first: Physics
+    out: Path
+    records: bool
+    history: list[tuple] = field(default_factory=list)
+    progress: Progress | None = None
+    on_pass: Callable[[PassEntry], None] | None = None
+    on_start: Callable[[StartRecord], None] | None = None
+    scratch: str = ""
+    point: Callable[[], StartingPoint] = field(init=False)
+    last: StartingPoint | None = None
+    best: tuple[Physics, StartingPoint] | None = None
+    passes: list[PassEntry] = field(default_factory=list)
+    terminated: bool = False
+    _highest: float = -np.inf
+    _saved: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Write the summary that stands in the folder until the run ends."""
+        self.physics, about = self.first, {"version": VERSION, "case": self.first.case.name}
+        self.summary = Summary(**about, success=False, message=UNFINISHED)
+        self.write_summary()
 
     @cached_property
     def optimum(self) -> SteadyOptimum:
@@ -108,17 +114,17 @@ class RunState:
         """Note an evaluation, and the iterate if a run may continue from it."""
         if self.terminated:
             raise KeyboardInterrupt
-        self._history.append((len(self._history), objective, infeasibility))
+        self.history.append((len(self.history), objective, infeasibility))
         if infeasibility <= RESUMABLE:
-            if len(self._history) % EVALUATIONS_BETWEEN_POINTS == 0:
+            if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0:
                 self.last = self.point()
                 if infeasibility <= FEASIBLE:
                     self.keep(self.last, objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
                 self._save(self.point())
                 self.write_history()
-        if self._progress is not None:
-            self._progress(len(self._history), objective, infeasibility)
+        if self.progress is not None:
+            self.progress(len(self.history), objective, infeasibility)
 
     def terminate(self, number, frame) -> None:
         """Handle SIGTERM, which ends a run as Ctrl-C does."""
@@ -153,15 +159,129 @@ class RunState:
     def write_history(self) -> None:
         """Write the energy and infeasibility of every evaluation."""
         header = ("evaluation", "energy_J", "infeasibility")
-        write_csv(self.out / "convergence.csv", header, self._history)
+        write_csv(self.out / "convergence.csv", header, self.history)
 
-    def write_summary(self, summary: Summary) -> None:
-        """Write a summary."""
+    def write_summary(self) -> None:
+        """Write the summary, with the passes so far."""
+        summary = self.summary.model_copy(update={"passes": self.passes})
         write_json(self.out / "summary.json", summary.model_dump(exclude_unset=True))
 
     def note_pass(self, entry: PassEntry) -> None:
         """Note an optimization and the remedy that decides the next one."""
         self.passes.append(entry)
-        self.write_summary(self._summary.model_copy(update={"passes": self.passes}))
-        if self._on_pass is not None:
-            self._on_pass(entry)
+        self.write_summary()
+        if self.on_pass is not None:
+            self.on_pass(entry)
+
+
+def as_data(physics: Physics, point: StartingPoint, start: StartingPoint) -> dict[str, Any]:
+    """Return a point as the data of `iterate.json`: the scenarios' mesh and trajectories by name.
+
+    Parameters
+    ----------
+    physics
+        The physics on the mesh of the point.
+    point
+        Blade, gains, and the trajectories at the samples of every scenario.
+    start
+        The start that has led to it.
+    """
+    pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
+    names = *OVER_TIME, *physics.law.states
+    over_time = {x.name: dict(zip(names, (x.edges, *own), strict=True)) for x, own in pairs}
+    return {
+        "version": ITERATE,
+        "chord_m": point.blade.chord,
+        "twist_rad": point.blade.twist,
+        "thickness_over_chord": point.blade.thickness,
+        "rotor_radius_m": point.blade.rotor_radius,
+        "hub_inertia_kg_m2": point.blade.hub_inertia,
+        "gains": point.gains,
+        "energy_J": point.operation.energy,
+        "reference_energy_J": start.reference,
+        "branch": start.branch,
+        "starts": [vars(record) for record in start.starts],
+        "scenarios": over_time,
+    }
+
+
+def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | None]:
+    """Return the physics on an earlier run's mesh, and its last iterate; None if there is none.
+
+    Parameters
+    ----------
+    out
+        The result folder.
+    physics
+        The case's, on its own mesh.
+
+    Raises
+    ------
+    InputError
+        If the file is no iterate of this case, or of a newer version.
+    """
+    path = out / "iterate.json"
+    if not path.exists():
+        return physics, None
+    content = read_bytes(path, MAX_BYTES, "iterate of a run")
+    try:
+        data = json.loads(content)
+        if data.get("version", 0) > ITERATE:
+            raise InputError("was written by a newer version of hkt_mdo", REMEDY, file=path)
+        physics, operation = _over_time(physics, data)
+        blade, gains, reference = _design(physics, data)
+        starts = tuple(map(_record, data.get("starts", ())))
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+        raise InputError("is no iterate of this case", REMEDY, file=path) from None
+    about = {"branch": str(data.get("branch", "")), "starts": starts, "reference": reference}
+    return physics, StartingPoint(blade, gains, operation, **about)
+
+
+def _record(data) -> StartRecord:
+    """Return the record of a start; JSON has null where a number is not finite."""
+    missing = {"objective": np.nan, "excess": np.inf}
+    numbers = {x: y if data[x] is None else float(data[x]) for x, y in missing.items()}
+    return StartRecord(**data | numbers | {"exceeds": tuple(data["exceeds"])})
+
+
+def _numbers(row, size) -> np.ndarray:
+    """Return a row of finite numbers of a size; ValueError if it is none."""
+    values = np.array(row, dtype=float).reshape(size)
+    if not np.all(np.isfinite(values)):
+        raise ValueError
+    return values
+
+
+def _over_time(physics, data) -> tuple[Physics, Operation]:
+    """Return the physics on the mesh of an iterate, and its trajectories."""
+    found = data["scenarios"]
+    if found.keys() != {scenario.name for scenario in physics.scenarios}:
+        raise ValueError
+    scenarios, rows = [], []
+    for scenario in physics.scenarios:
+        ends, *own = (found[scenario.name][key] for key in (*OVER_TIME, *physics.law.states))
+        edges, before = np.array(ends, dtype=float), scenario.edges
+        same = np.array_equal(edges[[0, -1]], before[[0, -1]]) and np.all(np.isin(before, edges))
+        if edges.ndim != 1 or not same or np.any(np.diff(edges) <= 0.0):
+            raise ValueError
+        scenarios.append(replace(scenario, edges=edges))
+        rows.append([_numbers(row, scenarios[-1].samples.size) for row in own])
+    energy = float(_numbers(data["energy_J"], 1)[0])
+    speed, torque, *states = np.concatenate(rows, axis=1)
+    operation = Operation(energy, speed, torque, states=tuple(states))
+    return replace(physics, scenarios=tuple(scenarios)), operation
+
+
+def _design(physics, data):
+    """Return blade, gains and reference of an iterate."""
+    shape, stations = physics.shape, physics.blade.r.size
+    names = ["chord_m", "twist_rad", *["thickness_over_chord"] * ("thickness" in shape.bases)]
+    found = [_numbers(data[name], stations) for name in names]
+    radius, reference = (
+        float(_numbers(data[key], 1)[0]) for key in ("rotor_radius_m", "reference_energy_J")
+    )
+    if np.any(found[0] <= 0.0) or radius <= 0.0:
+        raise ValueError
+    hub = _numbers(data["hub_inertia_kg_m2"], 1)[0] if physics.designs_hub else None
+    gains = _numbers(data["gains"], len(physics.law.gain_units))
+    return shape.nearest(physics.sized(radius, hub).with_shape(*found)), gains, reference

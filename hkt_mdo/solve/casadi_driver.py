@@ -99,8 +99,8 @@ class CasadiIpoptDriver(ReportingDriver):
         """Return the scaled design where IPOPT ended and CasADi's statistics of the run."""
         import casadi
 
-        lower, upper = self._bounds("design_var", self.get_design_var_values())
-        lower_g, upper_g = self._bounds("constraint", self.get_constraint_values())
+        _, lower, upper = self._scaled("design_var")
+        _, lower_g, upper_g = self._scaled("constraint")
         self._pattern = pattern = self._jacobian_pattern((lower_g.size, start.size))
         starts, rows = pattern.indptr.tolist(), pattern.indices.tolist()
         jacobian = casadi.Sparsity(lower_g.size, start.size, starts, rows)
@@ -117,13 +117,12 @@ class CasadiIpoptDriver(ReportingDriver):
         self._stationary = Stationary(*bounds, float(self.opt_settings.get("tol", 1e-8)))
 
         # CasADi keeps no reference to a callback: these names must outlive the solver.
-        inputs = {"x": x, "p": p}
-        nlp = _callback("nlp", lambda x, _: self._evaluate(x), inputs, {"f": f, "g": g})
-        grad_f = _callback("grad_f", objective_gradient, inputs, {"f": f, "grad_f_x": x})
-        jac_g = _callback("jac_g", constraint_jacobian, inputs, {"g": g, "jac_g_x": jacobian})
-        state = {"f": f, "x": x, "lam_x": x, "g": g, "lam_g": g, "lam_p": p}
-        after = {name: state[name] for name in casadi.nlpsol_out()}
-        iteration = _callback("iteration", self._end_iteration, after, {"stop": f})
+        values = _callback("values", self._evaluate, [x], [f, g])
+        grad_f = _callback("grad_f", objective_gradient, [x, p], [f, x])
+        jac_g = _callback("jac_g", constraint_jacobian, [x, p], [g, jacobian])
+        iteration = _callback("iteration", self._end_iteration, [x, f, g, x, g, p], [f])
+        point = casadi.MX.sym("x", x)
+        nlp = dict(zip("xfg", (point, *values(point)), strict=True))
         solver = casadi.nlpsol("solver", "ipopt", nlp, {
             "grad_f": grad_f, "jac_g": jac_g, "iteration_callback": iteration,
             # Multipliers of parameters, of which there are none, would need reverse derivatives.
@@ -246,8 +245,8 @@ class CasadiIpoptDriver(ReportingDriver):
             raise error
 
 
-def _callback(name: str, function: Callable, inputs: dict, outputs: dict) -> casadi.Function:
-    """Return `function` of flat arrays as a CasADi function of the named inputs and outputs."""
+def _callback(name: str, function: Callable, inputs: list, outputs: list) -> casadi.Function:
+    """Return `function` of flat arrays as a CasADi function of inputs and outputs, by sparsity."""
     import casadi
 
     class Callback(casadi.Callback):
@@ -261,17 +260,11 @@ def _callback(name: str, function: Callable, inputs: dict, outputs: dict) -> cas
         def get_n_out(self) -> int:
             return len(outputs)
 
-        def get_name_in(self, i: int) -> str:
-            return list(inputs)[i]
-
-        def get_name_out(self, i: int) -> str:
-            return list(outputs)[i]
-
         def get_sparsity_in(self, i: int) -> casadi.Sparsity:
-            return list(inputs.values())[i]
+            return inputs[i]
 
         def get_sparsity_out(self, i: int) -> casadi.Sparsity:
-            return list(outputs.values())[i]
+            return outputs[i]
 
         def eval(self, arguments: Sequence[casadi.DM]) -> list:
             return list(function(*(np.array(argument).ravel() for argument in arguments)))

@@ -88,20 +88,19 @@ class ReportingDriver(Driver):
         float
             Over the references of the constraints; 0 if all are kept.
         """
-        values = self.get_constraint_values()
-        lower, upper = self._bounds("constraint", values)
-        value = np.concatenate([*values.values(), np.zeros(0)])
+        value, lower, upper = self._scaled("constraint")
         return float(np.max(np.maximum(lower - value, value - upper), initial=0.0))
 
-    def _bounds(self, kind: str, values: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper bound of each element of `values`, scaled as they are."""
+    def _scaled(self, kind: str) -> np.ndarray:
+        """Return value, lower and upper bound of each element of a kind, scaled, (3, n)."""
         # Bounds in the metadata are physical; the autoscaler has those in the optimizer's scale.
-        bounds = self._autoscaler.get_bounds_scaling(kind)
-        lower, upper = [np.zeros(0)], [np.zeros(0)]
-        for name, value in values.items():
+        vector, bounds = self._vectors[kind], self._autoscaler.get_bounds_scaling(kind)
+        vector.update_from_model(self)
+        rows = [np.zeros((3, 0))]
+        for name, value in vector.items():
             low, high, equal = bounds[name].lower, bounds[name].upper, bounds[name].equals
             if equal is not None:
                 low = high = equal
-            lower.append(np.full(value.size, -np.inf if low is None else low))
-            upper.append(np.full(value.size, np.inf if high is None else high))
-        return np.concatenate(lower), np.concatenate(upper)
+            low, high = -np.inf if low is None else low, np.inf if high is None else high
+            rows.append(np.stack(np.broadcast_arrays(value, low, high)))
+        return np.hstack(rows)

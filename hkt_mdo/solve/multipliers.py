@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from scipy.sparse import block_array, diags_array, eye_array, vstack
@@ -53,21 +54,12 @@ class State:
         """
         (objective,) = driver.get_objective_values().values()
         (unscaled,) = driver.get_objective_values(driver_scaling=False).values()
-        constraints, design = driver.get_constraint_values(), driver.get_design_var_values()
-        bounds = driver._bounds("constraint", constraints), driver._bounds("design_var", design)
-        lower, upper = map(np.concatenate, zip(*bounds, strict=True))
-        values = [np.ravel(value) for value in (*constraints.values(), *design.values())]
-        sizes = [value.size for value in values]
-        last = np.cumsum(sizes, dtype=int)
-        rows = map(slice, last - sizes, last)
-        return cls(
-            float(objective[0]),
-            float(objective[0] / unscaled[0]),
-            np.concatenate(values),
-            lower,
-            upper,
-            dict(zip((*constraints, *design), rows, strict=True)),
-        )
+        kinds, rows, count = ("constraint", "design_var"), {}, 0
+        for name, value in chain(*(driver._vectors[kind].items() for kind in kinds)):
+            rows[name] = slice(count, count + value.size)
+            count += value.size
+        scaled = np.hstack([driver._scaled(kind) for kind in kinds])
+        return cls(float(objective[0]), float(objective[0] / unscaled[0]), *scaled, rows)
 
 
 def multipliers(driver: ReportingDriver, state: State) -> np.ndarray:

@@ -62,7 +62,7 @@ class SparseTotals:
         self.pattern = csr_matrix(
             (np.ones(ends[-1]), columns[self._chosen], ends), (rows.size, seeds.size)
         )
-        of_row, of_column = self._scalers(driver, functions), self._scalers(driver, design)
+        of_row, of_column = self._scalers(functions), self._scalers(design)
         self._entry_scalers = np.repeat(of_row, np.diff(ends)) / of_column[self.pattern.indices]
 
     def compute(self) -> csr_matrix:
@@ -92,14 +92,12 @@ class SparseTotals:
         return np.concatenate(positions)
 
     @staticmethod
-    def _scalers(driver: Driver, variables: list) -> np.ndarray:
+    def _scalers(variables: list) -> np.ndarray:
         """Return the factors from variables to their values in the optimizer."""
-        declared = driver._autoscaler._var_meta
         scalers = [np.zeros(0)]
-        for name, meta in variables:
-            scaler = next(kind[name]["total_scaler"] for kind in declared.values() if name in kind)
-            scaler = (1.0 if scaler is None else scaler) * (meta.get("unit_scaler") or 1.0)
-            scalers.append(np.ones(meta["size"]) * scaler)
+        for _, meta in variables:
+            scaler = 1.0 if meta["total_scaler"] is None else meta["total_scaler"]
+            scalers.append(np.ones(meta["size"]) * scaler * (meta.get("unit_scaler") or 1.0))
         return np.concatenate(scalers)
 
 

@@ -23,7 +23,7 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.checks import most_between
-from hkt_mdo.run.loads import placed
+from hkt_mdo.run.loads import of_limit, placed
 from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
@@ -70,18 +70,9 @@ class Extreme(LoadEntry):
 
 def _extreme(limit: Limit, known: dict[str, Any]) -> Extreme:
     """Return the report of a limit, from the quantities of a trajectory."""
-    value, over = limit.reported(known), limit.excess(known)
-    kept, caps = bool(np.max(over) <= most_between(limit)), limit.caps_series
-    free = kept and not caps and limit.lower <= 0.0  # as a torque that is not limited
-    at = int(np.argmax(value if free or (caps and kept) else over))
-    most, time = float(value[at]), float(known["time"][at])
-    found = Extreme(value=most, unit=limit.unit or "", time_s=time)
-    if free:
-        return found
-    low = not caps or most < limit.lower
-    bound = float(limit.lower if low else limit.upper)
-    beyond = (bound - most if low else most - bound) / abs(bound) if bound else float(over[at])
-    return found.model_copy(update={"limit": bound, "share": 1.0 + beyond, "kept": kept})
+    share, over = np.max(limit.share(known)), np.max(limit.excess(known))
+    about = {"share": float(share), "kept": bool(over <= most_between(limit))}
+    return Extreme(**of_limit(limit, known).model_dump(exclude_unset=True), **about)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,8 +215,11 @@ class Run:
         physics, plant = self.design.physics, self.design.plant
         about = physics.rotor, plant, self.simulation, self.design.controller
         known = SimulatedDesign(physics, *about).simulated
-        limits = physics.limits_in(physics.scenarios[0])
-        found = {each.name: _extreme(each, known) for each in limits if not each.bounded}
+        found = {
+            limit.name: _extreme(limit, known)
+            for limit in physics.limits_in(physics.scenarios[0])
+            if not limit.bounded and np.isfinite(limit.end_of(limit.reported(known)))
+        }
         for name, load in placed(plant.blade, [(physics.rotor, known)]).items():
             remark = unasked(name, load, physics.case) or "not limited"
             own = found.get(name, Extreme(**load.model_dump(), remark=remark))

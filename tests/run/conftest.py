@@ -13,7 +13,7 @@ from hkt_mdo.dynamics.objectives import GeneratorEnergy
 from hkt_mdo.problem.evaluation import objective_at
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.summary import CheckEntry, PassEntry, Summary
+from hkt_mdo.results.summary import CheckEntry, PassEntry
 from hkt_mdo.run.checks import Checked
 from hkt_mdo.run.passes import optimize
 from hkt_mdo.run.state import RunState
@@ -49,11 +49,10 @@ def _solve(
 ) -> Solved:
     world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
-        state = RunState(world, Path(folder), False, Summary(success=False), folder)
+        state = RunState(world, Path(folder), False, scratch=folder)
         start = find_start(world, state.optimum)
         end = optimize(state, replace(start, reference=objective_at(world, start)))
-    parts = end.start, end.result, end.verifications, end.optimum
-    return Solved(*parts, world, state.passes)
+    return Solved(end.start, end.result, end.verifications, end.optimum, world, state.passes)
 
 
 @pytest.fixture(scope="session")

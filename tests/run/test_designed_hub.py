@@ -8,7 +8,7 @@ from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.run.iterate import read_iterate
+from hkt_mdo.run.state import read_iterate
 from hkt_mdo.run.verification import plant_of
 
 GAIN, MOST = 6.0, 4.0

@@ -11,10 +11,8 @@ from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import to_json
-from hkt_mdo.results.summary import Summary
-from hkt_mdo.run.iterate import as_data, read_iterate
 from hkt_mdo.run.run import resume_case, run_case
-from hkt_mdo.run.state import RunState
+from hkt_mdo.run.state import RunState, as_data, read_iterate
 from hkt_mdo.start.find import find_start, steady_optimum
 
 GUST = {"profile": "gust", "mean": 1.4, "amplitude": 0.4, "time": 6.0, "width": 8.0}
@@ -150,7 +148,7 @@ def test_a_run_is_resumed_with_its_branches(tmp_path, case):
 
 
 def test_a_run_goes_on_only_from_where_constraints_nearly_hold(tmp_path, whole):
-    state = RunState(whole[0], tmp_path, False, Summary(success=False), tmp_path)
+    state = RunState(whole[0], tmp_path, False)
     state.start = iterate(ONE)[2]
     state.point = lambda: state.start
     for infeasibility, saved in ((0.1, False), (1e-3, True)):
