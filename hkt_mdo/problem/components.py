@@ -26,27 +26,25 @@ class LoadComp(CurveComp):
         return 0.5 * density * inflow_speed[:, None] ** 2 * super().basis(**given)
 
 
-class TorqueRateComp(om.ExplicitComponent):
-    """Rate of the generator torque at the nodes of a phase, by each segment's polynomial.
+class LinearComp(om.ExplicitComponent):
+    """A matrix times the values of a quantity at the nodes of a phase.
 
-    Input control_torque, output torque_rate[num_nodes, 1]; `matrix` is
-    `Scenario.differentiation`.
+    Input `quantity`[num_nodes, 1], output `result`[n_rows, 1], in `unit`.
     """
 
-    def __init__(self, matrix: csr_array):
+    def __init__(self, matrix: csr_array, quantity: str, result: str, unit: str | None):
         super().__init__()
-        self._matrix = matrix
+        self._matrix, self._quantity, self._result, self._unit = matrix, quantity, result, unit
 
     def setup(self):
-        matrix = self._matrix.tocoo()
-        shape = matrix.shape[0], 1
-        self.add_input("control_torque", shape=shape, **QUANTITIES["control_torque"].meta)
-        self.add_output("torque_rate", shape=shape, **QUANTITIES["torque_rate"].meta)
+        (n_rows, n_nodes), matrix = self._matrix.shape, self._matrix.tocoo()
+        self.add_input(self._quantity, shape=(n_nodes, 1), **QUANTITIES[self._quantity].meta)
+        self.add_output(self._result, shape=(n_rows, 1), units=self._unit)
         rows, cols = matrix.coords
         self.declare_partials("*", "*", rows=rows, cols=cols, val=matrix.data)
 
     def compute(self, inputs, outputs):
-        outputs["torque_rate"] = self._matrix @ inputs["control_torque"]
+        outputs[self._result] = self._matrix @ inputs[self._quantity]
 
 
 def _add_known(component, name, place, n_times):

@@ -12,8 +12,8 @@ from hkt_mdo.problem.components import (
     AggregateComp,
     FormulaComp,
     IntegralComp,
+    LinearComp,
     LoadComp,
-    TorqueRateComp,
 )
 from hkt_mdo.problem.equilibrium import equilibrium_group
 from hkt_mdo.problem.evaluation import on_start, split
@@ -30,6 +30,10 @@ PULSE = 0.002
 """How much farther from its wake an open loop may be than its start, relatively."""
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
+UNUSED, USED = 0.2, 1e-2
+"""Relative distance of an open loop's optimum from a limit, beyond which it is not held on the next
+mesh, and within which it is held between the nodes, too: an optimizer that chooses the speed at the
+nodes exceeds a limit between them where it begins to bind (`river25_record` in pass after pass)."""
 
 
 def named(name: str, variant: str) -> str:
@@ -93,6 +97,9 @@ class OperationGroup(om.Group):
         physics, setup = self._physics, self._start
         scenario, ref, less = physics.scenarios[number], None, 0.0
         nodes = limited_nodes(limit, scenario)
+        excess = setup.excess.get((limit.name, scenario.name), np.array([-USED]))
+        if np.max(excess) < -UNUSED:
+            return
         if isinstance(limit, DistanceFromStall):
             nodes, ref = self._near_stall(limit, number), self._scales.torque
         elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
@@ -104,6 +111,8 @@ class OperationGroup(om.Group):
         name = constraint_of(physics, limit, number)
         if is_quantity(limit):
             self.add_constraint(name, indices=nodes, flat_indices=True, **options)
+            if np.any(excess > -USED):
+                self._hold_between(limit, scenario, excess > -USED, options)
             return
         self.add_constraint(name, **options)
         self._add_formula(name, limit, nodes.size, variant=physics.variant(scenario))
@@ -111,6 +120,18 @@ class OperationGroup(om.Group):
             target = f"{name.removesuffix('.value')}.{each}"
             at = {"src_indices": nodes, "flat_src_indices": True}
             self.connect(scenario.source(each), target, **at)
+
+    def _hold_between(self, limit, scenario, segments, options):
+        """Hold a limit on a quantity midway between the nodes of some segments."""
+        quantity, n = limit.inputs[0], scenario.nodes_per_segment - 1
+        matrix = scenario.between[np.repeat(segments, n)]
+        share = np.repeat(self._start.share(limit, scenario)[segments], n)
+        less = (1.0 - share) * abs(limit.upper)
+        options |= {"lower": limit.lower + less, "upper": limit.upper - less}
+        name = between_of(scenario, limit)
+        self.add_subsystem(name, LinearComp(matrix, quantity, "value", limit.unit))
+        self.connect(scenario.source(quantity), f"{name}.{quantity}")
+        self.add_constraint(f"{name}.value", **options)
 
     def _near_stall(self, limit, number):
         """Return the nodes of the number-th scenario where the start has settled and is near stall.
@@ -239,9 +260,10 @@ class OperationGroup(om.Group):
     def _add_rates(self):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
         asked = any(map(self._physics.asks_for, RATES))
+        about = "control_torque", "torque_rate", QUANTITIES["torque_rate"].unit
         for scenario in self._physics.scenarios if asked else ():
             name = f"rates_{scenario.name}"
-            self.add_subsystem(name, TorqueRateComp(matrix=scenario.differentiation))
+            self.add_subsystem(name, LinearComp(scenario.differentiation, *about))
             self.connect(scenario.source("control_torque"), f"{name}.control_torque")
 
     def _close_cycle(self, scenario):
@@ -325,6 +347,11 @@ def constraint_of(physics: Physics, limit: Limit, number: int = 0) -> str:
     if is_quantity(limit):
         return scenario.source(limit.inputs[0])
     return f"limit_{limit.name}{f'_{scenario.name}' * (number > 0)}.value"
+
+
+def between_of(scenario: Scenario, limit: Limit) -> str:
+    """Return the name of the component that holds a limit in a scenario between the nodes."""
+    return f"between_{limit.name}_{scenario.name}"
 
 
 def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:

@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import numpy as np
 from openmdao.utils.om_warnings import OMDeprecationWarning
-from scipy.sparse import block_diag, csr_array, diags_array, kron, lil_array
+from scipy.sparse import block_diag, csr_array, diags_array, eye_array, kron, lil_array
 
 from hkt_mdo.case import Phase
 from hkt_mdo.case.turbine import Condition
@@ -228,6 +228,13 @@ class Scenario:
         places, _ = self._places
         _, by_place = lagrange_matrices(places, places)
         return csr_array(kron(diags_array(2.0 / np.diff(self.edges)), by_place, format="csr"))
+
+    @cached_property
+    def between(self) -> csr_array:
+        """Matrix of values midway between the nodes, by each segment's polynomial through them."""
+        places, _ = self._places
+        values, _ = lagrange_matrices(places, 0.5 * (places[1:] + places[:-1]))
+        return csr_array(kron(eye_array(self.segments), values, format="csr"))
 
     @property
     def path(self) -> str:

@@ -76,8 +76,10 @@ class Division:
         return f"{what} too coarse{error}"
 
 
-def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics, dict]:
-    """Return the physics on a finer mesh, and the shares of lowered limits on it.
+def divided(
+    physics: Physics, division: Division, shares: dict, excess: dict
+) -> tuple[Physics, dict, dict]:
+    """Return the physics on a finer mesh, and shares and excess of limits on it, as in a `Setup`.
 
     A limit is not lowered in a segment that is divided: a finer mesh may need no lower limit.
     """
@@ -91,7 +93,20 @@ def divided(physics: Physics, division: Division, shares: dict) -> tuple[Physics
         (limit, name): np.repeat(np.where(parts_of[name] > 1, 1.0, share), parts_of[name])
         for (limit, name), share in shares.items()
     }
-    return replace(physics, scenarios=scenarios), shares
+    excess = {key: np.repeat(each, parts_of[key[1]]) for key, each in excess.items()}
+    return replace(physics, scenarios=scenarios), shares, excess
+
+
+def largest_excess(verifications: tuple[Verification, ...]) -> dict[tuple[str, str], np.ndarray]:
+    """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`."""
+    return {
+        (limit.name, each.scenario.name): np.max(
+            limit.excess(each.at_nodes).reshape(each.scenario.segments, -1), axis=1
+        )
+        for each in verifications
+        for limit in each.constrained
+        if not each.scenario.steady
+    }
 
 
 def lowered(

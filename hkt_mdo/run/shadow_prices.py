@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from hkt_mdo.dynamics.rotor_ode import FeedbackComp
-from hkt_mdo.problem.operation_group import constraint_of, limited_nodes
+from hkt_mdo.problem.operation_group import between_of, constraint_of
 from hkt_mdo.run.checks import Checked
 from hkt_mdo.solve.multipliers import State, gain, multipliers
 
@@ -56,15 +56,13 @@ def _with_more(result, limit, optimum) -> State:
     for number, scenario in enumerate(physics.scenarios):
         if limit.name not in {each.name for each in physics.limits_in(scenario)}:
             continue
-        if limit.constrains(physics.law):
-            rows = optimum.rows[constraint_of(physics, limit, number)]
-            share = result.setup.share_at(limit, scenario, limited_nodes(limit, scenario))
-        else:  # the bounds of a control
-            rows = optimum.rows[f"traj.{scenario.name}.controls:control_torque"]
-            share = np.min(result.setup.share(limit, scenario))
-        more = STEP * np.abs(upper[rows]) / share
-        upper[rows] += more
-        lower[rows] -= np.where(lower[rows] < 0.0, more, 0.0)  # of a range about zero
+        names = constraint_of(physics, limit, number), f"{between_of(scenario, limit)}.value"
+        if not limit.constrains(physics.law):  # the bounds of a control
+            names = (f"traj.{scenario.name}.controls:control_torque",)
+        for rows in (optimum.rows[name] for name in names if name in optimum.rows):
+            more = STEP * np.max(np.abs(upper[rows]))  # where it is not lowered
+            upper[rows] += more
+            lower[rows] -= np.where(lower[rows] < 0.0, more, 0.0)  # of a range about zero
     return replace(optimum, lower=lower, upper=upper)
 
 

@@ -146,6 +146,24 @@ def test_a_limit_is_narrowed_at_both_ends_where_it_is_exceeded_between_nodes():
     np.testing.assert_allclose(bounds["upper"].ravel(), 700.0 - narrowed)
 
 
+def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
+    world = coarse_physics(VARIANTS["open loop in speed"])
+    scenario, key = world.scenarios[0], ("control_torque", world.scenarios[0].name)
+
+    def held(last):
+        excess = {key: np.append(np.full(scenario.segments - 1, -0.5), last)}
+        problem, _ = assembled(world, excess=excess)
+        problem.run_model()
+        found = problem.driver.get_constraint_values(driver_scaling=False)
+        return problem, [each for name, each in found.items() if "torque" in name]
+
+    problem, (_, between) = held(-0.005)
+    torque = problem.get_val(scenario.source("control_torque")).ravel()[-3:]
+    parabola = np.polyfit([-1.0, 0.0, 1.0], torque, 2)
+    np.testing.assert_allclose(between, np.polyval(parabola, [-0.5, 0.5]))
+    assert [len(held(last)[1]) for last in (-0.005, -0.05, -0.5)] == [2, 1, 0]
+
+
 def test_a_limit_is_narrowed_at_one_speed_of_a_steady_scenario():
     flow = {"profile": "histogram", "speeds": [1.0, 1.1, 1.2], "hours": [1, 1, 1]}
     world = physics(load_case({"resource": flow, "control": "quadratic"}))

@@ -14,7 +14,7 @@ from hkt_mdo.dynamics.limits import (
     TipSpeedLimit,
     TorqueRateLimit,
 )
-from hkt_mdo.problem.components import FormulaComp, TorqueRateComp
+from hkt_mdo.problem.components import FormulaComp, LinearComp
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.loads import of_limit
@@ -54,7 +54,8 @@ def test_rate_of_the_torque_against_complex_step(transcription):
     phase = {"phase": {"segments": 5, "duration": 7, "transcription": transcription}}
     scenario = physics(load_case(CASE | phase)).scenarios[0]
     scenario = scenario.divided(1 + np.arange(scenario.segments) % 2)
-    rates, time = TorqueRateComp(matrix=scenario.differentiation), scenario.node_times
+    names = "control_torque", "torque_rate"
+    rates, time = LinearComp(scenario.differentiation, *names, "N*m/s"), scenario.node_times
     problem = checked(rates, 1e-10, 1e-12, control_torque=600.0 + 40.0 * time - 3.0 * time**2)
     found = problem.get_val("torque_rate", units="N*m/s")[:, 0]
     np.testing.assert_allclose(found, 40.0 - 6.0 * time, atol=1e-8)
