@@ -30,10 +30,13 @@ PULSE = 0.002
 """How much farther from its wake an open loop may be than its start, relatively."""
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
-UNUSED, USED = 0.2, 1e-2
+UNUSED = 0.2
 """Relative distance of an open loop's optimum from a limit, beyond which it is not held on the next
-mesh, and within which it is held between the nodes, too: an optimizer that chooses the speed at the
-nodes exceeds a limit between them where it begins to bind (`river25_record` in pass after pass)."""
+mesh: half of the time of `river25_record`, whose thrust and stress are far from their limits."""
+USED, BINDS = 1e-2, 1e-4
+"""Within the former a limit that an open loop has exceeded between nodes is held between them, too,
+unless it was within the latter at all nodes of a segment, where more rows would depend on the
+others. Lowered at the nodes alone, it was exceeded elsewhere in each pass (`river25_record`)."""
 
 
 def named(name: str, variant: str) -> str:
@@ -97,7 +100,8 @@ class OperationGroup(om.Group):
         physics, setup = self._physics, self._start
         scenario, ref, less = physics.scenarios[number], None, 0.0
         nodes = limited_nodes(limit, scenario)
-        excess = setup.excess.get((limit.name, scenario.name), np.array([-USED]))
+        key = limit.name, scenario.name
+        excess = setup.excess.get(key, np.zeros((1, 1)))
         if np.max(excess) < -UNUSED:
             return
         if isinstance(limit, DistanceFromStall):
@@ -111,8 +115,9 @@ class OperationGroup(om.Group):
         name = constraint_of(physics, limit, number)
         if is_quantity(limit):
             self.add_constraint(name, indices=nodes, flat_indices=True, **options)
-            if np.any(excess > -USED):
-                self._hold_between(limit, scenario, excess > -USED, options)
+            segments = np.any(excess > -USED, axis=1) & np.any(excess < -BINDS, axis=1)
+            if key in setup.shares and np.any(segments):
+                self._hold_between(limit, scenario, segments, options)
             return
         self.add_constraint(name, **options)
         self._add_formula(name, limit, nodes.size, variant=physics.variant(scenario))

@@ -21,7 +21,7 @@ from hkt_mdo.run.checked import checked, measured
 from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.refine import Division, divided, division, largest_excess, lowered
+from hkt_mdo.run.refine import Division, divided, division, excess_at_nodes, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -234,8 +234,7 @@ def refine(this: Pass) -> Task | None:
         if worst:
             over = 100.0 * worst
             reasons.append(f"a limit is exceeded between the nodes by {over:.2g} %")
-    chosen = not physics.law.is_feedback and not physics.remembers
-    excess = largest_excess(this.verifications) if chosen else {}
+    excess = excess_at_nodes(this.verifications)
     if divides:
         reasons.append(this.division.why)
         finer, shares, excess = divided(physics, this.division, shares, excess)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.operation_group import is_quantity
 from hkt_mdo.problem.scenario import too_large
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
@@ -93,20 +94,28 @@ def divided(
         (limit, name): np.repeat(np.where(parts_of[name] > 1, 1.0, share), parts_of[name])
         for (limit, name), share in shares.items()
     }
-    excess = {key: np.repeat(each, parts_of[key[1]]) for key, each in excess.items()}
+    excess = {key: np.repeat(x, parts_of[key[1]], axis=0) for key, x in excess.items()}
     return replace(physics, scenarios=scenarios), shares, excess
 
 
-def largest_excess(verifications: tuple[Verification, ...]) -> dict[tuple[str, str], np.ndarray]:
-    """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`."""
+def excess_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple[str, str], np.ndarray]:
+    """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`.
+
+    Of an open loop without memory: else no limit is left out, or held between the nodes.
+    """
     return {
-        (limit.name, each.scenario.name): np.max(
-            limit.excess(each.at_nodes).reshape(each.scenario.segments, -1), axis=1
+        (limit.name, each.scenario.name): limit.excess(each.at_nodes).reshape(
+            each.scenario.segments, -1
         )
         for each in verifications
         for limit in each.constrained
-        if not each.scenario.steady
+        if not each.scenario.steady and _chooses(each.physics)
     }
+
+
+def _chooses(physics: Physics) -> bool:
+    """Tell whether the optimizer chooses the operation at each node, without law or memory."""
+    return not (physics.law.is_feedback or physics.remembers)
 
 
 def lowered(
@@ -115,7 +124,8 @@ def lowered(
     """Return the shares of lowered limits, and the largest excess; 0 where none is lowered.
 
     Limits that are exceeded between nodes are lowered at these in the segments that need it.
-    Elsewhere a lower limit would only cost energy.
+    Elsewhere a lower limit would only cost energy. One that can be held between the nodes is, and
+    lowered only if that is not enough: its shares are 1 at first.
     """
     shares, worst = dict(setup.shares), 0.0
     for verification in verifications:
@@ -135,8 +145,11 @@ def lowered(
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
-                lower = np.where(over > 0.5 * most, reached * (1.0 - over), share)
-                shares[limit.name, verification.scenario.name] = lower
+                key, physics = (limit.name, verification.scenario.name), verification.physics
+                between = is_quantity(limit) and limit.constrains(physics.law)
+                if key in shares or not (between and _chooses(physics)):
+                    share = np.where(over > 0.5 * most, reached * (1.0 - over), share)
+                shares[key] = share
     return shares, worst
 
 

@@ -151,8 +151,9 @@ def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
     scenario, key = world.scenarios[0], ("control_torque", world.scenarios[0].name)
 
     def held(last):
-        excess = {key: np.append(np.full(scenario.segments - 1, -0.5), last)}
-        problem, _ = assembled(world, excess=excess)
+        excess = np.append(np.full(scenario.segments - 1, -0.5), last)[:, None]
+        shares = {key: np.ones(scenario.segments)}
+        problem, _ = assembled(world, excess={key: excess}, shares=shares)
         problem.run_model()
         found = problem.driver.get_constraint_values(driver_scaling=False)
         return problem, [each for name, each in found.items() if "torque" in name]
