@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
+from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import ExistingFile, Flaws, Quantity
 
