@@ -103,6 +103,8 @@ class Quantity:
         Unit, written ``N*m``, ``N m`` or ``Nm``, ``m**2`` or ``m^2``; None for a plain number.
     gt, ge, lt, le : float or None
         Bounds in that unit: greater than, at least, less than, at most.
+    word : str or None
+        What may be given in place of a quantity, and is left as it is.
     """
 
     unit: str | None = None
@@ -110,8 +112,9 @@ class Quantity:
     ge: float | None = None
     lt: float | None = None
     le: float | None = None
+    word: str | None = None
 
-    def read(self, value: object) -> float:
+    def read(self, value: object) -> Any:
         """Return what a case gives as a number in the quantity's unit.
 
         Parameters
@@ -121,14 +124,16 @@ class Quantity:
 
         Returns
         -------
-        float
-            A finite number within the bounds.
+        float or str
+            A finite number within the bounds, or the `word`.
 
         Raises
         ------
         pydantic_core.PydanticCustomError
             If it is not finite, the unit is unknown or of another kind, or a bound is broken.
         """
+        if self.word is not None and value == self.word:
+            return value
         if isinstance(value, bool) or not isinstance(value, str | numbers.Real):
             raise self._refuse("must be a number")
         try:
@@ -177,7 +182,8 @@ class Quantity:
     def form(self) -> str:
         """What may be given, in words."""
         of_unit = f"a number in {self.unit}, or a text with a unit of that kind"
-        return of_unit if self.unit else "a plain number, or per cent such as 12 %"
+        form = of_unit if self.unit else "a plain number, or per cent such as 12 %"
+        return f"{form}, or {self.word}" if self.word else form
 
     def _refuse(self, problem: str) -> PydanticCustomError:
         """Return an error whose remedy says what form the quantity has."""
@@ -191,7 +197,8 @@ class Quantity:
         pattern = _QUANTITY_TEXT.pattern[:-1] if self.unit else _PER_CENT.pattern
         given = {"unit": self.unit} | {word: getattr(self, name) for name, _, _, word in BOUNDS}
         known = {word: value for word, value in given.items() if value is not None}
-        return {"type": ["number", "string"], "pattern": f"^{pattern}$"} | known
+        number = {"type": ["number", "string"], "pattern": f"^{pattern}$"} | known
+        return {"anyOf": [number, {"enum": [self.word]}]} if self.word else number
 
 
 def ordered(bounds: tuple[float, float]) -> tuple[float, float]:

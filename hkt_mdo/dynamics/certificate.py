@@ -11,8 +11,6 @@ and the supremum of the integrand over speed and blade, at each instant, is a bo
 both ends, where the last term then vanishes. See docs/dev/numerics.md.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
@@ -26,30 +24,19 @@ LEAST = 0.1  # share of the flow's torque that a law is fitted to, if friction t
 GAINS, WIDEST, REFINEMENTS = 17, 5.0, 5  # gains tried, their range about a good one, refinements
 
 
-@dataclass(frozen=True, eq=False)
-class BestPower:
-    """The best power coefficient of a family of blades, by tip speed ratio.
-
-    power[n] bounds it at tip_speed_ratio[n], which rises; the inertia (kg m²) lies in inertia[2].
-    """
-
-    tip_speed_ratio: np.ndarray
-    power: np.ndarray
-    inertia: tuple[float, float]
-
-
 class Certificate:
     """Upper bounds on the captured energy, J, of every blade of a family in a passing inflow.
 
-    best is the family's `BestPower`; friction (N*m) is a function of the rotor speed (rad/s). The
-    bounds hold at tip speed ratios within those of `best`. The flow is sampled by Gauss's rule,
+    power[n] bounds the power coefficient of the family at tip speed ratios ratio[n], which rise and
+    within which the bounds hold; its inertia (kg m²) lies between the two of `inertia`. friction
+    (N*m) is a function of the rotor speed (rad/s). The flow is sampled by Gauss's rule,
     four points in segments with rising edges (s), which resolve it, and in the ramps at both ends:
     time (s, since the first edge), weights (s), speed (m/s) and rate (m/s²). Powers are over a grid
     of flow speeds (axis 0) and tip speed ratios (axis 1).
     """
 
-    def __init__(self, best, inflow, edges, density, rotor_radius, friction):
-        self.best, self.friction = best, friction
+    def __init__(self, ratio, power, inertia, inflow, edges, density, rotor_radius, friction):
+        self.ratio, self.power, self.inertia, self.friction = ratio, power, inertia, friction
         self.density, self.radius = density, rotor_radius
         ends = np.array([0.0, 0.5 * RAMP, RAMP])
         edges = np.union1d(np.union1d(edges, edges[0] + ends), edges[-1] - ends)
@@ -61,7 +48,7 @@ class Certificate:
         low, high = self.speed.min(), self.speed.max()
         margin = 1e-3 * high
         self.flow = np.linspace(low - margin, high + margin, SPEEDS)
-        self.rotor_speed = best.tip_speed_ratio * self.flow[:, None] / rotor_radius
+        self.rotor_speed = ratio * self.flow[:, None] / rotor_radius
         self.scale = power_scale(density, rotor_radius, self.flow)[:, None]
 
     def of_limit(self, torque_limit):
@@ -73,10 +60,10 @@ class Certificate:
 
         For gains within a factor `WIDEST` of the one that is best in steady flow.
         """
-        place = np.argmax(self.best.power)
+        place = np.argmax(self.power)
         middle = np.cbrt(self.weights @ self.speed**3 / self.weights.sum())
-        speed = self.best.tip_speed_ratio[place] * middle / self.radius
-        torque = power_scale(self.density, self.radius, middle) * self.best.power[place] / speed
+        speed = self.ratio[place] * middle / self.radius
+        torque = power_scale(self.density, self.radius, middle) * self.power[place] / speed
         held = max(torque - self.friction(speed), LEAST * torque)
         fitted = law.fit(np.array([speed]), np.array([held]))
 
@@ -131,17 +118,17 @@ class Certificate:
 
     def _supremum(self, generated, flow, theta, rate, balanced, mean):
         """Return the supremum of the integrand over power_scale at flow speeds."""
-        speed = self.best.tip_speed_ratio * flow[:, None] / self.radius
+        speed = self.ratio * flow[:, None] / self.radius
         scale = power_scale(self.density, self.radius, flow)[:, None]
         theta = theta[:, None]
         storing = 0.5 * rate[:, None] * (speed**2 - balanced(flow)[:, None] ** 2) + mean
-        low, high = self.best.inertia
+        low, high = self.inertia
         stored = np.maximum(low * storing, high * storing)
-        return peak(((1.0 - theta) * generated(speed) + stored) / scale + theta * self.best.power)
+        return peak(((1.0 - theta) * generated(speed) + stored) / scale + theta * self.power)
 
     def _multiplier(self, braking, most):
         """Return the multiplier with the least bound in steady flow, and the speed there."""
-        power = self.best.power
+        power = self.power
         low, high = np.full(SPEEDS, 1e-3), np.full(SPEEDS, 2.0 * most)
         rows = np.arange(SPEEDS)
         for _ in range(BISECTIONS + 1):

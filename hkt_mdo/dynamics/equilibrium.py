@@ -114,6 +114,4 @@ def _driving(plant, flow, ratios):
     if plant.polar.follows_reynolds:
         both = np.outer(flow / radius, ratios).ravel(), np.repeat(flow, ratios.size)
         return plant.torque(*both).reshape(flow.size, -1)
-    one = np.full(ratios.size, 1.0)
-    coefficient = plant.torque(ratios / radius, one) / torque_scale(plant.density, radius, 1.0)
-    return np.outer(torque_scale(plant.density, radius, flow), coefficient)
+    return np.outer(torque_scale(plant.density, radius, flow), plant.coefficient(ratios))

@@ -72,10 +72,6 @@ class Law(Section):
         """Unit and description of each gain, by its name in the model."""
         return {f"gain_{i}": (unit, "feedback gain") for i, unit in enumerate(self.gain_units)}
 
-    def with_torque_limit(self, limit: float | None) -> Self:
-        """Return the same law with another limit of the torque, N*m; None: none."""
-        return self.model_copy(update={"torque_limit": limit})
-
     def applied(self, factor: float) -> Self:
         """Return the same law; the torque on the rotor is that of the law times a factor."""
         law = self.model_copy()

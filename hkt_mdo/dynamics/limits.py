@@ -208,28 +208,13 @@ class RootMomentLimit(Limit, of="root_moment"):
     """Largest flapwise root moment of one blade."""
 
 
-class _Stress(Quantity):
-    """A stress, or the one that the blade's material allows."""
-
-    @property
-    def form(self) -> str:
-        return f"{super().form}, or {ALLOWABLE}"
-
-    def read(self, value: object) -> Any:
-        return value if value == ALLOWABLE else super().read(value)
-
-    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        number = super().__get_pydantic_json_schema__(core, handler)
-        return {"anyOf": [number, {"enum": [ALLOWABLE]}]}
-
-
 class StressLimit(Limit):
     """Largest stress in a blade, from its first station outwards (docs/rotor_model.md)."""
 
     name: ClassVar[str] = "stress"
     unit: ClassVar[str | None] = "Pa"
 
-    bound: Annotated[Any, _Stress("Pa", gt=0)]
+    bound: Annotated[Any, Quantity("Pa", gt=0, word=ALLOWABLE)]
     """Largest stress, or `allowable`, that of `rotor.material`; apply a safety factor yourself."""
     weight: Annotated[bool, Strict()] = False
     """Whether the largest stress by the blade's weight in water is added, which changes its sign in

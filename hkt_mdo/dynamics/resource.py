@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalConstituent, TidalInflow
+from hkt_mdo.dynamics.flows import SLOWEST, Inflow, TidalInflow
 from hkt_mdo.errors import InputError
 from hkt_mdo.sections import ExistingFile, Flaws, Quantity
 
@@ -381,28 +381,21 @@ class DistributionResource(Resource):
         return speed.ravel(), share.ravel() / np.sum(share)
 
 
-class TidalResource(Resource):
+class TidalResource(TidalInflow, Resource):
     """The tide of a year, from its constituents.
 
     v = scale (mean + sum_k amplitude_k cos(2 pi t/period_k - phase_k)), sampled every ten minutes
     over some years from t = 0.
     """
 
-    profile: Literal["tidal_year"] = "tidal_year"
+    profile: Literal["tidal_year"] = "tidal_year"  # type: ignore[assignment]
     """The kind of resource."""
-    mean: Annotated[float, Quantity("m/s")] = 0.0
-    """Mean (residual) current, before scaling."""
-    constituents: Annotated[tuple[TidalConstituent, ...], Field(min_length=1, max_length=100)]
-    """The tide's constituents, a list such as `[{name: M2, amplitude: 2, phase: 30 deg}]`."""
-    scale: Annotated[float, Quantity(gt=0)] = 1.0
-    """Factor on the whole flow."""
     years: Annotated[float, Quantity(ge=0.05, le=20)] = 1.0
     """Years that are sampled."""
 
     def occurrence(self):
-        tide = TidalInflow(mean=self.mean, constituents=self.constituents, scale=self.scale)
         count = int(self.years * YEAR / TIDE_STEP)
         speed = np.concatenate(
-            [tide.speed_at(TIDE_STEP * part) for part in np.array_split(np.arange(count), 20)]
+            [self.speed_at(TIDE_STEP * part) for part in np.array_split(np.arange(count), 20)]
         )
         return speed, np.full(count, 1.0 / count)

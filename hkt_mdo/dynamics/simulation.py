@@ -31,7 +31,6 @@ WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they a
 FAILURES = 100, 4  # of Newton's method at most, and for each step that is solved
 AWAY = 1.5  # tip speed ratio over the first one, above which a rotor has run away
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
-GROWTH = 4.0  # of the first step of a window over the last one before it, with memory
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 
 
@@ -396,11 +395,10 @@ class _Motion:
     def march(self, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
         edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
-        paths, energies, last, begun, start = [], np.zeros(4), None, edges.size, self.start
+        paths, energies, begun, start = [], np.zeros(4), edges.size, self.start
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
-            fine = self._graded(self._divided_by_flow(window), last)
-            found = self._solve(fine, start, energies[0])
+            found = self._solve(self._divided_by_flow(window), start, energies[0])
             if found and (stop := self._standstill(found[0])) is not None:
                 found = self._solve(stop, start, energies[0])
             if not found:
@@ -415,7 +413,6 @@ class _Motion:
                     count = 1
                 continue
             path, work = found
-            last = path.x[-1] - path.x[-2]
             paths.append(path)
             energies += work
             start = path(path.x[-1])
@@ -443,18 +440,6 @@ class _Motion:
         inside = inside[np.diff(inside, prepend=begin) > near]
         ends = np.concatenate(([begin], inside, [end]))
         return radau.divided(ends, np.maximum(np.ceil(np.diff(ends) / longest - 1e-6), 1.0))
-
-    def _graded(self, edges, last):
-        """Let steps of a wake with memory grow from the last one, s, after which it may still run.
-
-        There are two time scales: the rotor's, hundredths of a second, and that of its wake,
-        seconds.
-        """
-        if last is None or self.plant.wake is None:
-            return edges
-        longest = GROWTH * last + 0.5 * (edges[:-1] - edges[0])
-        parts = np.ceil(np.diff(edges) / longest - 1e-6)
-        return radau.divided(edges, np.clip(parts, 1, 64))
 
     def _divided_by_flow(self, edges):
         """Halve the steps in which the flow is no polynomial through the nodes."""

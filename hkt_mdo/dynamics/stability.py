@@ -14,7 +14,6 @@ j adds in the end. With the controller's U(s), the loop has J s = G(s) - U(s).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -97,7 +96,7 @@ class Loop:
         found[:, fast, fast] = -chain
         return found
 
-    @cached_property
+    @property
     def growth(self) -> np.ndarray:
         """Largest real part of the loop's eigenvalues, 1/s, (n,); it is stable below 0."""
         return self._growth(self.inertia)
@@ -125,7 +124,7 @@ class Loop:
     def _growth(self, inertia):
         return np.linalg.eigvals(self.matrix(inertia)).real.max(axis=1)
 
-    @cached_property
+    @property
     def least_inertia(self) -> np.ndarray:
         """Inertia above which the loop is stable, kg*m**2, (n,); infinite where no inertia is.
 

@@ -1,7 +1,6 @@
 """The tables of a result as CSV, JSON and NetCDF: blade, coefficients, operation, loads, series."""
 
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -116,7 +115,6 @@ class Netcdf(_Tables):
         return {"result.nc": bytes(tree.to_netcdf(engine="netcdf4"))}
 
 
-@lru_cache(maxsize=1)
 def tables(design: Design, flow_range: tuple[float, float] | None = None) -> list[Table]:
     """Return all tables of a result.
 
@@ -130,8 +128,7 @@ def tables(design: Design, flow_range: tuple[float, float] | None = None) -> lis
     Returns
     -------
     list of Table
-        With several scenarios, tables of one scenario end with its name. The tables are cached
-        until another result is exported, since several formats use them.
+        With several scenarios, tables of one scenario end with its name.
     """
     steady, scenarios = steady_operation(design, flow_range), design.solution.tables
     found = [_design(design), _blade(design), _coefficients(design)]

@@ -172,7 +172,7 @@ def physics(case: Case) -> Physics:
     if limit is not None and limit > most:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
-        control = control.with_torque_limit(None)
+        control = control.model_copy(update={"torque_limit": None})
     limits = _limits(case, shape, control.torque_limit)
     made = Physics(
         case,

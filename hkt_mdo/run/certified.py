@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.certificate import RAMP, BestPower, Certificate, between, peak
+from hkt_mdo.dynamics.certificate import RAMP, Certificate, between, peak
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.rotor import bem
@@ -44,10 +44,10 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     best, friction = _best_power(physics, optimum), physics.case.generator.friction
 
     def at(inertia):
-        total, family = 0.0, replace(best, inertia=inertia)
+        total = 0.0
         for scenario in physics.scenarios:
             about = scenario.inflow, scenario.edges, physics.density, shape.blade.rotor_radius
-            certificate = Certificate(family, *about, friction)
+            certificate = Certificate(*best, inertia, *about, friction)
             # the torque of a law under a limit lies between zero and the limit
             found = [certificate.of_limit(limit)] if limit is not None else []
             if known is not None:
@@ -56,7 +56,8 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
         return total
 
     if not shape.designs_chord:
-        return min(at(best.inertia), bound)
+        inertia = physics.rotor.mass_and_inertia(physics.blade)[1]
+        return min(at((inertia, inertia)), bound)
     lightest, heaviest = _inertia_of_heavy(physics, optimum)
     level = 1.0 - NEAR
     found = at((lightest, heaviest(level)))
@@ -67,7 +68,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
 
 
 def _best_power(physics, optimum):
-    """Return the `BestPower` of a case's blades, with the inertia of the blade as given."""
+    """Return tip speed ratios, rising, and the best power coefficients of a case's blades there."""
     shape, blade, peak = physics.shape, physics.blade, optimum.tip_speed_ratio
     upper = min(1.6 * peak, HIGHEST - 1.0)
     ratios = np.concatenate(
@@ -89,8 +90,7 @@ def _best_power(physics, optimum):
     else:
         power = physics.rotor.coefficients(blade, ratios).power
     fine = np.interp(np.arange(3 * ratios.size - 2) / 3.0, np.arange(ratios.size), ratios)
-    power = between(ratios, power, fine)
-    return BestPower(fine, power, 2 * (physics.rotor.mass_and_inertia(blade)[1],))
+    return fine, between(ratios, power, fine)
 
 
 def _inertia_of_heavy(physics, optimum):

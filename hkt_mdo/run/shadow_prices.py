@@ -72,7 +72,7 @@ def _with_other_saturation(problem) -> State:
     laws = [each.law for each in controllers]
     try:
         for each, law in zip(controllers, laws, strict=True):
-            each.law = law.with_torque_limit((1.0 + STEP) * law.torque_limit)
+            each.law = law.model_copy(update={"torque_limit": (1.0 + STEP) * law.torque_limit})
         problem.run_model()
         return State.of(problem.driver)
     finally:

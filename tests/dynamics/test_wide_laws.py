@@ -220,5 +220,5 @@ def test_a_curve_reaches_open_loop_as_its_knots_grow(table):
 )
 def test_partials(law, gains, limit):
     values = {f"gain_{i}": gain for i, gain in enumerate(gains)}
-    component = FeedbackComp(num_nodes=40, law=law.with_torque_limit(limit))
+    component = FeedbackComp(num_nodes=40, law=law.model_copy(update={"torque_limit": limit}))
     checked(component, 1e-10, 1e-12, rotor_speed=SPEED, **values)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.dynamics.certificate import BestPower, Certificate
+from hkt_mdo.dynamics.certificate import Certificate
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.physics import physics
@@ -48,8 +48,8 @@ def test_a_cut_sine_is_what_is_left_of_it():
         assert np.sum(scenario.inflow.cubes(scenario.edges)) == pytest.approx(expected, rel=1e-10)
         nodes = scenario.node_weights @ flow(scenario.node_times) ** 3
         assert nodes == pytest.approx(expected, rel=1e-5)
-        best = BestPower(np.ones(3), np.ones(3), (1.0, 1.0))
-        passing = Certificate(best, scenario.inflow, scenario.edges, 1.0, 1.0, None)
+        best = np.ones(3), np.ones(3), (1.0, 1.0)
+        passing = Certificate(*best, scenario.inflow, scenario.edges, 1.0, 1.0, None)
         assert passing.weights @ passing.speed**3 == pytest.approx(expected, rel=1e-5)
         np.testing.assert_allclose(passing.time.min() + passing.time.max(), end - begin)
         assert np.max(flow(scenario.samples)) <= 1.6 * (1.0 + 1e-11)

@@ -1,7 +1,5 @@
 """The certificate: no design and no operation within the case's bounds captures more."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -34,9 +32,10 @@ def _simulated(world, blade, torque, speed):
     return simulate(plant, world.inflow, torque, speed, np.linspace(0.0, 60.0, 601), 1.0).energy
 
 
-def _certificate(world, best):
+def _certificate(world, optimum, inertia):
     about = world.density, world.blade.rotor_radius, world.case.generator.friction
-    return Certificate(best, world.inflow, np.linspace(0.0, 60.0, 61), *about)
+    best = *_best_power(world, optimum), (inertia, inertia)
+    return Certificate(*best, world.inflow, np.linspace(0.0, 60.0, 61), *about)
 
 
 # Theory
@@ -51,7 +50,8 @@ def test_without_a_limit_it_is_the_quasi_steady_bound(law):
 def test_quadratic_feedback_without_a_limit_leaves_no_duality_gap():
     world = _world("quadratic", None)
     optimum, bound, _ = _certified(world)
-    found = _certificate(world, _best_power(world, optimum)).of_law(QuadraticFeedback())
+    inertia = world.rotor.mass_and_inertia(world.blade)[1]
+    found = _certificate(world, optimum, inertia).of_law(QuadraticFeedback())
     assert found == pytest.approx(bound, rel=2e-5)
 
 
@@ -87,8 +87,7 @@ def test_no_torque_history_captures_more():
 def test_a_heavy_rotor_stores_more_than_a_light_one_can_capture_but_not_more_than_its_own_bound():
     world = _world("open_loop", 300.0, rotor={"hub_inertia": 2e4}, design={"blade": "fixed"})
     optimum, bound, certified = _certified(world)
-    light = replace(_best_power(world, optimum), inertia=(0.0, 0.0))
-    decoupled = _certificate(world, light).of_limit(300.0)
+    decoupled = _certificate(world, optimum, 0.0).of_limit(300.0)
     simulated = _simulated(world, world.blade, lambda _, w: 300.0 + 0.0 * w, 5.0)
     assert decoupled < simulated <= certified <= bound
 

@@ -156,7 +156,7 @@ def lower_bound_of_the_energy(solved):
 
 def smaller_generator(solved):
     """The certificate takes the limit from the physics, all other checks from the limits."""
-    law = solved.physics.law.with_torque_limit(0.9 * 700.0)
+    law = solved.physics.law.model_copy(update={"torque_limit": 0.9 * 700.0})
     return with_result(solved, physics=replace(solved.physics, law=law))
 
 

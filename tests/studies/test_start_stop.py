@@ -13,7 +13,7 @@ from hkt_mdo.studies.start_stop import FIRST, start_and_stop
 
 def limited(design, torque):
     """Return a design with another limit of its torque."""
-    law = design.law.with_torque_limit(torque)
+    law = design.law.model_copy(update={"torque_limit": torque})
     return replace(design, physics=replace(design.physics, law=law))
 
 
