@@ -78,8 +78,8 @@ def report_polars(
     write_new({table_file: table, figure_file: picture}, force)
     return [
         f"{name}: thickness {outline.thickness:.4f} c, area {outline.area:.4f} c²; second moments "
-        f"about the chord line {outline.second_moments.xx:.3e} c⁴, across it "
-        f"{outline.second_moments.yy:.3e} c⁴",
+        f"about the chord line {outline.second_moments[0]:.3e} c⁴, across it "
+        f"{outline.second_moments[1]:.3e} c⁴",
         conditions,
         *map(_confidence_line, polars),
         f"polars: {table_file}",

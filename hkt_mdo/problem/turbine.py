@@ -15,7 +15,7 @@ from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.shipped import shipped_names, shipped_rotor
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.outline import Outline, SecondMoments
+from hkt_mdo.rotor.outline import Outline
 from hkt_mdo.rotor.polars import ByStation, Polars
 from hkt_mdo.rotor.reynolds import LocalReynolds
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, material_section
@@ -102,7 +102,7 @@ class _Section(NamedTuple):
     area: float | None
     outline: Outline
     wall: float | None = None
-    moments: SecondMoments | None = None
+    moments: tuple[float, float, float] | None = None
     name: str = ""
     shape: str = ""
     called: str = ""
@@ -425,7 +425,7 @@ def _section(rotor, polars, outline, thickness, entry, *names) -> _Section:
     if outline is None:
         own = own.stretched(thickness / own.thickness)
     wall, area, by = (getattr(entry, name, None) for name in ("wall", "area", "second_moments"))
-    moments = by and SecondMoments(by.flapwise, by.edgewise, by.product)
+    moments = by and (by.flapwise, by.edgewise, by.product)
     return _Section(polars, thickness, area, own, wall or rotor.wall, moments, *names)
 
 
@@ -467,7 +467,7 @@ def _mixed(inner: _Section, outer: _Section, share: float) -> _Section:
         inner.area and linear(inner.area, outer.area),
         inner.outline.blend(outer.outline, share),
         inner.wall and linear(inner.wall, outer.wall),
-        inner.moments and SecondMoments(*map(linear, inner.moments, outer.moments)),
+        inner.moments and tuple(map(linear, inner.moments, outer.moments)),
     )
 
 

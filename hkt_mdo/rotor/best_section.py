@@ -20,7 +20,6 @@ the chord. Roots that BEM would not choose, as a smaller one exists, only raise 
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -32,17 +31,6 @@ NARROWINGS = 24  # of a bracket, each by 0.618
 TWISTS = 91  # of the search where the chord is at a bound
 MOST_MINIMA = 64  # most minima of delta that are examined, the lowest first
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-
-
-class BestSections(NamedTuple):
-    """Best tangential load (m, as in `hkt_mdo.rotor.bem.Sections`), its chord and its twist.
-
-    Arrays are of shape (n_points, n_stations), chord in m, twist in rad.
-    """
-
-    load: np.ndarray
-    chord: np.ndarray
-    twist: np.ndarray
 
 
 @compiled(error_model="numpy")
@@ -217,7 +205,7 @@ def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
 
 
 def best_sections(blade, polar, tip_speed_ratio, bounds):
-    """Return the `BestSections` over chord (m) and twist (rad) within their bounds.
+    """Return the best tangential loads over chord (m) and twist (rad) within their bounds.
 
     Blade, polar (a `Polar` or `ByStation`) and tip_speed_ratio[n_points] are those of
     `hkt_mdo.rotor.bem.sections`.
@@ -235,8 +223,8 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
 
     Returns
     -------
-    BestSections
-        Arrays (n_points, n_stations).
+    ndarray of shape (3, n_points, n_stations)
+        The loads (m, as in `hkt_mdo.rotor.bem.Sections`), their chords (m) and twists (rad).
     """
     points = bem._points(tip_speed_ratio)
     r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar, points)
@@ -255,4 +243,4 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
         ).tangential_load.reshape(few.size, 2, TWISTS)
         station = r[j], *ends
         _at_bounds(lambda_r[:, j], few, station, polar_j, chords, twists, loads, out[:, :, j])
-    return BestSections(*out)
+    return out

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,18 +9,6 @@ from hkt_mdo.files.outline import read_outline
 
 # Where both sides of an outline are blended, as fractions of the chord: crowded towards both edges
 FRACTIONS = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, 201)))
-
-
-class SecondMoments(NamedTuple):
-    """Second moments of area over the fourth power of the chord, about the centroid.
-
-    xx = integral of y² dA (bending about the chord line: flapwise), yy = integral of x² dA
-    (edgewise), xy = integral of x y dA.
-    """
-
-    xx: float
-    yy: float
-    xy: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,19 +99,20 @@ class Outline:
 
     @cached_property
     def second_moments(self):
-        """`SecondMoments` about the centroid, exact for the polygon.
+        """Second moments of area about the centroid, exact for the polygon.
 
-        Sums over the sides of cross (a² + a b + b²) / 12 with cross = x0 y1 - x1 y0 (Green's
-        theorem), taken with the centroid as origin.
+        xx = integral of y² dA (bending about the chord line: flapwise), yy = integral of x² dA
+        (edgewise), xy = integral of x y dA: sums over the sides of cross (a² + a b + b²) / 12 with
+        cross = x0 y1 - x1 y0 (Green's theorem), taken with the centroid as origin.
 
         Returns
         -------
-        SecondMoments
-            Over chord to the fourth power.
+        tuple of float
+            xx, yy and xy over chord to the fourth power.
         """
         x, y, next_x, next_y, cross = self._sides(*self.centroid)
         cross = cross * np.sign(np.sum(cross))
-        return SecondMoments(
+        return (
             float(np.dot(cross, y * y + y * next_y + next_y * next_y)) / 12.0,
             float(np.dot(cross, x * x + x * next_x + next_x * next_x)) / 12.0,
             float(np.dot(cross, x * (2.0 * y + next_y) + next_x * (y + 2.0 * next_y))) / 24.0,

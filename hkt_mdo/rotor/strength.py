@@ -77,7 +77,7 @@ class Structure:
         wall : float or array_like of shape (n_stations,), optional
             Thickness of a hollow section's wall over the chord; None: solid.
         given : array_like of shape (n_outlines, 1 or 4), optional
-            Area over chord squared, or area and `SecondMoments`.
+            Area over chord squared, or area and second moments as `Outline.second_moments`.
 
         Returns
         -------
@@ -390,7 +390,7 @@ def _largest(u, v, points):
 
 
 def material_section(outline, wall=None):
-    """Return area, `SecondMoments` and points[n, 2] of a solid or hollow section.
+    """Return area, second moments and points[n, 2] of a solid or hollow section.
 
     Over powers of the chord, about the centroid of its material; the points are the outline's. wall
     is the thickness of the wall over the chord, None for a solid section.
@@ -406,8 +406,8 @@ def material_section(outline, wall=None):
     -------
     area : float
         Over chord squared.
-    moments : SecondMoments
-        Over chord to the fourth power.
+    moments : tuple of float
+        As `Outline.second_moments`.
     points : ndarray of shape (n, 2)
         Those of the outline from the centroid, over the chord.
     """

@@ -79,7 +79,7 @@ def _best_power(physics, optimum):
         )
     )
     if shape.designs_chord:
-        load = best_sections(blade, physics.rotor.polar, ratios, shape.bounds).load
+        load, *_ = best_sections(blade, physics.rotor.polar, ratios, shape.bounds)
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         angles = np.linspace(*shape.bounds["twist"], ANGLES)
@@ -112,12 +112,12 @@ def _inertia_of_heavy(physics, optimum):
     prices = PRICES * optimum.power_coefficient / physics.rotor.mass_and_inertia(best)[1]
     ratios = optimum.tip_speed_ratio * np.linspace(0.25, 1.3, RATIOS)
     weights = bem.torque_weights(blade)
-    whole = best_sections(blade, physics.rotor.polar, ratios, bounds)
+    best_load, best_chord, _ = best_sections(blade, physics.rotor.polar, ratios, bounds)
     chords = np.geomspace(*bounds["chord"], CHORDS + 1)
     twists = np.linspace(*bounds["twist"], TWISTS)
     sums = np.zeros((prices.size, RATIOS))
     for j, r in enumerate(blade.r):
-        first = np.searchsorted(chords[:-1], whole.chord[:, j].min(), side="right")
+        first = np.searchsorted(chords[:-1], best_chord[:, j].min(), side="right")
         load = np.full((RATIOS, CHORDS), -np.inf)
         if first < CHORDS:  # else the largest chord is the best, and there are none beyond it
             chord, twist = (
@@ -128,8 +128,8 @@ def _inertia_of_heavy(physics, optimum):
             # the increase between twists, by a parabola; then the best of this and larger chords
             load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
             load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]
-        load = np.where(chords[:-1] <= whole.chord[:, j, None], whole.load[:, j, None], load)
-        load = np.minimum(load, whole.load[:, j, None])
+        load = np.where(chords[:-1] <= best_chord[:, j, None], best_load[:, j, None], load)
+        load = np.minimum(load, best_load[:, j, None])
         shares = ratios[:, None] * weights[j] * load
         grown = 0.5 * slope[j] * chords[1:] ** 2
         sums += np.max(shares + prices[:, None, None] * grown, axis=2)

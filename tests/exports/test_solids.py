@@ -87,8 +87,8 @@ def volume_of(design):
 
 
 def principal_angle(outline):
-    moments = outline.second_moments
-    return 0.5 * np.arctan2(2.0 * moments.xy, moments.yy - moments.xx)
+    xx, yy, xy = outline.second_moments
+    return 0.5 * np.arctan2(2.0 * xy, yy - xx)
 
 
 @pytest.mark.parametrize("hub", ["none", "cylinder"])

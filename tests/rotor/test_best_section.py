@@ -26,10 +26,10 @@ def shipped(request):
 
 def test_without_a_binding_bound_every_angle_of_attack_has_the_best_lift_to_drag(blade, polar):
     found = best_sections(blade, polar, 7.0, {"chord": (1e-4, 10.0), "twist": (-3.0, 3.0)})
-    phi = bem.sections(blade.with_shape(found.chord[0], found.twist[0]), polar, 7.0).inflow_angle[0]
+    phi = bem.sections(blade.with_shape(*found[1:, 0]), polar, 7.0).inflow_angle[0]
     alpha = np.linspace(-0.1, 0.3, 40001)
     lift, drag = polar.evaluate(alpha)
-    np.testing.assert_allclose(phi - found.twist[0], alpha[np.argmax(lift / drag)], atol=1e-4)
+    np.testing.assert_allclose(phi - found[2, 0], alpha[np.argmax(lift / drag)], atol=1e-4)
 
 
 @pytest.mark.parametrize("chords", [(0.01, 1.0), (0.3, 2.5), (0.1, 0.101)])
@@ -44,10 +44,10 @@ def test_no_section_of_a_grid_is_better(shipped, chords, twists):
     for j in range(0, blade.r.size, 4):
         strip = replace(blade, r=np.full(chord.size, blade.r[j]), chord=chord, twist=twist)
         load = bem.sections(strip, polar.at_station(j), ratios).tangential_load
-        assert np.all(load.max(axis=1) <= found.load[:, j] + 1e-12)
-        own = replace(blade, r=blade.r[[j] * 5], chord=found.chord[:, j], twist=found.twist[:, j])
+        assert np.all(load.max(axis=1) <= found[0, :, j] + 1e-12)
+        own = replace(blade, r=blade.r[[j] * 5], chord=found[1, :, j], twist=found[2, :, j])
         reached = bem.sections(own, polar.at_station(j), ratios).tangential_load.diagonal()
-        chosen = reached > found.load[:, j] - 1e-9  # else BEM takes another root
+        chosen = reached > found[0, :, j] - 1e-9  # else BEM takes another root
         assert np.all(chosen[1:])
 
 
@@ -57,7 +57,7 @@ def test_the_bound_of_a_blade_with_a_cylindrical_root_is_the_sum_of_its_best_sec
     world = physics(load_case(STEADY | turbine))
     best = best_rotor(world.blade, world.rotor.polar, world.shape.bounds)
     for ratio in np.append(np.linspace(5.0, 15.0, 11), best.tip_speed_ratio):
-        load = best_sections(world.blade, world.rotor.polar, ratio, world.shape.bounds).load[0]
+        load = best_sections(world.blade, world.rotor.polar, ratio, world.shape.bounds)[0, 0]
         power = ratio * bem.torque_weights(world.blade) @ load
         assert power <= best.power_coefficient + 1e-9
     assert power == pytest.approx(best.power_coefficient, abs=1e-12)
