@@ -261,8 +261,8 @@ class SteadyVerification(Verification):
     simulated_rates = Verification.rates_at_nodes  # none
 
     @cached_property
-    def simulated(self):
-        return super().simulated | {"steady": True}
+    def scalars(self):
+        return super().scalars | {"steady": True}
 
     def integral(self, values):
         return float(self.scenario.node_weights @ values)
