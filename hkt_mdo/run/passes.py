@@ -214,7 +214,7 @@ def refine(this: Pass) -> Task | None:
     """Refine what the integration of an optimum shows to be too coarse.
 
     That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
-    are lowered at the nodes of segments that are not divided.
+    are held between them, or lowered at the nodes of segments that are not divided.
     """
     if this.is_last or not this.converged or this.runs_away:
         return None
@@ -232,8 +232,7 @@ def refine(this: Pass) -> Task | None:
     if settled or not divides:
         shares, worst = lowered(setup, this.verifications)
         if worst:
-            over = 100.0 * worst
-            reasons.append(f"a limit is exceeded between the nodes by {over:.2g} %")
+            reasons.append(f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %")
     excess = excess_at_nodes(this.verifications)
     if divides:
         reasons.append(this.division.why)
