@@ -104,7 +104,7 @@ class CasadiIpoptDriver(ReportingDriver):
         # IPOPT's own OpenBLAS, which is loaded here and which threadpoolctl does not know: its
         # threads took a third more time of two cores, waiting for each other
         with patch.dict(os.environ, OPENBLAS_NUM_THREADS="1"):
-            casadi.load_nlpsol("ipopt")
+            casadi.has_nlpsol("ipopt")
 
         _, lower, upper = self._scaled("design_var")
         _, lower_g, upper_g = self._scaled("constraint")
