@@ -33,10 +33,12 @@ FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance 
 UNUSED = 0.2
 """Relative distance of an open loop's optimum from a limit, beyond which it is not held on the next
 mesh: half of the time of `river25_record`, whose thrust and stress are far from their limits."""
-USED, BINDS = 1e-2, 1e-4
-"""Within the former a limit that an open loop has exceeded between nodes is held between them, too,
-unless it was within the latter at all nodes of a segment, where more rows would depend on the
-others. Lowered at the nodes alone, it was exceeded elsewhere in each pass (`river25_record`)."""
+BINDS = 1e-4
+"""Relative distance from its bound within which a limit binds at a node."""
+USED = 1e-2
+"""The same within which a limit that an open loop has exceeded between nodes is held between them,
+too, unless it binds at all nodes of a segment, where more rows would depend on the others. Lowered
+at the nodes alone, it was exceeded elsewhere in each pass (`river25_record`)."""
 
 
 def named(name: str, variant: str) -> str:
@@ -98,7 +100,7 @@ class OperationGroup(om.Group):
     def _hold(self, limit, number):
         """Hold a limit over time in the number-th scenario."""
         physics, setup = self._physics, self._start
-        scenario, ref, less = physics.scenarios[number], None, 0.0
+        scenario, ref = physics.scenarios[number], None
         nodes = limited_nodes(limit, scenario)
         key = limit.name, scenario.name
         excess = setup.excess.get(key, np.zeros((1, 1)))
@@ -108,18 +110,16 @@ class OperationGroup(om.Group):
             nodes, ref = self._near_stall(limit, number), self._scales.torque
         elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
             ref = self._scales.torque
-        if np.isfinite(limit.upper):
-            less = (1.0 - setup.share_at(limit, scenario, nodes)) * abs(limit.upper)
-        bounds = {"lower": limit.lower + less, "upper": limit.upper - less}
-        options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit} | bounds
+        options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit}
+        bounds = narrowed(limit, setup.share_at(limit, scenario, nodes))
         name = constraint_of(physics, limit, number)
         if is_quantity(limit):
-            self.add_constraint(name, indices=nodes, flat_indices=True, **options)
+            self.add_constraint(name, indices=nodes, flat_indices=True, **bounds, **options)
             segments = np.any(excess > -USED, axis=1) & np.any(excess < -BINDS, axis=1)
             if key in setup.shares and np.any(segments):
                 self._hold_between(limit, scenario, segments, options)
             return
-        self.add_constraint(name, **options)
+        self.add_constraint(name, **bounds, **options)
         self._add_formula(name, limit, nodes.size, variant=physics.variant(scenario))
         for each in limit.series:
             target = f"{name.removesuffix('.value')}.{each}"
@@ -130,13 +130,11 @@ class OperationGroup(om.Group):
         """Hold a limit on a quantity midway between the nodes of some segments."""
         quantity, n = limit.inputs[0], scenario.nodes_per_segment - 1
         matrix = scenario.between[np.repeat(segments, n)]
-        share = np.repeat(self._start.share(limit, scenario)[segments], n)
-        less = (1.0 - share) * abs(limit.upper)
-        options |= {"lower": limit.lower + less, "upper": limit.upper - less}
+        bounds = narrowed(limit, np.repeat(self._start.share(limit, scenario)[segments], n))
         name = between_of(scenario, limit)
         self.add_subsystem(name, LinearComp(matrix, quantity, "value", limit.unit))
         self.connect(scenario.source(quantity), f"{name}.{quantity}")
-        self.add_constraint(f"{name}.value", **options)
+        self.add_constraint(f"{name}.value", **bounds, **options)
 
     def _near_stall(self, limit, number):
         """Return the nodes of the number-th scenario where the start has settled and is near stall.
@@ -335,6 +333,12 @@ class OperationGroup(om.Group):
         about = {"promotes_inputs": ["*"], "promotes_outputs": ["*", ("objective", name)]}
         self.add_subsystem("aggregate", component, **about)
         return None
+
+
+def narrowed(limit: Limit, share: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the bounds of a limit with shares of its upper one; a lower one rises as much."""
+    less = (1.0 - share) * (abs(limit.upper) if np.isfinite(limit.upper) else 0.0)
+    return {"lower": limit.lower + less, "upper": limit.upper - less}
 
 
 def is_quantity(limit: Limit) -> bool:

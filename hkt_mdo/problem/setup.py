@@ -34,7 +34,8 @@ class Setup:
 
     `nodes` are the tip speed ratios of the torque curve. `shares` has, by the names of limit and
     scenario, the share of the limit's upper bound to which the nodes of each segment are held, so
-    that the limit holds between the nodes as well; a lower bound is raised there by as much.
+    that the limit holds between the nodes as well; a lower bound is raised there by as much. A
+    limit that it has is held between the nodes, too, where `excess` says that this is possible.
     `excess` has, by the same names, how far the optimum on a coarser mesh was beyond the limit at
     the nodes of each segment, relatively; empty where limits are held at the nodes, as usual.
     `near` tells that it must stay `NEAR` the start, not only within `FAR`; `least_hub` (kg*m**2)

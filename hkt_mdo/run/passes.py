@@ -21,7 +21,7 @@ from hkt_mdo.run.checked import checked, measured
 from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import solve
-from hkt_mdo.run.refine import Division, divided, division, excess_at_nodes, lowered
+from hkt_mdo.run.refine import Division, divided, division, excesses_at_nodes, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -233,7 +233,7 @@ def refine(this: Pass) -> Task | None:
         shares, worst = lowered(setup, this.verifications)
         if worst:
             reasons.append(f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %")
-    excess = excess_at_nodes(this.verifications)
+    excess = excesses_at_nodes(this.verifications)
     if divides:
         reasons.append(this.division.why)
         finer, shares, excess = divided(physics, this.division, shares, excess)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.operation_group import is_quantity
+from hkt_mdo.problem.operation_group import BINDS, is_quantity
 from hkt_mdo.problem.scenario import too_large
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
@@ -16,8 +16,6 @@ from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import checks
 from hkt_mdo.run.verification import Optimized, Verification
 
-NEAR_LIMIT = 1e-4
-"""Relative distance from its bound within which a limit binds at a node."""
 LOST = 3e-6
 """Share of the energy that may be lost in segments that are not divided, and by lower limits: a
 third of the error of the mesh that is allowed."""
@@ -98,15 +96,13 @@ def divided(
     return replace(physics, scenarios=scenarios), shares, excess
 
 
-def excess_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple[str, str], np.ndarray]:
+def excesses_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple, np.ndarray]:
     """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`.
 
     Of an open loop without memory: else no limit is left out, or held between the nodes.
     """
     return {
-        (limit.name, each.scenario.name): limit.excess(each.at_nodes).reshape(
-            each.scenario.segments, -1
-        )
+        (limit.name, each.scenario.name): each.excess_at_nodes(limit)
         for each in verifications
         for limit in each.constrained
         if not each.scenario.steady and _chooses(each.physics)
@@ -138,16 +134,15 @@ def lowered(
             share = reached = setup.share(limit, verification.scenario)
             if verification.two_filters is not None:
                 # all stations may exceed a limit that the two filters of the nodes do not reach
-                own = 1.0 + limit.excess(verification.at_nodes)
-                reached = np.minimum(share, own.reshape(share.size, -1).max(axis=1))
+                own = np.max(verification.excess_at_nodes(limit), axis=1)
+                reached = np.minimum(share, 1.0 + own)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
             helps = (share > lowest) & (over < MOST_EXCEEDED)
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
-                key, physics = (limit.name, verification.scenario.name), verification.physics
-                between = is_quantity(limit) and limit.constrains(physics.law)
-                if key in shares or not (between and _chooses(physics)):
+                key = limit.name, verification.scenario.name
+                if key in shares or not (is_quantity(limit) and _chooses(verification.physics)):
                     share = np.where(over > 0.5 * most, reached * (1.0 - over), share)
                 shares[key] = share
     return shares, worst
@@ -227,7 +222,7 @@ def _exceeded_between(verification, energy) -> np.ndarray:
     known, shares = verification.of_model, np.sum(_energies(verification, energy), axis=1)
     for limit in verification.constrained:
         over, _ = known.between_nodes(limit)
-        nodes = limit.excess(known.at_nodes).reshape(found.size, -1)
+        nodes = known.excess_at_nodes(limit)
         # what is exceeded at the nodes as well, no division corrects
         own = (over > checks.most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
         if shares[own] @ over[own] > LOST or np.max(over) > MOST_LOWERED:
@@ -275,11 +270,9 @@ def _limits_rates(moving) -> bool:
 
 def _switches(verification) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
-    scenario, nodes = verification.scenario, verification.at_nodes
-    found = np.zeros(scenario.segments, dtype=bool)
+    found = np.zeros(verification.scenario.segments, dtype=bool)
     for limit in verification.constrained:
-        binds = limit.excess(nodes) > -NEAR_LIMIT
-        first, *others = binds.reshape(scenario.segments, -1).T
+        first, *others = (verification.excess_at_nodes(limit) > -BINDS).T
         last = others[-1]
         found |= ~np.all(np.equal(first, others), axis=0)
         found[1:] |= last[:-1] != last[1:]
@@ -295,7 +288,7 @@ def _left(verification, energy, best) -> np.ndarray:
     it is the difference of the power coefficient from its largest, `best`, if the objective is that
     energy.
     """
-    physics, scenario, nodes = verification.physics, verification.scenario, verification.at_nodes
+    physics, scenario = verification.physics, verification.scenario
     simulated = verification.integrated
     short = np.zeros(scenario.segments)
     if physics.objective.is_energy and not physics.losses_count:
@@ -304,12 +297,11 @@ def _left(verification, energy, best) -> np.ndarray:
         short = scale * best - simulated["hydrodynamic_power"]
         short = np.mean(short[1:].reshape(scenario.segments, -1), axis=1)
         short *= np.diff(scenario.edges) * scenario.weight / abs(energy)
-    over = [limit.excess(nodes) for limit in verification.constrained]
+    over = [verification.excess_at_nodes(limit) for limit in verification.constrained]
     if not over:
         return short
-    room = np.maximum(-np.max(np.broadcast_arrays(*over), axis=0), 0.0)
-    room = room.reshape(scenario.segments, -1)
-    binds = np.min(room, axis=1) < NEAR_LIMIT
+    room = np.maximum(-np.max(over, axis=0), 0.0)
+    binds = np.min(room, axis=1) < BINDS
     return np.where(
         binds, np.sum(room * _energies(verification, energy), axis=1), np.maximum(short, 0.0)
     )

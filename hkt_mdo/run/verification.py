@@ -151,6 +151,10 @@ class Verification(SimulatedDesign):
             known = known | {"sections": wake.behind(*ratios)}
         return self.trajectory | self.loads(known) | self.rates_at_nodes | self.scalars
 
+    def excess_at_nodes(self, limit: Limit) -> np.ndarray:
+        """Return how far a limit is exceeded at the nodes, relatively, (n_segments, n_nodes)."""
+        return limit.excess(self.at_nodes).reshape(self.scenario.segments, -1)
+
     @cached_property
     def resolved(self) -> dict[str, Any] | None:
         """The integration at its largest loads, with those of a blade of many stations."""
