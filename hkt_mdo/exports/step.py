@@ -284,8 +284,10 @@ def step_file(solids: Sequence[Any], name: str, remarks: Sequence[str]) -> bytes
         builder.Add(shape, solid)
     writer, content = STEPControl_Writer(), BytesIO()  # declares the settings
     before = _set({"write.step.unit": "M", "write.step.product.name": name})
-    writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
-    _set(before)
+    try:
+        writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
+    finally:
+        _set(before)
     header = APIHeaderSection_MakeHeader(writer.Model())
     lines = [part for line in remarks for part in wrap(line, 60)]
     texts = [TCollection_HAsciiString(x.encode("ascii", "replace").decode()) for x in lines]
