@@ -20,6 +20,10 @@ GAP = 500.0
 By as much the optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the
 checks allow of the energy.
 """
+ROUNDING = 0.01
+"""Share of a tolerance by which an iterate must be better to be the best. Where the objective is
+flat its last digits would choose among blades that differ by 1e-5: not the same on another kernel,
+or with the flows in another order."""
 PATIENCE = 15
 """Iterations within all bounds, without an objective that is better by a tolerance, after which the
 best is the end. Of 30 a third of `rotor_speed_oloc` was waiting, for 1e-9 of the energy; after 10
@@ -80,7 +84,7 @@ class Stationary:
         gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)
         slope = float(np.max(np.abs(gradient), initial=0.0))
         if over <= unit and gap <= GAP * unit and slope <= GRADIENT * unit:
-            if objective < self._objective:
+            if objective < self._objective - ROUNDING * unit * abs(objective):
                 self.best, self.gap = values[: gradient.size].copy(), gap
                 self._objective = objective
             if objective < self._improved - unit * abs(objective):
