@@ -230,22 +230,30 @@ def picture(figure: Figure, form: str = "png") -> bytes:
     return drawn.getvalue()
 
 
-def save(
-    figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Write figures as NAME.FORMAT into a folder that is made if need be, and return the paths.
+def pictures(
+    figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str]
+) -> dict[Path, bytes]:
+    """Return figures as the contents of the files NAME.FORMAT in a folder; nothing is written.
 
-    Raises InputError if Matplotlib does not know a format, when nothing has been written, or if a
-    file cannot be written.
+    Raises InputError if Matplotlib does not know a format.
     """
     known = sorted(FigureCanvasAgg.get_supported_filetypes())
     for form in formats:
         if form not in known:
             words = f"known: {', '.join(known)}"
             raise InputError("unknown format of figures", words, key="format", value=form)
-    drawn = {
+    return {
         Path(folder, f"{name}.{form}"): picture(figure, form)
         for name, figure in figures.items()
         for form in formats
     }
-    return write_new(drawn, force=True)
+
+
+def save(
+    figures: Mapping[str, Figure], folder: str | Path, formats: Sequence[str] = ("png",)
+) -> list[Path]:
+    """Write `pictures` into a folder that is made if need be, and return their paths.
+
+    Raises InputError as `pictures`, or if a file cannot be written.
+    """
+    return write_new(pictures(figures, folder, formats), force=True)

@@ -21,6 +21,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.errors import InputError, handling, interrupts_of_compiled_code
+from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.model import Physics
@@ -184,13 +185,13 @@ def _run(state: RunState, figures, start: StartingPoint | None = None) -> Soluti
             state.write_summary()
     solution = Solution.load(out, extensions=case.extensions)
     if figures:
-        from hkt_mdo.results import style
-        from hkt_mdo.results.charts import figures as drawn
+        from hkt_mdo.results import charts, style
 
         formats = ("png",) if figures is True else tuple(figures)
-        with usable(out):  # not made anew where it has been taken away meanwhile
+        contents = style.pictures(charts.figures(solution), out / "figures", formats)
+        with usable(out):  # not made anew where it has been taken away while they were drawn
             (out / "figures").mkdir(exist_ok=True)
-            style.save(drawn(solution), out / "figures", formats)
+        write_files(contents)
     return solution
 
 

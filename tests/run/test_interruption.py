@@ -14,6 +14,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.cli import main
 from hkt_mdo.errors import InputError
+from hkt_mdo.results import charts
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run import check, optimization, run
 
@@ -207,16 +208,14 @@ def test_a_killed_run_is_resumed(tmp_path, undisturbed, written):
 
 
 def test_a_folder_that_is_taken_away_is_not_made_anew(tmp_path, monkeypatch):
-    """Its figures are not drawn; the result is where the folder has gone."""
-    load = Solution.load
+    """Its figures are not written; the result is where the folder has gone."""
 
-    def taken_away(folder, **options):
-        found = load(folder, **options)
-        folder.rename(tmp_path / "away")
-        return found
+    def taken_away(solution):
+        (tmp_path / "out").rename(tmp_path / "away")
+        return {}
 
-    monkeypatch.setattr(run.Solution, "load", taken_away)
+    monkeypatch.setattr(charts, "figures", taken_away)
     with pytest.raises(InputError, match="cannot be written"):
         run.run_case(case("sine_baseline_oloc"), tmp_path / "out", records=False)
     assert not (tmp_path / "out").exists()
-    assert load(tmp_path / "away").success
+    assert Solution.load(tmp_path / "away").success
