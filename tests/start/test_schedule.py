@@ -1,5 +1,6 @@
 """The start under limits: both branches, what is known of them, and partials of the loads."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.evaluation import broken_limits, excesses, objective_at, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.start import find
 from hkt_mdo.start.find import find_start, other_branch, steady_optimum
 from studies.verification.study import random_start
 from tests.conftest import NINE
@@ -68,6 +70,22 @@ def test_a_refused_optimum_may_be_sought_on_the_other_branch():
     assert other.excess < 1e-4
     assert other.objective == pytest.approx(first.objective, rel=1e-3)
     assert other_branch(case, start()) is None  # without limits there is one branch
+
+
+@pytest.mark.parametrize(("better", "branch"), [(1.05, "underspeed"), (1.01, "overspeed")])
+def test_a_branch_whose_torque_jumps_begins_if_it_is_much_better(monkeypatch, better, branch):
+    monkeypatch.setattr(find, "_jumps", lambda case, point: point.branch == "underspeed")
+    search = find.Search(world(power="5 kW"), None, "")
+    over = replace(start(power="5 kW"), branch="overspeed")
+    under = replace(over, branch="underspeed", objective=better * over.objective)
+    assert max(over, under, key=search._rank).branch == branch
+
+
+def test_the_search_begins_with_the_largest_radius_as_well():
+    others = {"control": "open_loop", "limits": {"power": 5e3}, "design": {"radius_bounds": [1, 2]}}
+    case = physics(load_case(SINE | others))
+    _, other = find.best_blades(case, steady_optimum(case, case.blade))
+    assert other.blade.rotor_radius == 2.0
 
 
 @pytest.mark.slow
