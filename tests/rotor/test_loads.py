@@ -109,11 +109,11 @@ def test_weight_in_water_of_a_uniform_bar():
     assert model.weight_moment(blade) == pytest.approx(moment, rel=1e-9)
     for twist, shape in ((0.0, 0.02 * 0.1**2), (0.5 * np.pi, 0.1 * 0.02**2)):
         turned = blade.with_shape(blade.chord, np.full(401, twist))
-        stress = model.weight_stress(turned, derivatives=False).values
+        stress = model.weight_stress(turned).largest
         assert stress == pytest.approx(6.0 * moment / shape, rel=2e-4)
     # a blade as light as water has none
     light = replace(model, structure=Structure.of(rectangle(), WATER))
-    assert light.weight_stress(blade, derivatives=False).values == 0.0
+    assert light.weight_stress(blade).largest == 0.0
 
 
 def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
@@ -290,6 +290,7 @@ def stepped_loads(model, blade, points, **steps):
     changed = replace(blade, **radii, chord=blade.chord + h * chord, twist=blade.twist + h * twist)
     ratio = points + h * steps.get("ratio", 0.0)
     found = {name: loads._LOADS[name](model, changed, flow, ratio) for name in NAMES}
+    found = {name: load._replace(slopes=None) for name, load in found.items()}
     return {
         name: (load.values.imag / 1e-30, load.envelope().values.imag / 1e-30)
         for name, load in found.items()
@@ -331,11 +332,11 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
 
 def test_derivatives_of_the_stress_by_the_weight(blade, polar):
     model, h, n = model_of(polar), 1e-6, blade.r.size
-    found, rng = model.weight_stress(blade), np.random.default_rng(3)
+    found, rng = model.weight_stress(blade).envelope(), np.random.default_rng(3)
     chord, twist = 0.1 * rng.normal(size=n), rng.normal(size=n)
 
     def slope(changed):
-        ends = (model.weight_stress(changed(sign * h)).values for sign in (1.0, -1.0))
+        ends = (model.weight_stress(changed(s * h)).envelope().values for s in (1.0, -1.0))
         return -np.subtract(*reversed(list(ends))) / (2.0 * h)
 
     by = slope(lambda step: blade.with_shape(blade.chord + step * chord, blade.twist))
@@ -351,7 +352,9 @@ def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     model = model_of(polar)
     about = {"structure": model.structure, "depth": 3.0}
     rotor = RotorModel(polar, section_area=0.1, **about)
-    component = TablesComp(blade=blade, rotor=rotor, loads=NAMES, nodes=RATIO)
+    component = TablesComp(
+        blade=blade, rotor=rotor, nodes=RATIO, names=["torque_coefficient", *NAMES]
+    )
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.set_val("rotor_radius", 1.3 * blade.rotor_radius)
