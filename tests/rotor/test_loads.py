@@ -289,12 +289,11 @@ def stepped_loads(model, blade, points, **steps):
     radii = {name: factor * getattr(blade, name) for name in ("r", "hub_radius", "tip_radius")}
     changed = replace(blade, **radii, chord=blade.chord + h * chord, twist=blade.twist + h * twist)
     ratio = points + h * steps.get("ratio", 0.0)
-    found = {name: loads._LOADS[name](model, changed, flow, ratio) for name in NAMES}
-    found = {name: load._replace(slopes=None) for name, load in found.items()}
-    return {
-        name: (load.values.imag / 1e-30, load.envelope().values.imag / 1e-30)
-        for name, load in found.items()
-    }
+    found = {}
+    for name in NAMES:
+        load = loads._LOADS[name](model, changed, flow, ratio)._replace(slopes=None)
+        found[name] = load.values.imag / 1e-30, load.envelope().values.imag / 1e-30
+    return found
 
 
 def at_places(load):
@@ -349,12 +348,8 @@ def test_derivatives_of_the_stress_by_the_weight(blade, polar):
 
 def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     problem = om.Problem()
-    model = model_of(polar)
-    about = {"structure": model.structure, "depth": 3.0}
-    rotor = RotorModel(polar, section_area=0.1, **about)
-    component = TablesComp(
-        blade=blade, rotor=rotor, nodes=RATIO, names=["torque_coefficient", *NAMES]
-    )
+    rotor = RotorModel(polar, model_of(polar).structure, section_area=0.1, depth=3.0)
+    component = TablesComp(rotor, blade, RATIO, ["torque_coefficient", *NAMES])
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.set_val("rotor_radius", 1.3 * blade.rotor_radius)
