@@ -58,8 +58,7 @@ class Load(NamedTuple):
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
         else:
-            above = np.where(np.real(self.values) > 0.0, self.values, 0.0)
-            values, share, _ = norm(above)
+            values, share = norm(self.values)
         return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 

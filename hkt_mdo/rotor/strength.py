@@ -292,10 +292,10 @@ def place_weights(n_stations):
 
 
 def norm(values, exponent=EXPONENT):
-    """Return a smooth largest magnitude over the last axis, its derivatives, and the largest.
+    """Return a smooth largest value over the last axis, of those above zero, and its derivatives.
 
-    (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times
-    it, for n equal values.
+    (sum x^p)^(1/p) over them: homogeneous, never below the largest and at most n^(1/p) times it,
+    for n equal values.
 
     Parameters
     ----------
@@ -306,20 +306,19 @@ def norm(values, exponent=EXPONENT):
 
     Returns
     -------
-    smooth, largest : ndarray of shape (...)
-        The norm, first, and the largest magnitude, last.
+    smooth : ndarray of shape (...)
+        The norm; 0 where no value is above zero.
     share : ndarray of shape (..., n)
-        Derivatives of the norm, between both.
+        Its derivatives.
     """
-    sign = np.where(np.real(values) < 0.0, -1.0, 1.0)
-    largest = np.max(np.abs(np.real(values)), axis=-1)
-    ratio = sign * values / np.where(largest > 0.0, largest, 1.0)[..., None]
+    largest = np.maximum(np.max(np.real(values), axis=-1), 0.0)
+    ratio = values / np.where(largest > 0.0, largest, 1.0)[..., None]
     near = np.real(ratio) > np.exp(-40.0 / exponent)  # the others are below the last digit
     power = np.zeros_like(ratio)
     power[near] = ratio[near] ** (exponent - 1)
     total = np.where(largest > 0.0, np.sum(power * ratio, axis=-1), 1.0)
-    share = sign * power * total[..., None] ** (1.0 / exponent - 1.0)
-    return largest * total ** (1.0 / exponent), share, largest
+    share = power * total[..., None] ** (1.0 / exponent - 1.0)
+    return largest * total ** (1.0 / exponent), share
 
 
 def _around(u, v, points, moved, added):
