@@ -250,7 +250,7 @@ class Band:
 def _induction(blade, weights, flow):
     """Return the weighted axial induction of sections, as a share of the flow's normal speed."""
     speed, angle = flow.relative_speed, flow.inflow_angle
-    has_root = (flow.branch >= 0) * weights
+    has_root = (speed > 0.0) * weights
     values = np.sum(has_root * (1.0 - speed * np.sin(angle)), axis=1)
     if not flow.derivatives.size:
         return bem.Table(values)

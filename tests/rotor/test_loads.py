@@ -56,7 +56,7 @@ def loaded(monkeypatch):
     """Put given loads over q (m) in place of those of BEM."""
 
     def put(normal, tangential):
-        state = bem.Sections(*np.zeros((9, 1, normal.size)), np.empty(0))
+        state = bem.Sections(*np.zeros((7, 1, normal.size)), np.empty(0))
         state = state._replace(normal_load=normal[None], tangential_load=tangential[None])
         monkeypatch.setattr(bem, "sections", lambda *_: state)
 
