@@ -12,7 +12,6 @@ from hkt_mdo.files.shipped import locate
 from hkt_mdo.files.table import (
     Column,
     Csv,
-    Row,
     line_error,
     number_columns,
     numbered_lines,
@@ -81,24 +80,18 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
     begin = next((at for at, line in enumerate(lines) if _NUM_COORDS.match(line[1])), None)
     if re.search(r"[xy]_over_c", lines[0][1]):
         names = "x_over_c", "y_over_c"
-        table = Csv(text, path, ",".join(names), names)
-        points = _points(table.rows, table.columns(names, "outline"))
+        points = Csv(text, path, ",".join(names), names).columns(names, "outline")
     elif begin is None:
         points = _read_pairs(lines, path)
     else:
         points = _read_aerodyn(lines[begin:], path)
-    _check(points, path)
-    return points[:, 1], points[:, 2]
+    x, y = points.values()
+    _check(x, y)
+    return x.values, y.values
 
 
-def _points(rows: Sequence[Row], columns: dict[str, Column]) -> np.ndarray:
-    """Return number of the line, x and y of each point, shape (n_points, 3)."""
-    x, y = (column.values for column in columns.values())
-    return np.column_stack(([line for line, _ in rows], x, y))
-
-
-def _read_pairs(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
-    """Return the `_points` of pairs of numbers in Selig's or Lednicer's order."""
+def _read_pairs(lines: list[tuple[int, str]], path: Path) -> dict[str, Column]:
+    """Return x and y of pairs of numbers in Selig's or Lednicer's order."""
     rows = [(number, re.split(r"[\s,;]+", line)) for number, line in lines]
     points = [at for at, (_, cells) in enumerate(rows) if _count(cells) == 2]
     if not points:
@@ -111,10 +104,9 @@ def _read_pairs(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
     lines, rows = lines[first : last + 1], rows[first : last + 1]
     # a line beside the points that is no text is refused as a broken point
     columns = number_columns(broken + rows, ("x", "y"), path, ("x", "y"), remedy=f"give {_FORMATS}")
-    points = _points(rows, columns)
-    _, x, y = points.T
+    x, y = (column.values for column in columns.values())
     if not (min(x[0], y[0]) >= 2.0 and x[0] == int(x[0]) and y[0] == int(y[0])):
-        return points
+        return columns
     n_upper, n_lower = int(x[0]), int(y[0])
     if n_upper + n_lower != x.size - 1:
         problem = f"{x.size - 1} points follow, not {n_upper} + {n_lower}"
@@ -122,13 +114,13 @@ def _read_pairs(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
         raise line_error(path, lines[0][0], problem, remedy, value=lines[0][1])
     upper, lower = np.arange(1, n_upper + 1), np.arange(n_upper + 1, x.size)
     for side, name in ((upper, "upper"), (lower, "lower")):
-        if x[side[0]] > x[side[-1]]:
-            problem = f"the {name} side begins nearer to the trailing edge than it ends"
-            remedy = "in Lednicer's order both sides run from the leading to the trailing edge"
-            line, shown = lines[side[0]]
-            raise line_error(path, line, problem, remedy, value=shown)
+        behind = (x > x[side[-1]]) & (np.arange(x.size) == side[0])
+        problem = f"the {name} side begins nearer to the trailing edge than it ends"
+        remedy = "in Lednicer's order both sides run from the leading to the trailing edge"
+        columns["x"].refuse(behind, problem, remedy)
     shared = x[upper[0]] == x[lower[0]] and y[upper[0]] == y[lower[0]]
-    return points[np.concatenate((upper[::-1], lower[1:] if shared else lower))]
+    order = np.concatenate((upper[::-1], lower[1:] if shared else lower))
+    return {name: column.at(order) for name, column in columns.items()}
 
 
 def _count(cells: Sequence[str]) -> int:
@@ -136,8 +128,8 @@ def _count(cells: Sequence[str]) -> int:
     return 0 if None in map(parse_number, cells) else len(cells)
 
 
-def _read_aerodyn(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
-    """Return the `_points` of AeroDyn: below their number and the reference, from either edge."""
+def _read_aerodyn(lines: list[tuple[int, str]], path: Path) -> dict[str, Column]:
+    """Return x and y of AeroDyn: below their number and the reference, from either edge."""
     (line, first), *lines = lines
     count = int(_NUM_COORDS.match(first)[1])  # type: ignore[index]
     rows = [(number, re.split(r"[\s,]+", text.partition("!")[0].strip())) for number, text in lines]
@@ -147,23 +139,22 @@ def _read_aerodyn(lines: list[tuple[int, str]], path: Path) -> np.ndarray:
         problem = f"is followed by {good} pairs of numbers"
         remedy = f"NumCoords counts the reference and the points, {FEWEST_POINTS} at least"
         raise line_error(path, line, problem, remedy, "NumCoords", value=count)
-    points = _points(rows[1:], number_columns(rows[1:], ("x", "y"), path, ("x", "y")))
-    _, x, y = points.T
+    columns = number_columns(rows[1:], ("x", "y"), path, ("x", "y"))
+    x, y = (column.values for column in columns.values())
     if max(abs(x[0]), abs(x[-1])) > EDGE:
-        return points
+        return columns
     # from the leading edge round to it: over the same side back from the trailing edge
     order = np.arange(x.size - 1 if x[0] == x[-1] and y[0] == y[-1] else x.size)
-    return points[np.roll(order[::-1], int(np.argmax(x)) + 1)]
+    order = np.roll(order[::-1], int(np.argmax(x)) + 1)
+    return {name: column.at(order) for name, column in columns.items()}
 
 
-def _check(points: np.ndarray, path: Path) -> None:
-    """Refuse `_points` that are no closed section."""
-    numbers, (_, x, y) = points[:, 0].astype(int).tolist(), points.T
+def _check(along: Column, across: Column) -> None:
+    """Refuse points that are no closed section."""
+    x, y, places = along.values, across.values, np.arange(along.values.size)
 
-    def refuse(wrong: object, problem: str, remedy: str, point: int) -> None:
-        if wrong:
-            value = f"{x[point]:g}, {y[point]:g}"
-            raise line_error(path, numbers[point], problem, remedy, value=value)
+    def refuse(wrong: bool, problem: str, remedy: str, point: int) -> None:
+        along.refuse(wrong & (places == places[point]), problem, remedy)
 
     size = f"the outline has {x.size} points, not {FEWEST_POINTS} to {MOST_POINTS}"
     refuse(not FEWEST_POINTS <= x.size <= MOST_POINTS, size, "give some hundred points", -1)
@@ -179,10 +170,10 @@ def _check(points: np.ndarray, path: Path) -> None:
     back = not 2 < nose < x.size - 3
     refuse(back, "the outline does not go round the leading edge", _ORDER, nose)
     for side, other in _first_crossing(x, y):
-        refuse(True, f"the outline crosses itself: here and at line {numbers[other]}", _ORDER, side)
+        refuse(True, f"the outline crosses itself: here and at {along.keys[other]}", _ORDER, side)
     area = 0.5 * abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)))
     outside = not AREA_RANGE[0] <= area <= AREA_RANGE[1]
-    encloses = f"the outline up to line {numbers[-1]} encloses {area:.4g} chord²"
+    encloses = f"the outline from here encloses {area:.4g} chord²"
     refuse(outside, f"{encloses}, which is not the area of a section", _ORDER, 0)
 
 

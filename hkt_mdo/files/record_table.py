@@ -265,11 +265,9 @@ class Columns:
                 problem = f"is a discharge in {unit}, not a speed"
                 remedy = "give area, the channel's cross section in m2, or a column of the speed"
             raise self.refuse_column(1, problem, remedy)
-        if area is None:
-            factor = SPEED_UNITS[unit]
-            note = f"speed converted from {unit} to m/s, times {factor:.6g}"
-        else:
-            factor = DISCHARGE_UNITS[unit] / area
+        factor = (SPEED_UNITS | DISCHARGE_UNITS)[unit] / (area or 1.0)
+        note = f"speed converted from {unit} to m/s, times {factor:.6g}"
+        if area is not None:
             note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
         messages = self.messages if unit == "m/s" else (*self.messages, note)
         with np.errstate(over="ignore"):

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.errors import InputError, install, needed
+from hkt_mdo.errors import install, needed
 from hkt_mdo.files.record_table import (
     MAX_BYTES,
     SPEED_UNITS,
@@ -18,7 +18,6 @@ from hkt_mdo.files.record_table import (
     Columns,
     RecordFile,
     choose,
-    column_key,
     named_unit,
 )
 from hkt_mdo.files.table import read_bytes
@@ -117,9 +116,7 @@ def _check_kinds(raw: Columns) -> None:
 def _checked(raw: Columns) -> Columns:
     """Return columns of dates or numbers with dates in seconds; refuse infinite speeds."""
     for row in np.flatnonzero(np.isinf(raw.speed))[:1]:
-        key, value = f"{raw.place(row)}, {column_key(raw.names[1])}", float(raw.speed[row])
-        remedy = "mark missing samples by NaN"
-        raise InputError("must be a finite number", remedy, file=raw.file, key=key, value=value)
+        raise raw.refuse("must be a finite number", "mark missing samples by NaN", row, 1)
     if raw.time.dtype.kind != "M":
         return replace(raw, time=raw.time.astype(float))
     dates = raw.time.astype("datetime64[ns]")

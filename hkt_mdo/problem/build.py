@@ -101,20 +101,18 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
 
 def _add_rotors(group, physics, setup, band):
     """Add shape, inertia and tables of the rotor; these once more for another turbine or water."""
-    blade, loads = setup.start.blade, physics.load_names
-    tables = [f"{name}_table" for name in ["torque_coefficient"] * physics.has_curve + [*loads]]
-    tables = [*band.outputs(loads)] if band else tables
+    names = ["torque_coefficient"] * physics.has_curve + [*physics.load_names]
+    tables = [*band.outputs(names)] if band else [f"{name}_table" for name in names]
     weight = physics.asks_for("weight_stress")
     outputs = ["inertia", *tables, *["weight_stress"] * weight]
     variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}
     for variant, own in ({"": physics.rotor} | variants).items():
         rotor = BladeGroup(
             rotor=replace(own, solver=physics.case.hydrodynamics.bem),
-            blade=blade,
+            blade=setup.start.blade,
             shape=None if variant else physics.shape,
             nodes=np.asarray(setup.nodes, dtype=float),
-            torque=physics.has_curve,
-            loads=loads,
+            names=names,
             band=band,
             weight=weight,
         )

@@ -116,7 +116,7 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     """
     mass, inertia = rotor.mass_and_inertia(blade)
     asked = physics.asks_for("weight_stress")
-    stress = rotor.weight_stress(blade, derivatives=False).values[0] if asked else 0.0
+    stress = rotor.weight_stress(blade).largest[0] if asked else 0.0
     return {
         "rotor_radius": blade.rotor_radius,
         "density": rotor.water_density,

@@ -233,7 +233,7 @@ class OperationGroup(om.Group):
         physics, blade, band = self._physics, self._start.start.blade, self._band
         time, flow = scenario.samples, scenario.speeds
         ratio = speed * blade.rotor_radius / flow
-        tables = band.solve(physics.rotor_in(scenario), blade, ())
+        tables = band.solve(physics.rotor_in(scenario), blade, ["torque_coefficient"])
         table, place = (tables[f"{name}_induction_table"].values for name in ("wake", "place"))
         steady = flow * band.spline.curve(table)(ratio)
         tau1 = physics.case.inflow_dynamics.tau1

@@ -101,9 +101,8 @@ class RotorGroup(om.Group):
         points = _formulas({found: _POINTS[found]}, start)
         self.add_subsystem("operating_points", points, promotes=["*"])
         loads, shape = world.rotor.load_names, world.shape
-        blades = BladeGroup(
-            rotor=world.rotor, blade=blade, nodes=ratio, vary=True, shape=shape, loads=loads
-        )
+        about = {"nodes": ratio, "names": ["torque_coefficient", *loads], "vary": True}
+        blades = BladeGroup(rotor=world.rotor, blade=blade, shape=shape, **about)
         outputs = [*shape.offsets, "mass", "inertia", *(f"{name}_table" for name in loads)]
         outputs += [("torque_coefficient_table", "torque_coefficient")]
         self.add_subsystem("blades", blades, promotes_inputs=["*"], promotes_outputs=outputs)

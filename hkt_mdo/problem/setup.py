@@ -142,11 +142,11 @@ def _coefficients(physics, blade, ratios):
     for each in physics.scenarios:
         own = each.condition or physics.case.condition
         found.setdefault((own.lift, own.drag, own.polar), physics.rotor_in(each))
+    error = {"torque_coefficient": 0.05 * physics.case.hydrodynamics.tolerance}
     for rotor in found.values():
-        torque = rotor.coefficients(blade, ratios).torque
-        yield torque, 0.05 * physics.case.hydrodynamics.tolerance
-        for load in rotor.loads(blade, ratios, names=physics.load_names).values():
-            yield load.envelope().values, LOAD_ERROR
+        tables = rotor.tables(blade, ratios, ["torque_coefficient", *physics.load_names])
+        for name, table in tables.items():
+            yield table.values, error.get(name, LOAD_ERROR)
 
 
 def _graded(low, high, spacing, lowest, highest):

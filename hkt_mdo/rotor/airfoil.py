@@ -1,6 +1,7 @@
 """Polars of a blade section: lift, drag, suction over all angles of attack, Reynolds numbers."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -308,49 +309,35 @@ def _viterna(alpha, lift, drag):
     From the last table row to 90 degrees, the flow is that over a plate whose lift and drag match
     the row. Beyond 90 degrees and at negative angles it is mirrored, with 0.7 of the lift, as is
     customary for a section with its sharp edge in front. Straight lines join both ends through zero
-    lift at +-180 degrees.
+    lift at +-180 degrees, and the mirrored stall with a table that begins after it.
     """
     drag_max = max(1.11 + 0.018 * ASPECT_RATIO, drag.max())
     stall, sin_s, cos_s = alpha[-1], np.sin(alpha[-1]), np.cos(alpha[-1])
     a2 = (lift[-1] - drag_max * sin_s * cos_s) * sin_s / cos_s**2
     b2 = (drag[-1] - drag_max * sin_s**2) / cos_s
+    half, floor = 0.5 * np.pi, drag.min()
 
-    def plate(angle, lift_factor):
-        sine, cosine = np.sin(angle), np.cos(angle)
-        cl = 0.5 * drag_max * np.sin(2.0 * angle) + a2 * cosine**2 / sine
-        return lift_factor * cl, drag_max * sine**2 + b2 * cosine
+    def outside(angle):
+        back = np.pi - np.abs(angle)
+        near = np.maximum(np.minimum(np.abs(angle), back), stall)  # of the plate
+        sine, cosine = np.sin(near), np.cos(near)
+        share = np.minimum(back / stall, 1.0)
+        factor = np.array([0.7, -0.7, 1.0, -0.7])[np.digitize(angle, (-half, 0.0, half))]
+        plate = 0.5 * drag_max * np.sin(2.0 * near) + a2 * cosine**2 / sine
+        return factor * share * plate, floor + share * (drag_max * sine**2 + b2 * cosine - floor)
 
-    def between(low, high):  # every 5 degrees, without the ends
-        count = max(round((high - low) / np.deg2rad(5.0)), 1)
-        return np.linspace(low, high, count + 1)[1:-1]
+    def spaced(*ends):  # every 5 degrees, without the last end
+        pieces = []
+        for low, high in pairwise(ends):
+            count = max(round((high - low) / np.deg2rad(5.0)), int(high > low))
+            pieces.append(np.linspace(low, high, count, endpoint=False))
+        return np.concatenate(pieces)
 
-    mirror, half, floor = 0.7, 0.5 * np.pi, drag.min()
-    cl_edge, cd_edge = plate(stall, mirror)
-
-    def edge(angle):  # straight lines from +-180 degrees
-        share = (np.pi - np.abs(angle)) / stall
-        return -np.sign(angle) * cl_edge * share, floor + (cd_edge - floor) * share
-
-    def bridge(angle):  # from the mirrored stall to a table that begins after it
-        share = (angle + stall) / (alpha[0] + stall)
-        return -cl_edge * (1.0 - share) + lift[0] * share, cd_edge * (1.0 - share) + drag[0] * share
-
-    behind = np.r_[-np.pi + stall, between(-np.pi + stall, -half), -half]
-    below = between(-half, min(alpha[0], -stall))
-    before = np.r_[-stall, between(-stall, alpha[0])] if alpha[0] > -stall else alpha[:0]
-    above = np.r_[between(stall, half), half]
-    beyond = np.r_[between(half, np.pi - stall), np.pi - stall]
-    first = np.r_[-np.pi, between(-np.pi, -np.pi + stall)]
-    last = np.r_[between(np.pi - stall, np.pi), np.pi]
-    pieces = [
-        (first, *edge(first)),
-        (behind, *plate(behind + np.pi, mirror)),
-        (below, *plate(-below, -mirror)),
-        (before, *bridge(before)),
-        (alpha, lift, drag),
-        (above, *plate(above, 1.0)),
-        (beyond, *plate(np.pi - beyond, -mirror)),
-        (last, *edge(last)),
-    ]
-    alpha, lift, drag = (np.concatenate(part) for part in zip(*pieces, strict=True))
-    return alpha, lift, np.maximum(drag, floor)
+    below = spaced(-np.pi, stall - np.pi, -half, min(alpha[0], -stall), alpha[0])
+    above = -spaced(-np.pi, stall - np.pi, -half, -stall)[::-1]
+    columns, pieces = [], ((lift, drag), *map(outside, (-stall, below, above)))
+    for column, first, before, after in zip(*pieces, strict=True):
+        line = np.interp(below, (-stall, alpha[0]), (first, column[0]))
+        before = np.where(below > -stall, line, before)
+        columns.append(np.concatenate((before, column, after)))
+    return np.concatenate((below, alpha, above)), columns[0], np.maximum(columns[1], floor)

@@ -62,7 +62,7 @@ def periodic_curves(alpha, *columns):
     Parameters
     ----------
     alpha : ndarray of shape (n,)
-        Angle of attack (rad) from -pi to pi, increasing.
+        Angle of attack (rad) over one turn, increasing.
     *columns : ndarray of shape (n,)
         The same at both ends.
 

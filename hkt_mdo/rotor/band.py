@@ -130,7 +130,7 @@ class Band:
             By the names of the tables.
         """
         over_nodes = "torque_coefficient_table", "wake_induction_table", "place_induction_table"
-        bands = (f"{name}_band" for name in ("torque_coefficient", *names))
+        bands = (f"{name}_band" for name in names)
         whole = (self.nodes.size * FACTORS.size,)
         return dict.fromkeys(over_nodes, self.nodes.shape) | dict.fromkeys(bands, whole)
 
@@ -218,7 +218,7 @@ class Band:
         blade : Blade
             The blade.
         names : sequence of str
-            Names of loads besides the torque.
+            As of `RotorModel.tables`, with torque_coefficient.
         derivatives : bool
             Whether the tables have derivatives.
 
@@ -237,26 +237,20 @@ class Band:
         ratio = np.outer(self.nodes, FACTORS).ravel()
         wakes = np.repeat(self.nodes, FACTORS.size)
         flow = bem.sections_behind(blade, rotor.polar, repeated, wakes, ratio)
-        torque, beside = (
-            bem.rotor_coefficients(blade, rotor.polar, at, derivatives, state).torque_table
-            for at, state in ((self.nodes, wake), (ratio, flow))
-        )
         found = {
-            "torque_coefficient_table": torque,
-            "torque_coefficient_band": beside,
-            "wake_induction_table": _induction(blade, self.weights, wake),
-            "place_induction_table": _induction(blade, self.places, wake),
+            **rotor.tables(blade, self.nodes, ["torque_coefficient"], derivatives, wake),
+            "wake_induction": _induction(blade, self.weights, wake),
+            "place_induction": _induction(blade, self.places, wake),
         }
-        loads = rotor.loads(blade, ratio, names=names, flow=flow)
-        for name, load in loads.items():
-            found[f"{name}_band"] = load.envelope()
-        return found
+        bands = rotor.tables(blade, ratio, names, derivatives, flow)
+        found = {f"{name}_table": table for name, table in found.items()}
+        return found | {f"{name}_band": table for name, table in bands.items()}
 
 
 def _induction(blade, weights, flow):
     """Return the weighted axial induction of sections, as a share of the flow's normal speed."""
     speed, angle = flow.relative_speed, flow.inflow_angle
-    has_root = (flow.branch >= 0) * weights
+    has_root = (speed > 0.0) * weights
     values = np.sum(has_root * (1.0 - speed * np.sin(angle)), axis=1)
     if not flow.derivatives.size:
         return bem.Table(values)

@@ -53,14 +53,12 @@ class Sections(NamedTuple):
     """State of the flow at every operating point (axis 0) and station (axis 1).
 
     inflow_angle, angle_of_attack (rad), axial_induction, tangential_induction; relative_speed over
-    the inflow speed; normal_load and tangential_load in N/m over 0.5 rho V², that is m; residual f,
-    infinite where there is no root (all else is then zero).
+    the inflow speed; normal_load and tangential_load in N/m over 0.5 rho V², that is m. All are
+    zero where there is no root.
 
-    branch is 0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
-    inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1 for no
-    root. derivatives are those of the tangential load, the normal load, the inflow angle and the
-    relative speed with respect to `INPUTS`, shape (4, 4, n_points, n_stations), empty unless
-    requested; all but the last are at a constant Reynolds number and thickness.
+    derivatives are those of the tangential load, the normal load, the inflow angle and the relative
+    speed with respect to `INPUTS`, shape (4, 4, n_points, n_stations), empty unless requested; all
+    but the last are at a constant Reynolds number and thickness.
     """
 
     inflow_angle: np.ndarray
@@ -70,9 +68,22 @@ class Sections(NamedTuple):
     relative_speed: np.ndarray
     normal_load: np.ndarray
     tangential_load: np.ndarray
-    residual: np.ndarray
-    branch: np.ndarray
     derivatives: np.ndarray
+
+    @property
+    def branch(self):
+        """Branch of the theory at every operating point and station.
+
+        Returns
+        -------
+        ndarray of shape (n_points, n_stations)
+            0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
+            inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1
+            for no root.
+        """
+        phi, buhl = self.inflow_angle, self.axial_induction > 0.4
+        cases = [self.relative_speed == 0.0, phi < 0.0, phi > 0.5 * np.pi, buhl]
+        return np.select(cases, [-1, 3, 2, 1], 0)
 
 
 class Table(NamedTuple):
@@ -376,23 +387,12 @@ def _first_root(lambda_r, knots, n_knots, station):
 
 
 @compiled(error_model="numpy")
-def _store(phi, terms, lambda_r, chord, twist, index, state):
-    """Write a root to state[:, *index] and return its branch; see `Sections`."""
-    j, i = index
+def _store(phi, terms, chord, twist, out):
+    """Write a root to out[7]; see `Sections`."""
     s, c, _s_phi, _c_phi = terms[0]
-    if s <= 0.0:
-        state[7, j, i] = np.inf
-        return -1
-    state[0, j, i], state[1, j, i] = phi, phi - twist
-    state[2, j, i], state[3, j, i] = 1.0 - np.sin(phi) / s, np.cos(phi) / c - 1.0
-    state[4, j, i] = 1.0 / s
-    state[5, j, i], state[6, j, i] = chord * terms[1][1] / (s * s), chord * terms[1][0] / (s * s)
-    state[7, j, i] = s - c / lambda_r
-    if phi < 0.0:
-        return 3
-    if phi > 0.5 * np.pi:
-        return 2
-    return 1 if terms[2][0] > 2.0 / 3.0 else 0
+    out[0], out[1] = phi, phi - twist
+    out[2], out[3], out[4] = 1.0 - np.sin(phi) / s, np.cos(phi) / c - 1.0, 1.0 / s
+    out[5], out[6] = chord * terms[1][1] / (s * s), chord * terms[1][0] / (s * s)
 
 
 @compiled(error_model="numpy")
@@ -441,8 +441,7 @@ def _solve(
         raise ValueError("tip speed ratios must be positive")
     if not (hub_radius < np.min(r) and np.max(r) < tip_radius):
         raise ValueError("stations must lie strictly between hub and tip")
-    state = np.zeros((8, n_stations, n_points))
-    branch = np.empty((n_stations, n_points), dtype=np.int8)
+    state = np.zeros((7, n_stations, n_points))
     derivatives = np.zeros((4, 4 * with_derivatives, n_stations, n_points))
     knots, n_knots = np.empty((7, MOST_KNOTS)), 0
     mixed, by_followed = np.empty_like(polars[0]), (0.0, 0.0)
@@ -459,14 +458,16 @@ def _solve(
             elif i == 0:  # one curve serves all points
                 n_knots = _curve(np.min(tip_speed_ratio) * r[j] / tip_radius, station, knots)
             phi, terms = _first_root(lambda_r, knots, n_knots, station)
-            branch[j, i] = _store(phi, terms, lambda_r, chord[j], twist[j], (j, i), state)
-            if with_derivatives and branch[j, i] >= 0:
+            if terms[0][0] <= 0.0:  # there is no root
+                continue
+            _store(phi, terms, chord[j], twist[j], state[:, j, i])
+            if with_derivatives:
                 if n_mixed > 1:
                     slopes = mixture[1, j, min(i, last)]
                     by_followed = _mixed_force(phi, twist[j], station_polars, slopes)
                 out = derivatives[:, :, j, i]
                 _derivatives(terms, lambda_r, chord[j], r[j], tip_radius, by_followed, out)
-    return state, branch, derivatives
+    return state, derivatives
 
 
 def _arguments(blade, polar, tip_speed_ratio):
@@ -515,16 +516,16 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
     """
     points, cosine = _points(tip_speed_ratio), float(np.cos(blade.cone))
     about = *_arguments(blade, polar, points), derivatives
-    state, branch, gradient = _solve(points / cosine, *about)
+    state, gradient = _solve(points / cosine, *about)
     gradient[:, :1] /= cosine
-    return Sections(*state.transpose(0, 2, 1), branch.T, gradient.transpose(0, 1, 3, 2))
+    return Sections(*state.transpose(0, 2, 1), gradient.transpose(0, 1, 3, 2))
 
 
 def sections_with(blade, polar, tip_speed_ratio, induced):
     """Return the `Sections` of a blade under given induced velocities.
 
     Momentum theory is not used: the induced velocities are given, such as those of a wake with
-    memory, and the loads are those of the sections in the resulting flow. The residual is zero.
+    memory, and the loads are those of the sections in the resulting flow.
 
     Parameters
     ----------
@@ -543,14 +544,11 @@ def sections_with(blade, polar, tip_speed_ratio, induced):
     Sections
         State of the flow, (n_points, n_stations), without derivatives.
     """
-    points = _points(tip_speed_ratio)
-    state = _state_under(blade, points, induced, polar)
-    nothing = np.zeros(state[0].shape)
-    return Sections(*state, nothing, nothing.astype(np.int8), np.empty(0))
+    return Sections(*_state_under(blade, _points(tip_speed_ratio), induced, polar), np.empty(0))
 
 
 def _state_under(blade, tip_speed_ratio, induced, polar, followed=0.0):
-    """Return the first seven fields of `Sections` under given induced velocities.
+    """Return all but the derivatives of `Sections` under given induced velocities.
 
     All but the polars and the radii may have a complex step; followed is that of what the polars
     follow.
@@ -632,7 +630,7 @@ def induced_speeds(blade, flow, tip_speed_ratio):
     lambda_r = tip_speed_ratio[:, None] * (blade.r / blade.rotor_radius)
     axial = 1.0 - flow.relative_speed * np.sin(flow.inflow_angle)
     swirl = flow.relative_speed * np.cos(flow.inflow_angle) - lambda_r
-    return np.where(flow.branch[:, None] >= 0, np.stack((axial, swirl), axis=1), 0.0)
+    return np.where(flow.relative_speed[:, None] != 0.0, np.stack((axial, swirl), axis=1), 0.0)
 
 
 def torque_weights(blade):
@@ -690,10 +688,10 @@ def rotor_coefficients(blade, polar, tip_speed_ratio, derivatives=False, flow=No
     points = _points(tip_speed_ratio)
     if flow is None:
         flow = sections(blade, polar, points, derivatives)
-    if np.min(flow.branch) < 0:
+    if missing := np.count_nonzero(flow.relative_speed == 0.0):
         warnings.warn(
-            f"no root at {np.count_nonzero(flow.branch < 0)} of {flow.branch.size} sections: their "
-            "loads are set to zero",
+            f"no root at {missing} of {flow.relative_speed.size} sections: their loads are set to "
+            "zero",
             RuntimeWarning,
             stacklevel=2,
         )

@@ -140,9 +140,8 @@ class TablesComp(BladeComp):
     """Tables of a blade over tip speed ratios, by BEM: its torque coefficient and its loads.
 
     Inputs are those of `BladeComp`, and tip_speed_ratio[n_nodes] if the nodes vary. Outputs are
-    torque_coefficient_table[n_nodes], if torque is asked for, and for each load a
-    <load>_table[n_nodes], its smooth largest value along the blade (`Load.envelope`) over the
-    dynamic pressure 0.5 rho v²; and, if asked for, weight_stress (Pa) of `LoadModel.weight_stress`.
+    <name>_table[n_nodes] for each name (`RotorModel.tables`), loads over the dynamic pressure
+    0.5 rho v²; and, if asked for, weight_stress (Pa) of `LoadModel.weight_stress`.
 
     Parameters
     ----------
@@ -150,24 +149,20 @@ class TablesComp(BladeComp):
         Those of `BladeComp`.
     nodes : numpy.ndarray
         Tip speed ratios, or their initial values.
+    names : sequence of str
+        What has a table: torque_coefficient, and loads of the rotor's `load_names`.
     vary : bool
-        Whether they are an input.
-    torque : bool
-        Whether the torque coefficient has a table.
-    loads : sequence of str
-        Loads with a table, some of the rotor's `load_names`.
+        Whether the nodes are an input.
     band : Band or None
         With it, the tables are those of `Band.solve`.
     weight : bool
         Whether the stress by the weight in water is computed, where the nodes do not vary.
     """
 
-    def __init__(
-        self, rotor, blade, nodes, *, vary=False, torque=True, loads=(), band=None, weight=False
-    ):
+    def __init__(self, rotor, blade, nodes, names, *, vary=False, band=None, weight=False):
         super().__init__(rotor, blade)
-        self._nodes, self._vary, self._torque = nodes, vary, torque
-        self._loads, self._band, self._weight = loads, band, weight
+        self._nodes, self._names, self._vary = nodes, names, vary
+        self._band, self._weight = band, weight
 
     def setup(self):
         super().setup()
@@ -175,10 +170,9 @@ class TablesComp(BladeComp):
         rows = np.arange(self._nodes.size)
         if self._vary:
             self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
-        names = *["torque_coefficient"] * self._torque, *self._loads
-        shapes = dict.fromkeys([f"{name}_table" for name in names], self._nodes.shape)
+        shapes = dict.fromkeys([f"{name}_table" for name in self._names], self._nodes.shape)
         if self._band is not None:
-            shapes = self._band.outputs(self._loads)
+            shapes = self._band.outputs(self._names)
         shapes |= dict.fromkeys(["weight_stress"] * self._weight, (1,))
         for name, shape in shapes.items():
             load = QUANTITIES.get(name.rpartition("_")[0])
@@ -203,17 +197,12 @@ class TablesComp(BladeComp):
 
     def _solve(self, blade, ratio):
         """Return the tables of a blade over tip speed ratios."""
-        rotor, loads = self._rotor, self._loads
-        tables = {"weight_stress": rotor.weight_stress(blade)} if self._weight else {}
+        rotor = self._rotor
+        weight = {"weight_stress": rotor.weight_stress(blade).envelope()} if self._weight else {}
         if self._band is not None:
-            return tables | self._band.solve(rotor, blade, loads, derivatives=True)
-        flow = bem.sections(blade, rotor.polar, ratio, derivatives=True)
-        if self._torque:
-            found = rotor.coefficients(blade, ratio, True, flow)
-            tables["torque_coefficient_table"] = found.torque_table
-        for name, load in rotor.loads(blade, ratio, True, loads, flow).items():
-            tables[f"{name}_table"] = load.envelope()
-        return tables
+            return weight | self._band.solve(rotor, blade, self._names, derivatives=True)
+        found = rotor.tables(blade, ratio, self._names, derivatives=True)
+        return weight | {f"{name}_table": table for name, table in found.items()}
 
     def compute(self, inputs, outputs):
         for name, table in self._tables(inputs).items():
@@ -282,7 +271,7 @@ class BladeGroup(om.Group):
     shape : Shape or None
         The shape of the blade, if it is designed by control points.
     **tables : dict
-        `nodes`, `vary`, `torque`, `loads`, `band` and `weight` of `TablesComp`.
+        `nodes`, `names`, `vary`, `band` and `weight` of `TablesComp`.
     """
 
     def __init__(self, rotor: RotorModel, blade: Blade, shape: Shape | None = None, **tables):
@@ -298,5 +287,5 @@ class BladeGroup(om.Group):
                 self.set_input_defaults(f"{name}_control", values)
         mass = InertiaComp(rotor=rotor, blade=blade)
         self.add_subsystem("mass_and_inertia", mass, promotes=["*"])
-        if tables.get("torque", True) or any(map(tables.get, ("loads", "band", "weight"))):
+        if tables["names"] or tables.get("weight"):
             self.add_subsystem("tables", TablesComp(rotor, blade, **tables), promotes=["*"])

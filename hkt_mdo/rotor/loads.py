@@ -58,8 +58,7 @@ class Load(NamedTuple):
         if self.r.size == 1:
             values, share = self.values[:, 0], np.ones(self.values.shape)
         else:
-            above = np.where(np.real(self.values) > 0.0, self.values, 0.0)
-            values, share, _ = norm(above)
+            values, share = norm(self.values)
         return bem.Table(values, *(() if self.slopes is None else self.slopes(share)))
 
 
@@ -151,7 +150,10 @@ class LoadModel:
             raise ValueError(f"the model gives no {', '.join(missing)}")
         ratio = np.atleast_1d(np.asarray(tip_speed_ratio, dtype=float))
         flow = bem.sections(blade, self.polar, ratio, derivatives) if flow is None else flow
-        return {name: _LOADS[name](self, blade, flow, ratio) for name in names}
+        found = {name: _LOADS[name](self, blade, flow, ratio) for name in names}
+        if flow.derivatives.size:
+            return found
+        return {name: load._replace(slopes=None) for name, load in found.items()}
 
     def _beam(self, blade):
         """Return the blade at the places of `place_weights`, its structure there, and its rate."""
@@ -179,8 +181,8 @@ class LoadModel:
         pulls, bends = zip(*_outboard(fine, structure.area, 1), strict=True)
         return beam, rate, pulls, [np.tan(blade.cone) * bend for bend in bends]
 
-    def weight_stress(self, blade, derivatives=True):
-        """Return the largest stress in a blade by its weight in water alone, as a `Table`, Pa.
+    def weight_stress(self, blade):
+        """Return the stress in a blade by its weight in water alone, as a `Load` (Pa, not over q).
 
         The weight less the buoyancy, g (rho_b - rho) A per length, bends a horizontal blade about
         the rotor's axis; in half a turn this moment changes its sign. The material alone is in the
@@ -191,33 +193,29 @@ class LoadModel:
         ----------
         blade : Blade
             The blade.
-        derivatives : bool
-            Whether the derivatives are computed.
 
         Returns
         -------
-        Table
+        Load
             Of one point, which has no tip speed ratio.
         """
-        (fine, structure, rate), weights = self._beam(blade), place_weights(blade.r.size)
-        chord, twist = fine.chord, fine.twist
-        excess = GRAVITY * (structure.density - self.water_density)
+        beam = fine, structure, change = self._beam(blade)
+        excess, weights = (
+            GRAVITY * (structure.density - self.water_density),
+            place_weights(blade.r.size),
+        )
         moments = (excess * moment[1:] for _, moment in _outboard(fine, structure.area, 0))
         moment, moment_by_chord, moment_by_area = moments
-        weak, strong = _about_chord(0.0, moment[None], twist)
-        bending = structure.bending(weak, strong, chord, rate)
-        values, share, _ = norm(bending.smooth)
-        if not derivatives:
-            return bem.Table(np.max(np.real(bending.largest), axis=1))
-        by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
-        by_moment = by_weak * np.sin(twist) + by_strong * np.cos(twist)
-        by_places = by_moment @ moment_by_chord - 3.0 * share * bending.smooth / chord
-        by_chord = by_places @ weights
-        by_twist = (by_weak * strong - by_strong * weak) @ weights
-        by_places = share * bending.by_thickness + (by_moment @ moment_by_area) * rate.area
-        by_thickness = by_places @ weights
-        by_radius = radius_slope(blade, values, by_chord, 1)
-        return bem.Table(values, np.zeros(1), by_chord, by_twist, by_thickness, by_radius)
+        bending, bent_by = _bent(beam, 0.0, moment[None])
+
+        def slopes(share):
+            _, by_moment, by_chord, by_twist, by_thickness = bent_by(share)
+            by_chord = (by_moment @ moment_by_chord + by_chord) @ weights
+            by_thickness = (by_moment @ moment_by_area) * change.area + by_thickness
+            by_radius = radius_slope(blade, np.sum(share * bending.smooth, axis=1), by_chord, 1)
+            return np.zeros(1), by_chord, by_twist @ weights, by_thickness @ weights, by_radius
+
+        return Load(fine.r, bending.largest, bending.smooth, slopes)
 
     def weight_moment(self, blade):
         """Return the moment of a horizontal blade's weight in water at the hub's radius, N*m.
@@ -383,8 +381,6 @@ def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_chord=0.0, b
     And what is added to it, of shape (n_points, 1), with its derivatives.
     """
     values, r = (flow.normal_load @ weights)[:, None] + added, np.array([blade.hub_radius])
-    if not flow.derivatives.size:
-        return Load(r, values, values)
 
     def slopes(share):
         by = _by_flow(flow, share * weights, np.zeros(flow.normal_load.shape))
@@ -395,42 +391,51 @@ def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_chord=0.0, b
     return Load(r, values, values, slopes)
 
 
-def _stress(model, blade, flow, ratio):
-    (fine, structure, change), rate, *both = model._centrifugal(blade, ratio)
-    (pull, *pull_by), (bend, *bend_by) = ([each[1:] for each in of] for of in both)
-    r, chord, twist, area = fine.r, fine.chord, fine.twist, structure.area
-    weights = place_weights(blade.r.size)
-    flapwise, edgewise = _moments(blade, flow, r)
-    weak, strong = _about_chord(flapwise + rate * bend, edgewise, twist)
-    tension = rate * pull / (area * chord**2)
-    bending = structure.bending(weak, strong, chord, change, tension)
-    exact, values = bending.largest + np.real(tension), bending.smooth + tension
-    if not flow.derivatives.size:
-        return Load(r, exact, values)
+def _bent(beam, flapwise, edgewise, tension=0.0):
+    """Return the `Bending` of a beam by moments, and a function of share[n_points, n_places].
 
-    arms = np.cos(blade.cone) ** 2 * moment_weights(blade, r).T
+    The function returns derivatives of the share times the smooth stress: by both moments, and by
+    chord, twist and thickness of the places at constant moments.
+    """
+    fine, structure, change = beam
+    weak, strong = _about_chord(flapwise, edgewise, fine.twist)
+    bending = structure.bending(weak, strong, fine.chord, change, tension)
 
     def slopes(share):
         by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
-        by_flapwise = by_weak * np.cos(twist) - by_strong * np.sin(twist)
-        by_edgewise = by_weak * np.sin(twist) + by_strong * np.cos(twist)
-        by_loads = by_flapwise @ arms, by_edgewise @ arms
-        by_ratio, by_chord, by_twist, by_thickness = _by_flow(flow, *by_loads)
-        tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate
-        by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
-        by_places, by_area = (
-            by_bend @ each + (by_pull / (area * chord**2)) @ other
-            for each, other in zip(bend_by, pull_by, strict=True)
-        )
-        by_places = by_places - (3.0 * share * bending.smooth + 2.0 * tensile) / chord
-        by_chord = by_chord + by_places @ weights
-        by_twist = by_twist + (by_weak * strong - by_strong * weak) @ weights
-        by_places = share * bending.by_thickness + (by_area - tensile / area) * change.area
-        by_thickness = by_thickness + by_places @ weights
-        by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_chord, 0)
-        return by_ratio, by_chord, by_twist, by_thickness, by_radius
+        by_chord = -3.0 * share * bending.smooth / fine.chord
+        by_twist, by_thickness = by_weak * strong - by_strong * weak, share * bending.by_thickness
+        return *_about_chord(by_weak, by_strong, -fine.twist), by_chord, by_twist, by_thickness
 
-    return Load(r, exact, values, slopes)
+    return bending, slopes
+
+
+def _stress(model, blade, flow, ratio):
+    beam, rate, *both = model._centrifugal(blade, ratio)
+    (fine, structure, change), weights = beam, place_weights(blade.r.size)
+    (pull, *pull_by), (bend, *bend_by) = ([each[1:] for each in of] for of in both)
+    flapwise, edgewise = _moments(blade, flow, fine.r)
+    section = structure.area * fine.chord**2
+    tension = rate * pull / section
+    bending, bent_by = _bent(beam, flapwise + rate * bend, edgewise, tension)
+    exact, values = bending.largest + np.real(tension), bending.smooth + tension
+
+    def slopes(share):
+        by_flapwise, by_edgewise, *by_places = bent_by(share)
+        arms = np.cos(blade.cone) ** 2 * moment_weights(blade, fine.r).T
+        by_ratio, *by_shape = _by_flow(flow, by_flapwise @ arms, by_edgewise @ arms)
+        tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate / section
+        by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
+        by_chord, by_area = (
+            by_bend @ each + by_pull @ other for each, other in zip(bend_by, pull_by, strict=True)
+        )
+        by_places[0] = by_places[0] + by_chord - 2.0 * tensile / fine.chord
+        by_places[2] = by_places[2] + (by_area - tensile / structure.area) * change.area
+        by_shape = [own + each @ weights for own, each in zip(by_shape, by_places, strict=True)]
+        by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_shape[0], 0)
+        return by_ratio, *by_shape, by_radius
+
+    return Load(fine.r, exact, values, slopes)
 
 
 def _outboard(fine, area, power):
@@ -476,18 +481,16 @@ def _cavitation(model, blade, flow, ratio):
         return np.concatenate(tuple(values), axis=1)
 
     values, r = flat(scale * suction * speed**2), np.tile(blade.r, 2)
-    if not flow.derivatives.size:
-        return Load(r, values, values)
-    _, _, angle, relative = flow.derivatives
-    angle = angle - np.array([0.0, 0.0, 1.0, 0.0])[:, None, None]  # of attack
-    by = [
-        flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
-        for by_attack, by_speed in zip(angle, relative, strict=True)
-    ]
-    by[-1] = by[-1] + flat(scale * speed**2 * by_followed)
     lift = model.water_density * GRAVITY * np.tile(height / pressure, 2)
 
     def slopes(share):
+        _, _, angle, relative = flow.derivatives
+        angle = angle - np.array([0.0, 0.0, 1.0, 0.0])[:, None, None]  # of attack
+        by = [
+            flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
+            for by_attack, by_speed in zip(angle, relative, strict=True)
+        ]
+        by[-1] = by[-1] + flat(scale * speed**2 * by_followed)
         both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]
         by_ratio, by_chord, by_twist, by_thickness = both
         weighted = share * values

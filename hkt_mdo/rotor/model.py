@@ -75,6 +75,35 @@ class RotorModel(LoadModel):
         """
         return SOLVERS[self.solver](blade, self.polar, tip_speed_ratio, derivatives, flow)
 
+    def tables(self, blade, tip_speed_ratio, names, derivatives=False, flow=None):
+        """Return the torque coefficient and smooth largest loads (`Load.envelope`) over q.
+
+        Parameters
+        ----------
+        blade : Blade
+            The blade.
+        tip_speed_ratio : ndarray of shape (n_points,)
+            Omega R / V of the disc, positive.
+        names : sequence of str
+            torque_coefficient, and some of `load_names`.
+        derivatives : bool
+            Whether to compute the derivatives by the blade.
+        flow : Sections, optional
+            As `loads` takes it.
+
+        Returns
+        -------
+        dict of Table
+            The torque coefficient first, then loads in the order of the names.
+        """
+        if flow is None:
+            flow = bem.sections(blade, self.polar, tip_speed_ratio, derivatives)
+        about, found = (blade, tip_speed_ratio, derivatives), {}
+        if "torque_coefficient" in names:
+            found["torque_coefficient"] = self.coefficients(*about, flow).torque_table
+        loads = self.loads(*about, [name for name in names if name not in found], flow)
+        return found | {name: load.envelope() for name, load in loads.items()}
+
     def mass_and_inertia(self, blade):
         """Return mass and inertia of the rotor with a blade.
 

@@ -45,6 +45,22 @@ class Outline:
         """
         return cls(*read_outline(source))
 
+    @classmethod
+    def of_sides(cls, x, upper, lower):
+        """Return the outline with y of the upper and the lower side at x.
+
+        Parameters
+        ----------
+        x, upper, lower : ndarray of shape (n,)
+            From the leading to the trailing edge, over the chord.
+
+        Returns
+        -------
+        Outline
+            From the trailing edge over the upper side round to it.
+        """
+        return cls(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
+
     @cached_property
     def area(self):
         """Area over chord squared (shoelace formula).
@@ -156,8 +172,7 @@ class Outline:
         if share == 1.0:
             return other
         pairs = zip(self.resampled(), other.resampled(), strict=True)
-        x, upper, lower = ((1.0 - share) * one + share * two for one, two in pairs)
-        return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
+        return Outline.of_sides(*((1.0 - share) * one + share * two for one, two in pairs))
 
     def resampled(self, fractions=FRACTIONS):
         """Return x, and y of the upper and the lower side, from leading to trailing edge.
@@ -199,8 +214,7 @@ class Outline:
         inside = upper > lower
         if np.count_nonzero(inside) < 2:
             return None
-        x, upper, lower = x[inside], upper[inside], lower[inside]
-        return Outline(np.concatenate((x[::-1], x)), np.concatenate((upper[::-1], lower)))
+        return Outline.of_sides(x[inside], upper[inside], lower[inside])
 
     @cached_property
     def _turn(self):

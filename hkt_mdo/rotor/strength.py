@@ -85,17 +85,14 @@ class Structure:
             Of the sections.
         """
         outlines = [outlines] if isinstance(outlines, Outline) else outlines
-        n, sections = len(outlines), []
+        n, between = len(outlines), []
         weights = place_weights(n)
         for row in weights:
             first, last = np.flatnonzero(row)[[0, -1]]
-            outline = outlines[first].blend(outlines[last], row[last])
-            own = None if wall is None else row @ np.broadcast_to(wall, n)
-            sections.append(material_section(outline, own))
-        numbers = np.array([(area, *moments) for area, moments, _ in sections])
-        if given is not None:
-            numbers[:, : np.shape(given)[1]] = weights @ given
-        points = _governing([points for _, _, points in sections])
+            between.append(outlines[first].blend(outlines[last], row[last]))
+        walls = None if wall is None else weights @ np.broadcast_to(wall, n)
+        given = None if given is None else weights @ given
+        numbers, points = _tabulated(between, walls, given)
         return cls(*numbers.T, points, float(density), modulus, n if n > 1 else None)
 
     def at(self, _thickness=None):
@@ -227,17 +224,10 @@ class StructureByThickness:
         parts = [np.linspace(*ends, PARTS + 1) for ends in pairwise(thickness)]
         at = np.unique(np.concatenate(parts))
         along = over_thickness(thickness, [outline.resampled() for outline in outlines])(at)
-        walls = [None] * at.size
         if wall is not None:
-            walls = np.clip(over_thickness(thickness, wall)(at), np.min(wall), np.max(wall))
-        sections = [
-            material_section(Outline(np.r_[x[::-1], x], np.r_[upper[::-1], lower]), own)
-            for (x, upper, lower), own in zip(along, walls, strict=True)
-        ]
-        numbers = np.array([(area, *moments) for area, moments, _ in sections])
-        if given is not None:
-            numbers[:, : np.shape(given)[1]] = over_thickness(thickness, given)(at)
-        points = _governing([points for _, _, points in sections], same=True)
+            wall = np.clip(over_thickness(thickness, wall)(at), np.min(wall), np.max(wall))
+        given = None if given is None else over_thickness(thickness, given)(at)
+        numbers, points = _tabulated([Outline.of_sides(*each) for each in along], wall, given, True)
         table = np.hstack((numbers, points.reshape(at.size, -1)))
         return cls(thickness, CubicSpline(at, table), float(density), modulus)
 
@@ -302,10 +292,10 @@ def place_weights(n_stations):
 
 
 def norm(values, exponent=EXPONENT):
-    """Return a smooth largest magnitude over the last axis, its derivatives, and the largest.
+    """Return a smooth largest value over the last axis, of those above zero, and its derivatives.
 
-    (sum |x|^p)^(1/p), p an integer: homogeneous, never below the largest and at most n^(1/p) times
-    it, for n equal values.
+    (sum x^p)^(1/p) over them: homogeneous, never below the largest and at most n^(1/p) times it,
+    for n equal values.
 
     Parameters
     ----------
@@ -316,20 +306,19 @@ def norm(values, exponent=EXPONENT):
 
     Returns
     -------
-    smooth, largest : ndarray of shape (...)
-        The norm, first, and the largest magnitude, last.
+    smooth : ndarray of shape (...)
+        The norm; 0 where no value is above zero.
     share : ndarray of shape (..., n)
-        Derivatives of the norm, between both.
+        Its derivatives.
     """
-    sign = np.where(np.real(values) < 0.0, -1.0, 1.0)
-    largest = np.max(np.abs(np.real(values)), axis=-1)
-    ratio = sign * values / np.where(largest > 0.0, largest, 1.0)[..., None]
+    largest = np.maximum(np.max(np.real(values), axis=-1), 0.0)
+    ratio = values / np.where(largest > 0.0, largest, 1.0)[..., None]
     near = np.real(ratio) > np.exp(-40.0 / exponent)  # the others are below the last digit
     power = np.zeros_like(ratio)
     power[near] = ratio[near] ** (exponent - 1)
     total = np.where(largest > 0.0, np.sum(power * ratio, axis=-1), 1.0)
-    share = sign * power * total[..., None] ** (1.0 / exponent - 1.0)
-    return largest * total ** (1.0 / exponent), share, largest
+    share = power * total[..., None] ** (1.0 / exponent - 1.0)
+    return largest * total ** (1.0 / exponent), share
 
 
 def _around(u, v, points, moved, added):
@@ -417,6 +406,16 @@ def material_section(outline, wall=None):
         material = Outline(*np.concatenate((outer, outer[:1], inner, inner[:1])).T)
     points = np.column_stack((outline.x, outline.y)) - material.centroid
     return material.area, material.second_moments, points
+
+
+def _tabulated(outlines, walls, given, same=False):
+    """Return area and second moments (n, 4), or those given, and the `_governing` points."""
+    walls = [None] * len(outlines) if walls is None else walls
+    sections = [material_section(*each) for each in zip(outlines, walls, strict=True)]
+    numbers = np.array([(area, *moments) for area, moments, _ in sections])
+    if given is not None:
+        numbers[:, : given.shape[1]] = given
+    return numbers, _governing([points for _, _, points in sections], same)
 
 
 def _governing(shapes, same=False):

@@ -13,7 +13,7 @@ FLAT_TO = np.deg2rad(120.0)  # from there, over 180 degrees, the curves return t
 
 
 def surface_curves(alpha, suction):
-    """Return alpha, upper and lower suction on one grid from -pi to pi, periodic.
+    """Return alpha, upper and lower suction on one grid over a turn, periodic.
 
     alpha[n_rows] (rad) increases, suction[2, n_rows] is -Cp min of the upper and the lower surface,
     or suction[1, n_rows] the larger of the two, which `split_at_kink` parts. Rows beyond 90 degrees
@@ -31,7 +31,7 @@ def surface_curves(alpha, suction):
     Returns
     -------
     alpha, upper, lower : ndarray of shape (n,)
-        From -pi to pi.
+        From -`FLAT_TO` over 180 degrees round to it; the same at both ends.
     """
     if suction.shape[0] == 1:
         suction = split_at_kink(alpha, suction[0])
@@ -40,8 +40,8 @@ def surface_curves(alpha, suction):
     far = OUTWARD[-1] + 0.5 * STEP
     before = np.concatenate((np.arange(-FLAT_TO, low - far, STEP), low - OUTWARD[::-1]))
     after = np.concatenate((high + OUTWARD, np.arange(FLAT_TO, high + far, -STEP)[::-1]))
-    round_back = np.linspace(FLAT_TO, 2.0 * np.pi - FLAT_TO, 25)[1:-1]
-    share = np.linspace(0.0, 1.0, 25)[1:-1]
+    round_back = np.linspace(FLAT_TO, 2.0 * np.pi - FLAT_TO, 25)[1:]
+    share = np.linspace(0.0, 1.0, 25)[1:]
     share = share**2 * (3.0 - 2.0 * share)
     front = np.concatenate((before, rows, after))
     beyond = front - np.clip(front, low, high)
@@ -51,15 +51,8 @@ def surface_curves(alpha, suction):
         values = np.interp(rows, alpha, column)
         slopes = (np.diff(values) / np.diff(rows))[[0, -1]]
         values = np.interp(front, rows, values) + outrun * np.where(beyond < 0.0, *slopes)
-        curves.append(np.append(values, values[-1] + share * (values[0] - values[-1])))
-    # The second half of the back, with 180 degrees itself, comes first, one turn less.
-    half = round_back.size // 2 + 1
-    grid, *columns = (
-        np.concatenate((curve[-half:], curve[: 1 - half]))
-        for curve in (np.append(front, round_back), *curves)
-    )
-    grid[:half] -= 2.0 * np.pi
-    return grid, *columns
+        curves.append(np.append(values, (1.0 - share) * values[-1] + share * values[0]))
+    return np.append(front, round_back), *curves
 
 
 def split_at_kink(alpha, suction):

@@ -109,9 +109,8 @@ class SteadyFlow:
         if blade not in self._curves:
             physics, nodes = self.physics, self.spline.nodes
             names = physics.load_names
-            loads = physics.rotor.loads(blade, nodes, names=names).values()
-            torque = physics.rotor.coefficients(blade, nodes).torque
-            table = np.stack((torque, *(load.envelope().values for load in loads)), axis=1)
+            found = physics.rotor.tables(blade, nodes, ["torque_coefficient", *names])
+            table = np.stack([each.values for each in found.values()], axis=1)
             self._curves[blade] = Curves(table, names, scalars(physics, physics.rotor, blade))
         return self._curves[blade]
 

@@ -242,14 +242,22 @@ def circle_text(n_rows=73, gap=0.0):
 def test_full_circle_is_used_as_it_is(put):
     (table,) = read_polars(put("section.dat", circle_text()))
     assert table.full_circle
-    assert table.alpha[0] == -np.pi
-    assert table.alpha[-1] == np.pi
+    assert table.alpha[[0, -1]].tolist() == [-np.pi, np.pi]
     polar = Polar.from_polar_table(table)
     assert (polar.alpha_min, polar.alpha_max) == (-np.pi, np.pi)
     alpha = np.linspace(-4.0, 4.0, 999)
     cl, cd = polar.evaluate(alpha)
     assert np.allclose(cl, np.sin(2.0 * alpha), atol=1e-4)  # the spline's error at 5 degrees
     assert np.allclose(cd, 1.0 - 0.98 * np.cos(2.0 * alpha), atol=1e-4)
+
+
+def test_a_table_up_to_right_angles_is_extended(put):
+    header, *rows = circle_text().splitlines()
+    for first, last in ((18, 55), (18, 41), (34, 55)):  # -90 or -10 to 90 or 20 degrees
+        (table,) = read_polars(put("section.dat", "\n".join([header, *rows[first:last]])))
+        known = np.deg2rad(5.0 * np.arange(first, last) - 180.0)
+        cl, _ = Polar.from_polar_table(table).evaluate(known)
+        assert np.allclose(cl, np.sin(2.0 * known), atol=1e-6)
 
 
 def test_ends_of_a_full_circle_are_one_angle(put):

@@ -56,7 +56,7 @@ def loaded(monkeypatch):
     """Put given loads over q (m) in place of those of BEM."""
 
     def put(normal, tangential):
-        state = bem.Sections(*np.zeros((9, 1, normal.size)), np.empty(0))
+        state = bem.Sections(*np.zeros((7, 1, normal.size)), np.empty(0))
         state = state._replace(normal_load=normal[None], tangential_load=tangential[None])
         monkeypatch.setattr(bem, "sections", lambda *_: state)
 
@@ -109,11 +109,11 @@ def test_weight_in_water_of_a_uniform_bar():
     assert model.weight_moment(blade) == pytest.approx(moment, rel=1e-9)
     for twist, shape in ((0.0, 0.02 * 0.1**2), (0.5 * np.pi, 0.1 * 0.02**2)):
         turned = blade.with_shape(blade.chord, np.full(401, twist))
-        stress = model.weight_stress(turned, derivatives=False).values
+        stress = model.weight_stress(turned).largest
         assert stress == pytest.approx(6.0 * moment / shape, rel=2e-4)
     # a blade as light as water has none
     light = replace(model, structure=Structure.of(rectangle(), WATER))
-    assert light.weight_stress(blade, derivatives=False).values == 0.0
+    assert light.weight_stress(blade).largest == 0.0
 
 
 def test_a_bar_turning_without_loads_has_the_centrifugal_stress(nothing):
@@ -289,11 +289,11 @@ def stepped_loads(model, blade, points, **steps):
     radii = {name: factor * getattr(blade, name) for name in ("r", "hub_radius", "tip_radius")}
     changed = replace(blade, **radii, chord=blade.chord + h * chord, twist=blade.twist + h * twist)
     ratio = points + h * steps.get("ratio", 0.0)
-    found = {name: loads._LOADS[name](model, changed, flow, ratio) for name in NAMES}
-    return {
-        name: (load.values.imag / 1e-30, load.envelope().values.imag / 1e-30)
-        for name, load in found.items()
-    }
+    found = {}
+    for name in NAMES:
+        load = loads._LOADS[name](model, changed, flow, ratio)._replace(slopes=None)
+        found[name] = load.values.imag / 1e-30, load.envelope().values.imag / 1e-30
+    return found
 
 
 def at_places(load):
@@ -331,11 +331,11 @@ def test_derivatives_are_those_of_the_complex_step(blade, polar, cone, hollow):
 
 def test_derivatives_of_the_stress_by_the_weight(blade, polar):
     model, h, n = model_of(polar), 1e-6, blade.r.size
-    found, rng = model.weight_stress(blade), np.random.default_rng(3)
+    found, rng = model.weight_stress(blade).envelope(), np.random.default_rng(3)
     chord, twist = 0.1 * rng.normal(size=n), rng.normal(size=n)
 
     def slope(changed):
-        ends = (model.weight_stress(changed(sign * h)).values for sign in (1.0, -1.0))
+        ends = (model.weight_stress(changed(s * h)).envelope().values for s in (1.0, -1.0))
         return -np.subtract(*reversed(list(ends))) / (2.0 * h)
 
     by = slope(lambda step: blade.with_shape(blade.chord + step * chord, blade.twist))
@@ -348,10 +348,8 @@ def test_derivatives_of_the_stress_by_the_weight(blade, polar):
 
 def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     problem = om.Problem()
-    model = model_of(polar)
-    about = {"structure": model.structure, "depth": 3.0}
-    rotor = RotorModel(polar, section_area=0.1, **about)
-    component = TablesComp(blade=blade, rotor=rotor, loads=NAMES, nodes=RATIO)
+    rotor = RotorModel(polar, model_of(polar).structure, section_area=0.1, depth=3.0)
+    component = TablesComp(rotor, blade, RATIO, ["torque_coefficient", *NAMES])
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()
     problem.set_val("rotor_radius", 1.3 * blade.rotor_radius)

@@ -67,7 +67,8 @@ def test_the_group_runs_alone_with_exact_partials(rotor, blade, family):
         "set angle": Shape.fixed(blade, 0.0, (-0.1, 0.1)),
         "none": None,
     }[family]
-    about = {"nodes": RATIOS, "shape": shape, "loads": ("root_moment", "stress", "cavitation")}
+    names = "torque_coefficient", "root_moment", "stress", "cavitation"
+    about = {"nodes": RATIOS, "shape": shape, "names": names}
     problem = om.Problem(BladeGroup(rotor=rotor, blade=blade, **about), reports=False)
     blade = blade if shape is None else shape.nearest(blade)
     problem.setup()

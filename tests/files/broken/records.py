@@ -124,7 +124,7 @@ def _netcdf() -> Broken:
         "NetCDF: no time": ("no_time.nc", content(without=["time"]), "nothing that is clearly the"),
         "NetCDF: texts": ("texts.nc", content(speed.astype(str)), "holds no numbers"),
         "NetCDF: NaN": ("nan.nc", content(hole), "row 41, column speed: is at a gap"),
-        "NetCDF: infinity": ("infinity.nc", content(endless), "row 41, column speed = inf: must"),
+        "NetCDF: infinity": ("infinity.nc", content(endless), "row 41, column speed = 'inf m/s'"),
         "NetCDF: no date": ("date.nc", content(time=no_date), "row 41, column time: is no time"),
     }
 
