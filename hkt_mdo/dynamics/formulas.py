@@ -59,6 +59,16 @@ class Formula(Section):
         return sum(quantities.values())
 
     @property
+    def function(self) -> Callable[..., Any]:
+        """What the model computes of it: its value, or the rate of an objective."""
+        return self.value
+
+    @property
+    def function_unit(self) -> str | None:
+        """Unit of that."""
+        return self.unit
+
+    @property
     def series(self) -> dict[str, tuple[str | None, str]]:
         """Unit and description of its inputs that change over time."""
         known = (QUANTITIES[name] for name in self.inputs if name in OVER_TIME)
@@ -88,4 +98,4 @@ class Formula(Section):
             By an input over time, where the value at an instant follows from the input then, of
             shape (n_times,); by any other, (size of the value, size of the input).
         """
-        return slope(self.value, quantities, name, name in self.series)
+        return slope(self.function, quantities, name, name in self.series)

@@ -34,14 +34,19 @@ class Objective(Formula):
         raise NotImplementedError
 
     @property
-    def rate_unit(self) -> str:
-        """Unit of the rate."""
-        return f"({self.unit})/s" if self.unit else "1/s"
-
-    @property
     def is_rate(self) -> bool:
         """Whether it is the integral of a rate."""
         return type(self).rate is not Objective.rate
+
+    @property
+    def function(self):
+        """The rate, or the value if it has none."""
+        return self.rate if self.is_rate else self.value
+
+    @property
+    def function_unit(self):
+        rate = f"({self.unit})/s" if self.unit else "1/s"
+        return rate if self.is_rate else self.unit
 
     @property
     def is_energy(self) -> bool:

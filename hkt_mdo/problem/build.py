@@ -227,7 +227,7 @@ def _unknowns(model, physics, setup) -> dict[str, dict]:
     if not unknowns.size:
         return {}
     model.add_design_var("unknowns", ref=scale)
-    about = {"units": objective.rate_unit, "desc": "of the aggregate"}
+    about = {"units": objective.function_unit, "desc": "of the aggregate"}
     return {"unknowns": {"val": unknowns} | about}
 
 

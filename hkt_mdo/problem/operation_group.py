@@ -8,19 +8,13 @@ import openmdao.api as om
 from hkt_mdo.dynamics.limits import LEAST, TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
-from hkt_mdo.problem.components import (
-    AggregateComp,
-    FormulaComp,
-    IntegralComp,
-    LinearComp,
-    LoadComp,
-)
+from hkt_mdo.problem.components import AggregateComp, FormulaComp, LinearComp, LoadComp
 from hkt_mdo.problem.equilibrium import equilibrium_group
 from hkt_mdo.problem.evaluation import on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, dm
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.quantities import OVER_TIME, QUANTITIES, RATES
+from hkt_mdo.quantities import QUANTITIES, RATES
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
@@ -67,8 +61,9 @@ class OperationGroup(om.Group):
         self._add_phases()
         self._add_loads()
         self._add_rates()
-        weights = {x.name: x.weight * x.node_weights for x in self._physics.scenarios}
-        self._add_integrals("integrals", INTEGRALS, weights)
+        for name, integrand in INTEGRALS.items():
+            weights = {x.name: [x.weight * x.node_weights] for x in self._physics.scenarios}
+            self._add_integral(f"integral_{name}", integrand, weights, name, QUANTITIES[name].meta)
         self._hold_limits()
         for scenario in self._physics.scenarios:
             if scenario.closed:
@@ -95,7 +90,7 @@ class OperationGroup(om.Group):
                 name = constraint_of(physics, limit)
                 bounds = {"lower": limit.lower, "upper": limit.upper}
                 self.add_constraint(name, **bounds, ref=limit.bounds_size or 1.0, units=limit.unit)
-                self._add_formula(name, limit, np.size(limit.value_of(known)))
+                self._add_formula(name, limit, np.arange(np.size(limit.value_of(known))))
 
     def _hold(self, limit, number):
         """Hold a limit over time in the number-th scenario."""
@@ -120,19 +115,15 @@ class OperationGroup(om.Group):
                 self._hold_between(limit, scenario, segments, options)
             return
         self.add_constraint(name, **bounds, **options)
-        self._add_formula(name, limit, nodes.size, variant=physics.variant(scenario))
-        for each in limit.series:
-            target = f"{name.removesuffix('.value')}.{each}"
-            at = {"src_indices": nodes, "flat_src_indices": True}
-            self.connect(scenario.source(each), target, **at)
+        self._add_formula(name, limit, nodes, scenario)
 
     def _hold_between(self, limit, scenario, segments, options):
         """Hold a limit on a quantity midway between the nodes of some segments."""
         quantity, n = limit.inputs[0], scenario.nodes_per_segment - 1
         matrix = scenario.between[np.repeat(segments, n)]
         bounds = narrowed(limit, np.repeat(self._start.share(limit, scenario)[segments], n))
-        name = between_of(scenario, limit)
-        self.add_subsystem(name, LinearComp(matrix, quantity, "value", limit.unit))
+        name, units = between_of(scenario, limit), {"units": limit.unit}
+        self.add_subsystem(name, LinearComp({quantity: matrix}, limit.unit, "value", units))
         self.connect(scenario.source(quantity), f"{name}.{quantity}")
         self.add_constraint(f"{name}.value", **bounds, **options)
 
@@ -263,10 +254,10 @@ class OperationGroup(om.Group):
     def _add_rates(self):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
         asked = any(map(self._physics.asks_for, RATES))
-        about = "control_torque", "torque_rate", QUANTITIES["torque_rate"].unit
+        about = QUANTITIES["control_torque"].unit, "torque_rate", QUANTITIES["torque_rate"].meta
         for scenario in self._physics.scenarios if asked else ():
-            name = f"rates_{scenario.name}"
-            self.add_subsystem(name, LinearComp(scenario.differentiation, *about))
+            name, matrices = f"rates_{scenario.name}", {"control_torque": scenario.differentiation}
+            self.add_subsystem(name, LinearComp(matrices, *about))
             self.connect(scenario.source("control_torque"), f"{name}.control_torque")
 
     def _close_cycle(self, scenario):
@@ -280,27 +271,31 @@ class OperationGroup(om.Group):
         about = {"equals": 0.0, "ref": self._scales.rotor_speed, "units": "rad/s"}
         self.add_constraint(f"{name}.change", **about)
 
-    def _add_formula(self, name, formula, size, outputs=(), variant=""):
-        """Add a formula and connect its inputs but those over time; `variant` of the turbine.
+    def _add_formula(self, name, formula, nodes, scenario=None):
+        """Add a formula of the design, or at some nodes of a scenario, and connect its inputs.
 
         `name` may have the ending of its output.
         """
         name = name.removesuffix(".value")
-        component = FormulaComp(formula, size)
+        variant = self._physics.variant(scenario) if scenario else ""
         fixed = (each for each in formula.inputs if each not in formula.series)
         inputs = [(each, named(each, variant)) for each in fixed]
-        self.add_subsystem(name, component, promotes_inputs=inputs, promotes_outputs=list(outputs))
+        self.add_subsystem(name, FormulaComp(formula, nodes.size), promotes_inputs=inputs)
+        for each in formula.series:
+            at = {"src_indices": nodes, "flat_src_indices": True}
+            self.connect(scenario.source(each), f"{name}.{each}", **at)
 
-    def _add_integrals(self, name, integrands, weights, **about):
-        """Add the integrals of some rates over all scenarios."""
-        component = IntegralComp(weights, integrands, **about)
-        needed = {each for integrand in integrands.values() for each in integrand.inputs}
-        fixed = sorted(each for each in needed if each not in OVER_TIME)
-        self.add_subsystem(name, component, promotes_inputs=fixed, promotes_outputs=["*"])
+    def _add_integral(self, name, integrand, weights, result, meta):
+        """Add sums over all scenarios of an objective's rate times weights, (n_rows, n_nodes)."""
+        component = LinearComp(weights, integrand.function_unit, result, meta)
+        self.add_subsystem(name, component, promotes_outputs=[result])
         for scenario in self._physics.scenarios:
-            for quantity in sorted(needed & {*OVER_TIME}):
-                target = f"{name}.{scenario.name}:{quantity}"
-                self.connect(scenario.source(quantity), target)
+            if integrand in INTEGRALS.values():  # the rate is a quantity over time as it is
+                rate = scenario.source(integrand.inputs[0])
+            else:
+                rate = f"rate_{scenario.name}.value"
+                self._add_formula(rate, integrand, np.arange(scenario.node_times.size), scenario)
+            self.connect(rate, f"{name}.{scenario.name}")
 
     def _add_objective(self):
         """Add the objective: an aggregate of scenarios' mean rates, or a value of the design."""
@@ -314,16 +309,15 @@ class OperationGroup(om.Group):
             )
             self.add_subsystem("price", priced, promotes=["*"])
         if not physics.objective.is_rate:
-            return self._add_formula("objective_value", physics.objective, 1, [("value", name)])
-        groups, scenarios = list(physics.shares), physics.scenarios
-        rows = {each.name: groups.index(each.group) for each in scenarios}
-        factors = dict(zip(groups, physics.rate_factors, strict=True))
+            self._add_formula("objective_value", physics.objective, np.arange(1))
+            return self.promotes("objective_value", outputs=[("value", name)])
+        factors = dict(zip(physics.shares, np.diag(physics.rate_factors), strict=True))
         weights = {
-            each.name: each.node_weights * factors[each.group] / each.mesh.duration
-            for each in scenarios
+            each.name: np.outer(factors[each.group], each.node_weights / each.mesh.duration)
+            for each in physics.scenarios
         }
-        rate = {"mean_rate": physics.objective}
-        self._add_integrals("mean_rates", rate, weights, rows=rows)
+        units = {"units": physics.objective.function_unit}
+        self._add_integral("mean_rates", physics.objective, weights, "mean_rate", units)
         component = AggregateComp(
             aggregate=physics.case.robustness,
             shares=np.array(list(physics.shares.values())),

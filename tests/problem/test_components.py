@@ -9,10 +9,10 @@ from hkt_mdo.dynamics.aggregates import Expected, Worst
 from hkt_mdo.dynamics.flows import SineInflow
 from hkt_mdo.dynamics.laws import LinearFeedback, QuadraticFeedback
 from hkt_mdo.dynamics.limits import DistanceFromStall, Limit, TorqueLimit
-from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy, GeneratorEnergy, Objective
+from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy, Objective
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wide_laws import PowerLawFeedback
-from hkt_mdo.problem.components import AggregateComp, FormulaComp, IntegralComp
+from hkt_mdo.problem.components import AggregateComp, FormulaComp, LinearComp
 from hkt_mdo.quantities import names
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from tests.conftest import checked
@@ -123,32 +123,19 @@ def test_every_quantity_of_the_whole_result_has_an_integrand():
 def test_integrals_are_weighted_sums_over_all_scenarios():
     weights = {"sine": np.array([0.5, 2.0, 1.5]), "step": np.array([1.0, 0.25])}
     rng = np.random.default_rng(3)
-    values = {
-        f"{scenario}:{name}": rng.uniform(1.0, 9.0, each.size)
-        for scenario, each in weights.items()
-        for name in ("hydrodynamic_power", "generator_power", "rotor_speed")
-    }
-    integrands = {
-        "energy": CapturedEnergy(), "generator_energy": GeneratorEnergy(), "objective": PaidPower()
-    }  # fmt: skip
-    problem = checked(
-        IntegralComp(weights=weights, integrands=integrands), **values, rotor_radius=RADIUS
-    )
+    values = {name: rng.uniform(1.0, 9.0, each.size) for name, each in weights.items()}
+    rows = {name: [each] for name, each in weights.items()}
+    problem = checked(LinearComp(rows, "W", "energy", {"units": "J"}), **values)
+    expected = sum(weight @ values[name] for name, weight in weights.items())
+    assert problem.get_val("energy")[0] == pytest.approx(expected, rel=1e-14)
 
-    def total(of):
-        return sum(weight @ of(scenario) for scenario, weight in weights.items())
 
-    expected = {
-        "energy": total(lambda s: values[f"{s}:hydrodynamic_power"]),
-        "generator_energy": total(lambda s: values[f"{s}:generator_power"]),
-        "objective": total(
-            lambda s: (
-                values[f"{s}:generator_power"] - 2.0 * RADIUS * values[f"{s}:rotor_speed"] ** 2
-            )
-        ),
-    }
-    for name, value in expected.items():
-        assert problem.get_val(name)[0] == pytest.approx(value, rel=1e-14), name
+def test_a_rate_of_power_speed_and_size():
+    power, speed = np.random.default_rng(3).uniform(1.0, 9.0, (2, N))
+    known = {"generator_power": power, "rotor_speed": speed, "rotor_radius": RADIUS}
+    problem = checked(FormulaComp(formula=PaidPower(), size=N), **known)
+    expected = power - 2.0 * RADIUS * speed**2
+    np.testing.assert_allclose(problem.get_val("value", units="W"), expected, rtol=1e-14)
 
 
 class ThrustPerArea(Objective):
@@ -164,15 +151,14 @@ class ThrustPerArea(Objective):
 
 
 def test_a_rate_of_loads_span_and_design_is_a_mean_of_each_scenario():
-    weights = {"a_1": np.array([0.2, 0.3]), "b": np.array([0.6, 0.4]), "a_2": np.array([0.5])}
+    weights = {"a_1": [[0.2, 0.3], [0, 0]], "b": [[0, 0], [0.6, 0.4]], "a_2": [[0.5], [0]]}
     chord, thrust = np.array([0.2, 0.15, 0.1]), {"a_1": [3.0, 4.0], "b": [5.0, 6.0], "a_2": [7.0]}
-    component = IntegralComp(
-        weights=weights,
-        integrands={"mean_rate": ThrustPerArea()},
-        rows={"a_1": 0, "a_2": 0, "b": 1},
-    )
-    loads = {f"{name}:thrust": values for name, values in thrust.items()}
-    problem = checked(component, **loads, chord=chord, blade_area=0.5)
+    rates = {}
+    for name, each in thrust.items():
+        component = FormulaComp(formula=ThrustPerArea(), size=len(each))
+        problem = checked(component, thrust=each, chord=chord, blade_area=0.5)
+        rates[name] = problem.get_val("value", units="Pa")
+    problem = checked(LinearComp(weights, "Pa", "mean_rate", {"units": "Pa"}), **rates)
     means = [0.2 * 3.0 + 0.3 * 4.0 + 0.5 * 7.0, 0.6 * 5.0 + 0.4 * 6.0]
     expected = np.array(means) / 0.5 * (1.0 + 0.2 * 0.1)
     np.testing.assert_allclose(problem.get_val("mean_rate"), expected, rtol=1e-14)

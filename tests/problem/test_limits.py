@@ -54,10 +54,10 @@ def test_rate_of_the_torque_against_complex_step(transcription):
     phase = {"phase": {"segments": 5, "duration": 7, "transcription": transcription}}
     scenario = physics(load_case(CASE | phase)).scenarios[0]
     scenario = scenario.divided(1 + np.arange(scenario.segments) % 2)
-    names = "control_torque", "torque_rate"
-    rates, time = LinearComp(scenario.differentiation, *names, "N*m/s"), scenario.node_times
+    matrices, time = {"control_torque": scenario.differentiation}, scenario.node_times
+    rates = LinearComp(matrices, "N*m", "torque_rate", {"units": "N*m/s"})
     problem = checked(rates, 1e-10, 1e-12, control_torque=600.0 + 40.0 * time - 3.0 * time**2)
-    found = problem.get_val("torque_rate", units="N*m/s")[:, 0]
+    found = problem.get_val("torque_rate", units="N*m/s")
     np.testing.assert_allclose(found, 40.0 - 6.0 * time, atol=1e-8)
 
 
