@@ -32,14 +32,13 @@ LEAST_WEIGHT = 1e-30
 MOST_ROWS = 50_000
 """Rows of the independent integration's table, but for extremes; it has 20 a segment."""
 
-SIMULATED = {
+ENERGIES = {
     "energy": "simulated_energy_J",
     "generator_energy": "generator_energy_J",
     "electrical_energy": "electrical_energy_J",
+    "kinetic_energy_change": "stored_energy_J",
 }
 """Key in the summary of each energy of a `Simulation`."""
-ENERGIES = SIMULATED | {"kinetic_energy_change": "stored_energy_J"}
-"""The same with what is left in the rotor."""
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
     "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "

@@ -14,6 +14,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import BETWEEN, Limit
+from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, write_new
@@ -24,7 +25,6 @@ from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
 from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import of_limit, placed
-from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
 from hkt_mdo.studies.uncertainty import Sensor, flow_given, noisy_runs
@@ -294,7 +294,7 @@ class Run:
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
         run = self.simulation
-        return {x: None if run.stopped_at else getattr(run, x) for x in SIMULATED}
+        return {x: None if run.stopped_at else getattr(run, x) for x in INTEGRALS}
 
     @property
     def outcome(self) -> str:
