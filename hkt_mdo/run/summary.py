@@ -214,14 +214,14 @@ def _extremes(finished, scenarios, shadow_prices):
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
     limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
-    blade, model = finished.result.point.blade, physics.rotor
-    bent = [loads.tip_deflection(x.rotor, blade, x.simulated) for x in finished.verifications]
+    blade = finished.result.point.blade
+    bent = [(each.rotor, each.simulated) for each in finished.verifications]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": None if None in bent else max(bent),
-        "weight_moment_Nm": model.weight_moment(blade),
+        "tip_deflection_m": loads.tip_deflection(blade, bent),
+        "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
 
 
