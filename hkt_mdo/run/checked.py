@@ -40,7 +40,7 @@ def checked(
 ) -> Checked:
     """Return a result, of a run that began at a start, with its integrations."""
     if result.objective < (1.0 - BELOW_START) * start.reference:
-        moving = _moving_reference(state, start, result)
+        moving = _moving_reference(state.first, start, result)
         start = replace(start, reference=min(start.reference, moving))
     optimum = bounding_optimum(result.physics, state.optimum, result.point.blade)
     return Checked(start, result, verifications, optimum)
@@ -66,14 +66,13 @@ def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
     return replace(start, reference=start.objective - physics.price_of(start.blade))
 
 
-def _moving_reference(state, start, result) -> float:
+def _moving_reference(physics, start, result) -> float:
     """Return the objective of a start with the rotor's inertia, J; 0 if it breaks a limit.
 
     A quasi-steady start follows every gust at once, which a rotor with inertia cannot; nor may that
     come nearer to stall than a law may.
     """
-    physics = state.first
-    verifications = verify(as_it_stands(state, physics, start, result))
+    verifications = verify(as_it_stands(physics, start, result))
     near = recovery(physics, verifications) if physics.law.is_feedback else ()
     if any(value > most for _, value, most, _ in near):
         return 0.0
@@ -90,15 +89,11 @@ def _moving_reference(state, start, result) -> float:
     return simulated_objective(verifications)
 
 
-def as_it_stands(
-    state: RunState, physics: Physics, point: StartingPoint, ended: Optimized
-) -> Optimized:
+def as_it_stands(physics: Physics, point: StartingPoint, ended: Optimized) -> Optimized:
     """Return a point as the result of an optimization without success.
 
     Parameters
     ----------
-    state
-        State of the run.
     physics, point
         A start or an iterate, and the physics on its mesh.
     ended
@@ -107,9 +102,8 @@ def as_it_stands(
     message = "its result was refused" if ended.outcome.success else ended.outcome.message
     outcome = replace(ended.outcome, success=False, message=message)
     setup = Setup(point, curve_nodes(physics, point))
-    problem = assemble(physics, setup, work_dir=state.scratch)
+    problem = assemble(physics, setup)
     problem.run_model()
-    problem.cleanup()
     return collect(physics, setup, problem, outcome)
 
 
@@ -134,7 +128,7 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
         if other is None or not other[1].operation.running:
             continue
         physics, point, words = other
-        stands = as_it_stands(state, physics, point, end.result)
+        stands = as_it_stands(physics, point, end.result)
         known = checked(state, end.start, stands, verify(stands))
         if known.rank > best.rank:
             best, held = known, words

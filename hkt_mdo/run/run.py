@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import signal
 import sqlite3
-import tempfile
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -166,7 +165,7 @@ def _run(state: RunState, figures, start: StartingPoint | None = None) -> Soluti
     """Run a case in its locked folder, from the last iterate of an earlier run if there is one."""
     case, out = state.first.case, state.out
     began, made_of = time.perf_counter(), digest(case)
-    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as state.scratch, one_thread():
+    with one_thread():
         try:
             with handling(signal.SIGTERM, state.terminate):
                 finished = _optimize_and_verify(state, start)

@@ -63,8 +63,6 @@ class RunState:
     progress, on_pass, on_start : callable or None
         Called at every evaluation, after every optimization, and after every one of the search for
         a start.
-    scratch : str
-        Folder for OpenMDAO's own files.
     physics : Physics
         On the mesh at work.
     point : callable
@@ -90,7 +88,6 @@ class RunState:
     progress: Progress | None = None
     on_pass: Callable[[PassEntry], None] | None = None
     on_start: Callable[[StartRecord], None] | None = None
-    scratch: str = ""
     point: Callable[[], StartingPoint] = field(init=False)
     last: StartingPoint | None = None
     best: tuple[Physics, StartingPoint] | None = None

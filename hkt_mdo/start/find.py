@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -127,22 +126,21 @@ def find_start(
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.append(Candidate(RESULT, blade, gains))
-    with TemporaryDirectory() as scratch:
-        search = Search(physics, optimum, scratch, on_start)
-        if improve or (improve is None and physics.case.start.method == "quasi_steady"):
-            # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
-            if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
-                candidates.append(given)
-            candidates = [*best_blades(physics, optimum), *candidates]
-            simpler = physics.law.simpler is not None and limits_power(physics)
-            if simpler and all(each.gains is None for each in candidates):
-                found = [search.of_simpler_law(candidates)]
-            else:
-                found = search.optima(candidates)
+    search = Search(physics, optimum, on_start)
+    if improve or (improve is None and physics.case.start.method == "quasi_steady"):
+        # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
+        if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
+            candidates.append(given)
+        candidates = [*best_blades(physics, optimum), *candidates]
+        simpler = physics.law.simpler is not None and limits_power(physics)
+        if simpler and all(each.gains is None for each in candidates):
+            found = [search.of_simpler_law(candidates)]
         else:
-            found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
-            found.sort(key=MERIT, reverse=True)
-            messages += (LOCAL,) if improve is None else ()
+            found = search.optima(candidates)
+    else:
+        found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
+        found.sort(key=MERIT, reverse=True)
+        messages += (LOCAL,) if improve is None else ()
     branches = tuple(found) if search.branches != ("",) else ()
     starts = records(search.tried, found[0], branches)
     return replace(found[0], messages=messages, branches=branches, starts=starts)
@@ -202,8 +200,6 @@ class Search:
     physics : Physics
     optimum : SteadyOptimum
         The best blade, and where it works best.
-    scratch : str
-        Folder for OpenMDAO's own files.
     on_start : callable or None
         As `find_start` takes it.
     tried : list of StartRecord
@@ -212,7 +208,6 @@ class Search:
 
     physics: Physics
     optimum: SteadyOptimum
-    scratch: str
     on_start: Callable[[StartRecord], None] | None = None
     tried: list[StartRecord] = field(default_factory=list)
 
@@ -293,7 +288,7 @@ class Search:
         begin = replace(self, physics=replace(self.physics, law=law)).optima(candidates)[0]
         physics = replace(self.steady, law=law, scenarios=self.physics.scenarios)
         begin = replace(begin, strategy=f"law fitted to {law.law}")
-        end, _ = optimized(physics, begin, self.scratch, free=True)
+        end, _ = optimized(physics, begin, free=True)
         self._noted(law.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
@@ -361,7 +356,7 @@ class Search:
         if point.branch != self.branches[0] or point.strategy == CONSTANT:
             known = [each for each in self.tried if each.law == law]
             rivals = [each.objective for each in known if each.excess <= START_EXCESS]
-        end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
+        end = co_designed(steady, point, max(rivals, default=-np.inf))
         return self._noted(law, self._on_its_side(end, steady))
 
     def _on_its_side(self, point: StartingPoint, physics: Physics) -> StartingPoint:
@@ -409,16 +404,14 @@ class Search:
 
     def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
         """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""
-        own = replace(self._schedules.physics, scenarios=(scenario,))
-        fine = SteadyFlow.of(own, self._schedules.spline, FINE)
+        fine = self._schedules.within(scenario, FINE)
         flow = scenario.inflow.speed_at(scenario.samples)
-        ratio = fine.ratios(self._schedules.curves(blade), branch)  # computed once for all
-        return _smooth(flow, fine.speeds, ratio) * flow
+        return _smooth(flow, fine.speeds, fine.ratios(blade, branch)) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
-        schedules = self._schedules
-        curve = schedules.spline.curve(schedules.curves(blade).table[:, 0])
+        table, _ = self._schedules.curves(blade)
+        curve = self._schedules.spline.curve(table[:, 0])
         return QuasiSteady.of(over or self.physics, blade, curve)
 
     def _fitted(

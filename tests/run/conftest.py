@@ -49,7 +49,7 @@ def _solve(
 ) -> Solved:
     world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
-        state = RunState(world, Path(folder), False, scratch=folder)
+        state = RunState(world, Path(folder), False)
         start = find_start(world, state.optimum)
         end = optimize(state, replace(start, reference=objective_at(world, start)))
     return Solved(end.start, end.result, end.verifications, end.optimum, world, state.passes)

@@ -291,10 +291,10 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 
 
 @pytest.mark.parametrize("short", [0.0, 1.0])
-def test_a_start_too_near_stall_is_no_measure(feedback, tmp_path, monkeypatch, short):
+def test_a_start_too_near_stall_is_no_measure(feedback, monkeypatch, short):
     monkeypatch.setattr("hkt_mdo.run.checked.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
-    state = SimpleNamespace(first=first, scratch=tmp_path, optimum=feedback.optimum)
+    state = SimpleNamespace(first=first, optimum=feedback.optimum)
     found = checked(state, start, feedback.result, feedback.verifications).start.reference
     assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
