@@ -17,7 +17,6 @@ from hkt_mdo.run.checks import BELOW_START, Checked, recovery
 from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
-from hkt_mdo.start.find import bounding_optimum
 
 NOT_RUNNING = (
     "no blade and gain were found on which the rotor runs unstalled throughout this flow, "
@@ -33,17 +32,13 @@ NONE_FOUND = (
 
 
 def checked(
-    state: RunState,
-    start: StartingPoint,
-    result: Optimized,
-    verifications: tuple[Verification, ...],
+    first: Physics, start: StartingPoint, result: Optimized, verifications: tuple[Verification, ...]
 ) -> Checked:
-    """Return a result, of a run that began at a start, with its integrations."""
+    """Return a result with its integrations, of a run that began at a start on its first mesh."""
     if result.objective < (1.0 - BELOW_START) * start.reference:
-        moving = _moving_reference(state.first, start, result)
+        moving = _moving_reference(first, start, result)
         start = replace(start, reference=min(start.reference, moving))
-    optimum = bounding_optimum(result.physics, state.optimum, result.point.blade)
-    return Checked(start, result, verifications, optimum)
+    return Checked(start, result, verifications)
 
 
 def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
@@ -129,7 +124,7 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
             continue
         physics, point, words = other
         stands = as_it_stands(physics, point, end.result)
-        known = checked(state, end.start, stands, verify(stands))
+        known = checked(state.first, end.start, stands, verify(stands))
         if known.rank > best.rank:
             best, held = known, words
     return best, held

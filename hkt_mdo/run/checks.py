@@ -39,6 +39,7 @@ from hkt_mdo.run.verification import (
     simulated_objective,
     total,
 )
+from hkt_mdo.start.find import bounding_optimum
 
 # Limits of the checks, as docs/checks.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
@@ -72,19 +73,21 @@ class Checked:
     result : Optimized
     verifications : tuple of Verification
         The integration in each scenario.
-    optimum : SteadyOptimum
-        That whose power coefficient bounds the energy of the optimized blade.
     """
 
     start: StartingPoint
     result: Optimized
     verifications: tuple[Verification, ...]
-    optimum: SteadyOptimum
 
     @property
     def physics(self) -> Physics:
         """The physics on the mesh of the result."""
         return self.result.physics
+
+    @cached_property
+    def optimum(self) -> SteadyOptimum:
+        """The steady optimum whose power coefficient bounds the energy of the optimized blade."""
+        return bounding_optimum(self.physics, self.result.point.blade)
 
     @cached_property
     def checks(self) -> list[CheckEntry]:

@@ -175,7 +175,7 @@ class Pass:
         """The result of the run if nothing follows, with its checks, by exact integrations."""
         error = self.division.error if self.converged else 0.0
         result = replace(self.result, mesh_error=error)
-        return checked(self.state, self.task.start, result, self.verifications)
+        return checked(self.state.first, self.task.start, result, self.verifications)
 
 
 def begin_again(this: Pass) -> Task | None:

@@ -197,7 +197,7 @@ def _run(state: RunState, figures, start: StartingPoint | None = None) -> Soluti
 def _optimize_and_verify(state: RunState, start) -> Summary:
     """Return the summary of a run; its tables are written."""
     if start is None:
-        start = find_start(state.first, state.optimum, on_start=state.on_start)
+        start = find_start(state.first, on_start=state.on_start)
         start = with_memory(state.first, measured(state.first, start))
     end = best = optimize(state, start)
     message, held = explain_all(end.checks, end.physics), ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -60,10 +60,15 @@ class Candidate(NamedTuple):
 
 def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     """Return the largest power coefficient: over the blade too, unless it is fixed."""
-    return physics.rotor.best_of_shape(physics.shape, blade)
+    return _best_of_shape(physics.rotor, physics.shape, blade)
 
 
-def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> SteadyOptimum:
+@lru_cache(maxsize=4)  # the search and every check of a run ask
+def _best_of_shape(rotor, shape, blade):
+    return rotor.best_of_shape(shape, blade)
+
+
+def bounding_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     """Return the steady optimum that bounds the energy of a blade, whose radius may differ.
 
     Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
@@ -71,29 +76,24 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
     Parameters
     ----------
     physics : Physics
-    optimum : SteadyOptimum
-        That of the case's blade.
     blade : Blade
 
     Returns
     -------
     SteadyOptimum
     """
-    found, rotors = [], []
-    if blade.rotor_radius == optimum.blade.rotor_radius:
-        found.append(optimum)
-    else:
-        rotors.append(physics.rotor)
+    same = blade.rotor_radius == physics.blade.rotor_radius  # its optimum is known already
+    found = [steady_optimum(physics, physics.blade if same else blade)]
     if physics.rotor.polar.follows_reynolds:
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
-        rotors += [physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max())]
-    found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
+        rotors = (physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max()))
+        found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
     return max(found, key=lambda optimum: optimum.power_coefficient)
 
 
 def find_start(
     physics: Physics,
-    optimum: SteadyOptimum,
+    optimum: SteadyOptimum | None = None,
     *,
     improve: bool | None = None,
     on_start: Callable[[StartRecord], None] | None = None,
@@ -103,8 +103,8 @@ def find_start(
     Parameters
     ----------
     physics : Physics
-    optimum : SteadyOptimum
-        The best blade, and where it works best.
+    optimum : SteadyOptimum, optional
+        The best blade, and where it works best; by default, of all that the case allows.
     improve : bool, optional
         False keeps blade and gains as the case gives them; None does as `start` says.
     on_start : callable, optional
@@ -121,6 +121,7 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
+    optimum = optimum or steady_optimum(physics, physics.blade)
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
     candidates: list[Candidate] = []
     if improve is not False and physics.case.start.from_ is not None:

@@ -50,9 +50,9 @@ def _solve(
     world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
         state = RunState(world, Path(folder), False)
-        start = find_start(world, state.optimum)
+        start = find_start(world)
         end = optimize(state, replace(start, reference=objective_at(world, start)))
-    return Solved(end.start, end.result, end.verifications, end.optimum, world, state.passes)
+    return Solved(end.start, end.result, end.verifications, world, state.passes)
 
 
 @pytest.fixture(scope="session")

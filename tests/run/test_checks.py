@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -151,7 +150,9 @@ def wrong_curve(solved):
 
 def lower_bound_of_the_energy(solved):
     less = 0.9 * solved.optimum.power_coefficient
-    return replace(solved, optimum=solved.optimum._replace(power_coefficient=less))
+    doctored = replace(solved)
+    vars(doctored)["optimum"] = solved.optimum._replace(power_coefficient=less)
+    return doctored
 
 
 def smaller_generator(solved):
@@ -294,8 +295,7 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 def test_a_start_too_near_stall_is_no_measure(feedback, monkeypatch, short):
     monkeypatch.setattr("hkt_mdo.run.checked.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
-    state = SimpleNamespace(first=first, optimum=feedback.optimum)
-    found = checked(state, start, feedback.result, feedback.verifications).start.reference
+    found = checked(first, start, feedback.result, feedback.verifications).start.reference
     assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
 
