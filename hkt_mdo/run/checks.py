@@ -13,7 +13,7 @@ from operator import attrgetter
 import numpy as np
 
 from hkt_mdo.dynamics.generator import BEYOND, Generator
-from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import BETWEEN, SLOWED
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
@@ -53,7 +53,6 @@ BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # two filters for all stations (docs/studies/memory.md)
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is checked
-CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
 def is_false(verifications: tuple[Verification, ...]) -> bool:
@@ -397,12 +396,7 @@ def _of_limit(limit, verification, suffix):
     if limit.constrains(verification.physics.law):
         over, when = _largest(scenario, *verification.between_nodes(limit))
         name = "in_equilibrium" if scenario.steady else "between_nodes"
-        yield f"{limit.name}_{name}{suffix}", over, most_between(limit), word + when
-
-
-def most_between(limit: Limit) -> float:
-    """Return by how much a limit may be exceeded between the nodes, relatively."""
-    return CUT_BETWEEN if isinstance(limit, TorqueLimit) else BETWEEN
+        yield f"{limit.name}_{name}{suffix}", over, limit.most_between, word + when
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:

@@ -23,7 +23,6 @@ from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
-from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import of_limit, placed
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
@@ -71,7 +70,7 @@ class Extreme(LoadEntry):
 def _extreme(limit: Limit, known: dict[str, Any]) -> Extreme:
     """Return the report of a limit, from the quantities of a trajectory."""
     share, over = np.max(limit.share(known)), np.max(limit.excess(known))
-    about = {"share": float(share), "kept": bool(over <= most_between(limit))}
+    about = {"share": float(share), "kept": bool(over <= limit.most_between)}
     return Extreme(**of_limit(limit, known).model_dump(exclude_unset=True), **about)
 
 
