@@ -29,11 +29,10 @@ from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import PassEntry, Summary
-from hkt_mdo.run.checked import best_of, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.memory import with_memory
-from hkt_mdo.run.passes import optimize
+from hkt_mdo.run.passes import best_of, measured, none_found, optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import RunState, read_iterate
 from hkt_mdo.run.summary import summarize, write_tables
