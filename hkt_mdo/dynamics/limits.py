@@ -45,6 +45,8 @@ class Limit(Formula):
     bounded: ClassVar[bool] = False
     """Whether bounds of the optimizer's own variables ensure it, so that no constraint is needed.
     """
+    most_between: ClassVar[float] = BETWEEN
+    """Relative excess between the nodes up to which it counts as kept."""
 
     def __init_subclass__(cls, of: str = "", **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -126,6 +128,7 @@ class TorqueLimit(Limit, of="control_torque"):
 
     key: ClassVar[str] = "control.torque_limit"  # type: ignore[misc]
     lower: ClassVar[float] = 0.0
+    most_between: ClassVar[float] = 1e-3  # of polynomials, which the generator cuts at its limit
 
     bound: float | None = None
 

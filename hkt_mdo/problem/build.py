@@ -7,6 +7,7 @@ here both are put together, and design variables, constraints and objective are 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import openmdao.api as om
@@ -39,11 +40,10 @@ BARRIER, REFINED_BARRIER = 6e-3, 1e-4
 # whose torque is rough (river25_record with quadratic feedback ends after 183 iterations, with few
 # steps not within 1000).
 FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
+_NUMBERS = count(1)
 
 
-def assemble(
-    physics: Physics, setup: Setup, driver: om.Driver | None = None, work_dir: str = ""
-) -> om.Problem:
+def assemble(physics: Physics, setup: Setup, driver: om.Driver | None = None) -> om.Problem:
     """Return the problem of some physics at a setup.
 
     Parameters
@@ -53,16 +53,15 @@ def assemble(
         Where the optimization begins, and how far it may go.
     driver : om.Driver, optional
         By default the case's own.
-    work_dir : str
-        Where OpenMDAO puts its own files.
 
     Returns
     -------
     om.Problem
         Set up, at its start.
     """
-    options = {"work_dir": work_dir} if work_dir else {}
-    problem = om.Problem(driver=driver or make_driver(physics), reports=False, **options)
+    # by its setup OpenMDAO deletes the reports of a problem of the same name in the current folder
+    name = f"hkt_mdo_{next(_NUMBERS)}"
+    problem = om.Problem(driver=driver or make_driver(physics), name=name, reports=False)
     problem.model.linear_solver = Substitution()
     add_turbine(problem.model, physics, setup, alone=True)
     ref = -physics.objective.sign * _objective_reference(physics, setup)

@@ -12,7 +12,6 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
-from hkt_mdo.problem.build import make_driver
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
@@ -23,7 +22,7 @@ from hkt_mdo.results.words import Row, amounts, joined, measured, number, per_ce
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.run import loads
 from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow, of_table
-from hkt_mdo.run.findings import Findings, Flow, problem_values
+from hkt_mdo.run.findings import Findings, Flow, evaluated_problem
 from hkt_mdo.run.verification import start_against_friction
 from hkt_mdo.start.result import design_of_result
 
@@ -83,19 +82,15 @@ def check_case(case: Case) -> CheckReport:
         asks for is not installed.
     """
     world = _begun(physics(case))
-    package = make_driver(world).package
     found = Findings(world)
-    rows = {"Turbine": [*_turbine(found), *_stations(found)]}
-    given = {own.name for own in case.scenarios if own.duration}
-    for flow in found.flows:
-        title = "Flow" if len(found.flows) == 1 else f"Flow of {flow.name}"
-        by_default = case.phase.duration is None and flow.name not in given
-        rows[title] = [*_flow(found, flow, by_default)]
-    rows |= {
+    several = len(found.flows) > 1
+    rows = {
+        "Turbine": [*_turbine(found), *_stations(found)],
+        **{f"Flow{f' of {x.name}' * several}": [*_flow(found, x, case)] for x in found.flows},
         "Control": [*_control(found)],
         "Starting blade": [*_start(found)],
         "Limits, and values of the starting blade": [*_limits(found)],
-        "Optimization": [*_optimization(found, package), *_bounds(found)],
+        "Optimization": [*_optimization(found), *_bounds(found)],
     }
     every = [row for table in rows.values() for row in table]
     notes = [Row("", text) for text in world.messages]
@@ -206,8 +201,8 @@ def _stations(found: Findings) -> Rows:
     yield Row("Reynolds numbers", powers(found.reynolds), "", note)
 
 
-def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
-    """Yield a flow; warn of changes that mesh, disc or rotor cannot follow."""
+def _flow(found: Findings, flow: Flow, given: Case) -> Rows:
+    """Yield a flow of the case as given; warn of changes that mesh, disc or rotor cannot follow."""
     unknown = "not declared" if flow.range[0] < flow.range[1] else "none: it is steady"
     cutoff, changes = flow.cutoff, "not counted" if flow.steady else unknown
     if cutoff:
@@ -217,7 +212,7 @@ def _flow(found: Findings, flow: Flow, by_default: bool) -> Rows:
     for scenario in flow.scenarios:
         yield from _refused(found, "inflow", of_flow(scenario))
     why = "as the case says"
-    if by_default:
+    if given.of_scenario(flow.name).phase.duration is None:
         own = flow.inflow.length
         why = "the length of the flow's data" if own else "by default: the flow has no end"
     area = np.pi * found.plant.blade.rotor_radius**2
@@ -390,18 +385,18 @@ def _not_turning(found: Findings) -> Row:
     return _warning("control", f"{text}{given}: {looks}")
 
 
-def _optimization(found: Findings, package: str) -> Rows:
+def _optimization(found: Findings) -> Rows:
     """Yield the size of the problem; warn of segments that are too long."""
-    phase, hydro, driver = found.case.phase, found.case.hydrodynamics, found.case.driver
-    unknowns, constraints = problem_values(found)
+    phase, hydro, given = found.case.phase, found.case.hydrodynamics, found.case.driver
+    problem = evaluated_problem(found)
     nodes = sum(each.node_times.size for each in found.physics.scenarios)
     moving = [flow for flow in found.flows if not flow.steady]
     meshes = [flow.scenarios[0].mesh for flow in moving]
     segments = sum(each.segments for flow in moving for each in flow.scenarios)
-    given = sum(mesh.segments for mesh in meshes)
+    few = sum(mesh.segments for mesh in meshes)
     lengths = np.array([mesh.duration / mesh.segments for mesh in meshes])
     length, periods = np.max(lengths, initial=0.0), ""
-    if segments > given:
+    if segments > few:
         periods = f", divided into {segments} where the flow changes fast"
     elif found.cutoff:
         periods = f" ({1.0 / (found.cutoff * length):.3g} in the flow's shortest period)"
@@ -417,16 +412,16 @@ def _optimization(found: Findings, package: str) -> Rows:
     if found.physics.has_curve:
         torque = "as a curve over the tip speed ratio, one for each blade"
     if moving:
-        of = f"{min(segments, given)} of {measured(lengths, 's', 3)}{periods}"
+        of = f"{min(segments, few)} of {measured(lengths, 's', 3)}{periods}"
         mesh = f"{phase.transcription} of order {phase.order}, {nodes} nodes"
         yield Row("segments", of, "", mesh)
     else:
         yield Row("speeds of the flow", str(nodes), "", "in equilibrium, without time")
-    yield Row("unknowns", _sizes(unknowns))
-    yield Row("constraints", _sizes(constraints))
+    yield Row("unknowns", _sizes(problem.driver.get_design_var_values()))
+    yield Row("constraints", _sizes(problem.driver.get_constraint_values()))
     yield Row("torque", torque, "", f"by BEM: {hydro.bem}; in the simulation {hydro.check}")
     yield Row("objective", _first_line(found.case.objective) or found.case.objective.kind)
-    yield Row("optimizer", f"{driver.optimizer} of {package}, to {driver.tolerance:g}")
+    yield Row("optimizer", f"{given.optimizer} of {problem.driver.package}, to {given.tolerance:g}")
 
 
 def _bounds(found: Findings) -> Rows:
@@ -469,11 +464,10 @@ def _limits(found: Findings) -> Rows:
         case, start = found.case.of_scenario(flow.name), Achieved(limits=limits, loads=largest)
         for row in in_operation(start, case):
             yield replace(row, label=name + row.label)
-    rotor, blade, bent = found.physics.rotor, found.start.blade, None
-    if found.running and not rotor.polar.follows_reynolds:
-        rotors = [found.physics.rotor_in(flow.scenarios[0]) for flow in found.flows]
-        pairs = zip(rotors, found.at_start.values(), strict=True)
-        bent = max(loads.tip_deflection(own, blade, known) for own, known in pairs)
+    rotor, blade = found.physics.rotor, found.start.blade
+    rotors = [found.physics.rotor_in(flow.scenarios[0]) for flow in found.flows]
+    pairs = list(zip(rotors, found.at_start.values(), strict=True)) if found.running else []
+    bent = loads.tip_deflection(blade, pairs)
     yield from bending(bent, blade.tip_radius, rotor.weight_moment(blade))
     yield from (_warning("rotor", text) for text in bends_far(bent, blade.tip_radius))
 

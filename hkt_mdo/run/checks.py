@@ -13,7 +13,7 @@ from operator import attrgetter
 import numpy as np
 
 from hkt_mdo.dynamics.generator import BEYOND, Generator
-from hkt_mdo.dynamics.limits import BETWEEN, SLOWED, Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import BETWEEN, SLOWED
 from hkt_mdo.dynamics.objectives import CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
@@ -39,6 +39,7 @@ from hkt_mdo.run.verification import (
     simulated_objective,
     total,
 )
+from hkt_mdo.start.find import bounding_optimum
 
 # Limits of the checks, as docs/checks.md explains them
 ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
@@ -52,7 +53,6 @@ BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # two filters for all stations (docs/studies/memory.md)
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is checked
-CUT_BETWEEN = 1e-3  # of a torque's polynomial, which the generator cuts at its limit
 
 
 def is_false(verifications: tuple[Verification, ...]) -> bool:
@@ -72,19 +72,21 @@ class Checked:
     result : Optimized
     verifications : tuple of Verification
         The integration in each scenario.
-    optimum : SteadyOptimum
-        That whose power coefficient bounds the energy of the optimized blade.
     """
 
     start: StartingPoint
     result: Optimized
     verifications: tuple[Verification, ...]
-    optimum: SteadyOptimum
 
     @property
     def physics(self) -> Physics:
         """The physics on the mesh of the result."""
         return self.result.physics
+
+    @cached_property
+    def optimum(self) -> SteadyOptimum:
+        """The steady optimum whose power coefficient bounds the energy of the optimized blade."""
+        return bounding_optimum(self.physics, self.result.point.blade)
 
     @cached_property
     def checks(self) -> list[CheckEntry]:
@@ -394,12 +396,7 @@ def _of_limit(limit, verification, suffix):
     if limit.constrains(verification.physics.law):
         over, when = _largest(scenario, *verification.between_nodes(limit))
         name = "in_equilibrium" if scenario.steady else "between_nodes"
-        yield f"{limit.name}_{name}{suffix}", over, most_between(limit), word + when
-
-
-def most_between(limit: Limit) -> float:
-    """Return by how much a limit may be exceeded between the nodes, relatively."""
-    return CUT_BETWEEN if isinstance(limit, TorqueLimit) else BETWEEN
+        yield f"{limit.name}_{name}{suffix}", over, limit.most_between, word + when
 
 
 def designed(physics: Physics, point: StartingPoint) -> dict[str, np.ndarray]:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import openmdao.api as om
 
 from hkt_mdo.dynamics.flows import ConstantInflow
 from hkt_mdo.dynamics.simulation import FeedbackTorque
@@ -257,18 +258,16 @@ class Findings:
         return flow
 
 
-def problem_values(found: Findings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the unknowns and the constraints of a case by their names in the problem.
+def evaluated_problem(found: Findings) -> om.Problem:
+    """Return the problem of a case at its start.
 
     The model and its derivatives are evaluated once, so that those of the user's own are checked.
     """
     physics, ratios = found.physics, found.best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(physics, Setup(found.start, ratios))
     problem.final_setup()
-    driver = problem.driver
-    unknowns, constraints = driver.get_design_var_values(), driver.get_constraint_values()
     problem.run_model()
-    responses = [*driver.get_objective_values(), *constraints]
+    driver = problem.driver
+    responses = [*driver.get_objective_values(), *driver.get_constraint_values()]
     problem.model.linear_solver.totals(driver, responses).compute()
-    problem.cleanup()
-    return unknowns, constraints
+    return problem

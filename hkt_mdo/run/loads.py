@@ -139,11 +139,17 @@ def resolved(physics: Physics, blade: Blade, scenario: Scenario, known: Known) -
     return found
 
 
-def tip_deflection(rotor: RotorModel, blade: Blade, known: Known) -> float | None:
-    """Return the largest deflection of a tip, m; None where polars follow the Reynolds number."""
-    if rotor.polar.follows_reynolds:
-        return None
-    ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
-    at = np.linspace(ratio.min(), ratio.max(), 201)
-    found = np.interp(ratio, at, rotor.tip_deflection(blade, at))
-    return max(0.0, float(np.max(0.5 * rotor.water_density * flow**2 * found)))
+def tip_deflection(blade: Blade, several: list[tuple[RotorModel, Known]]) -> float | None:
+    """Return the largest deflection of a tip in some trajectories as `over_span` takes them, m.
+
+    None where there are none, and where polars follow the Reynolds number.
+    """
+    found = []
+    for rotor, known in several:
+        if rotor.polar.follows_reynolds:
+            return None
+        ratio, flow = np.maximum(known["tip_speed_ratio"], SLOWEST_RATIO), known["inflow_speed"]
+        at = np.linspace(ratio.min(), ratio.max(), 201)
+        deflection = np.interp(ratio, at, rotor.tip_deflection(blade, at))
+        found.append(float(np.max(0.5 * rotor.water_density * flow**2 * deflection)))
+    return max(0.0, *found) if found else None

@@ -40,7 +40,7 @@ def solve(state: RunState, physics: Physics, setup: Setup, driver: om.Driver) ->
     Optimized
         The end of the optimization, converged or not.
     """
-    problem = assemble(physics, setup, driver, state.scratch)
+    problem = assemble(physics, setup, driver)
     rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
     if state.records:
         add_recorders(problem, state.out, whole=rows <= MOST_ROWS)

@@ -1,7 +1,9 @@
 """The passes of a run: optimize, integrate, and refine as long as the integration asks for it.
 
 Each optimization is a `Pass`. What follows it is decided by `FOLLOW_UPS`, functions of a pass that
-return the next `Task`, or None if they do not apply; the first that applies decides.
+return the next `Task`, or None if they do not apply; the first that applies decides. Where none
+does, `Pass.end` is the end of the run, measured by its start; if checks refuse it, `best_of` is the
+best that the run has, and `none_found` says why.
 """
 
 from __future__ import annotations
@@ -12,18 +14,19 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.build import MANY_SEGMENTS, make_driver, point_of
+from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver, point_of
+from hkt_mdo.problem.evaluation import excesses
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.point import StartingPoint
+from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.results.summary import MemoryEntry, PassEntry
-from hkt_mdo.run.checked import checked, measured
-from hkt_mdo.run.checks import MESH_ERROR, Checked, curve_errors, is_false
+from hkt_mdo.quantities import RATES
+from hkt_mdo.results.summary import CheckEntry, MemoryEntry, PassEntry
+from hkt_mdo.run.checks import BELOW_START, MESH_ERROR, Checked, curve_errors, is_false, recovery
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
-from hkt_mdo.run.optimization import solve
+from hkt_mdo.run.optimization import collect, solve
 from hkt_mdo.run.refine import Division, divided, division, excesses_at_nodes, lowered
 from hkt_mdo.run.state import RunState
-from hkt_mdo.run.verification import Optimized, Verification, verify
+from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
@@ -32,6 +35,17 @@ FIRST_ITERATIONS = 300
 """Iterations after which an optimization begins again from its last iterate."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
+NOT_RUNNING = (
+    "no blade and gain were found on which the rotor runs unstalled throughout this flow, "
+    "from {starts}: the problem may have no solution (try a larger control.torque_limit, or "
+    "another control.law{wider})"
+)
+PARTS = "at_nodes", "between_nodes", "in_equilibrium", "bounds"  # of the checks of a limit
+NONE_FOUND = (
+    "no design that keeps the limits was found from {starts}: the smallest violation was "
+    "{share:.3g} % of {key}, {where}; this does not prove that there is none (try {law}a looser "
+    "{key}{wider})"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +189,7 @@ class Pass:
         """The result of the run if nothing follows, with its checks, by exact integrations."""
         error = self.division.error if self.converged else 0.0
         result = replace(self.result, mesh_error=error)
-        return checked(self.state, self.task.start, result, self.verifications)
+        return checked(self.state.first, self.task.start, result, self.verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -317,3 +331,135 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
             ends.append(this.end)
         task = following
     return max((end for end in ends if end.passed), key=lambda end: end.rank, default=ends[0])
+
+
+def checked(
+    first: Physics, start: StartingPoint, result: Optimized, verifications: tuple[Verification, ...]
+) -> Checked:
+    """Return a result with its integrations, of a run that began at a start on its first mesh."""
+    if result.objective < (1.0 - BELOW_START) * start.reference:
+        moving = _moving_reference(first, start, result)
+        start = replace(start, reference=min(start.reference, moving))
+    return Checked(start, result, verifications)
+
+
+def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
+    """Return a start with its objective as the measure of the optimum, where it is one.
+
+    A start that breaks a limit may be better than the best design that keeps it.
+
+    Parameters
+    ----------
+    physics
+        On the mesh of the start.
+    start
+        Found by quasi-steady co-design.
+    """
+    # a start may maximize another quantity; it operates in the case's own water and condition
+    alike = physics.start_objective is physics.objective and len(physics.rotors) == 1
+    keeps = start.operation.running and start.excess <= START_EXCESS
+    if not alike or not keeps or np.isnan(start.objective):
+        return start
+    return replace(start, reference=start.objective - physics.price_of(start.blade))
+
+
+def _moving_reference(physics, start, result) -> float:
+    """Return the objective of a start with the rotor's inertia, J; 0 if it breaks a limit.
+
+    A quasi-steady start follows every gust at once, which a rotor with inertia cannot; nor may that
+    come nearer to stall than a law may.
+    """
+    verifications = verify(as_it_stands(physics, start, result))
+    near = recovery(physics, verifications) if physics.law.is_feedback else ()
+    if any(value > most for _, value, most, _ in near):
+        return 0.0
+    for verification in verifications:
+        limits = physics.limits_in(verification.scenario)
+        # a law with states has other states over time than in equilibrium
+        over = [
+            np.max(x.excess(at))
+            for x in limits
+            for at in (verification.at_nodes, verification.simulated)
+        ]
+        if verification.simulation.stopped_at is not None or max(over) > START_EXCESS:
+            return 0.0
+    return simulated_objective(verifications)
+
+
+def as_it_stands(physics: Physics, point: StartingPoint, ended: Optimized) -> Optimized:
+    """Return a point as the result of an optimization without success.
+
+    Parameters
+    ----------
+    physics, point
+        A start or an iterate, and the physics on its mesh.
+    ended
+        The optimization whose outcome it takes.
+    """
+    message = "its result was refused" if ended.outcome.success else ended.outcome.message
+    outcome = replace(ended.outcome, success=False, message=message)
+    setup = Setup(point, curve_nodes(physics, point))
+    problem = assemble(physics, setup)
+    problem.run_model()
+    return collect(physics, setup, problem, outcome)
+
+
+def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
+    """Return the best of a failed run's end, its best iterate and its start, each checked.
+
+    Parameters
+    ----------
+    state
+        What the run knows.
+    end
+        What its last optimization ended with.
+
+    Returns
+    -------
+    tuple of Checked and str
+        The best one, on its own mesh, and its description; empty for the end.
+    """
+    best, held = end, ""
+    iterate = (*state.best, "the best iterate") if state.best else None
+    for other in (iterate, (state.first, end.start, "the start")):
+        if other is None or not other[1].operation.running:
+            continue
+        physics, point, words = other
+        stands = as_it_stands(physics, point, end.result)
+        known = checked(state.first, end.start, stands, verify(stands))
+        if known.rank > best.rank:
+            best, held = known, words
+    return best, held
+
+
+def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry]) -> str:
+    """Return why a run that failed may have no solution; empty where that is not known.
+
+    That the rotor does not turn, or that no design keeps the limits: if neither start nor end keep
+    them. `physics` is on the mesh of the start; `checks` are those of the end.
+    """
+    tried = max(len(start.starts), 1)
+    starts, shape, design = f"{tried} start{'s' * (tried != 1)}", physics.shape, physics.case.design
+    bounded = shape.bounds or shape.radius_bounds or physics.designs_hub or design.gain_bounds
+    wider = ", or wider design bounds" if bounded else ""
+    if not start.operation.running:
+        return NOT_RUNNING.format(starts=starts, wider=wider)
+    rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
+    found = excesses(physics, start)
+    over = {name: share for name, (share, _) in found.items()}
+    if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
+        over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
+    begun = max((share, name) for name, share in over.items())
+    refused = [(each.value, each.name.partition(" (")[0]) for each in checks if not each.passed]
+    broken = [(x, n) for x, check in refused for n in over if check.removeprefix(f"{n}_") in PARTS]
+    ended = max(broken, default=(0.0, ""))
+    if begun[0] <= START_EXCESS or ended[0] <= 0.0:
+        return ""
+    flow = found[begun[1]][1]
+    in_flow = "any flow" if flow is None else f"a flow of {flow:.4g} m/s"
+    at_start = f"by the best of them, in {in_flow}"
+    share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
+    key = next(limit.key for limit in physics.all_limits if limit.name == name)
+    law = "control.law: curve, which can keep more limits, or " * (len(physics.law.gain_units) == 1)
+    about = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
+    return NONE_FOUND.format(starts=starts, **about)

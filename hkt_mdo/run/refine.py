@@ -129,7 +129,7 @@ def lowered(
         for limit in verification.constrained:
             if not np.isfinite(limit.upper):
                 continue
-            most = checks.most_between(limit)
+            most = limit.most_between
             over, _ = verification.between_nodes(limit)
             share = reached = setup.share(limit, verification.scenario)
             if verification.two_filters is not None:
@@ -224,7 +224,7 @@ def _exceeded_between(verification, energy) -> np.ndarray:
         over, _ = known.between_nodes(limit)
         nodes = known.excess_at_nodes(limit)
         # what is exceeded at the nodes as well, no division corrects
-        own = (over > checks.most_between(limit)) & (np.max(nodes, axis=1) < 0.5 * over)
+        own = (over > limit.most_between) & (np.max(nodes, axis=1) < 0.5 * over)
         if shares[own] @ over[own] > LOST or np.max(over) > MOST_LOWERED:
             found |= own
     return found

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import signal
 import sqlite3
-import tempfile
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -30,11 +29,10 @@ from hkt_mdo.problem.point import StartingPoint, StartRecord
 from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import PassEntry, Summary
-from hkt_mdo.run.checked import best_of, measured, none_found
 from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.memory import with_memory
-from hkt_mdo.run.passes import optimize
+from hkt_mdo.run.passes import best_of, measured, none_found, optimize
 from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import RunState, read_iterate
 from hkt_mdo.run.summary import summarize, write_tables
@@ -166,7 +164,7 @@ def _run(state: RunState, figures, start: StartingPoint | None = None) -> Soluti
     """Run a case in its locked folder, from the last iterate of an earlier run if there is one."""
     case, out = state.first.case, state.out
     began, made_of = time.perf_counter(), digest(case)
-    with tempfile.TemporaryDirectory(prefix="hkt_mdo_") as state.scratch, one_thread():
+    with one_thread():
         try:
             with handling(signal.SIGTERM, state.terminate):
                 finished = _optimize_and_verify(state, start)
@@ -198,7 +196,7 @@ def _run(state: RunState, figures, start: StartingPoint | None = None) -> Soluti
 def _optimize_and_verify(state: RunState, start) -> Summary:
     """Return the summary of a run; its tables are written."""
     if start is None:
-        start = find_start(state.first, state.optimum, on_start=state.on_start)
+        start = find_start(state.first, on_start=state.on_start)
         start = with_memory(state.first, measured(state.first, start))
     end = best = optimize(state, start)
     message, held = explain_all(end.checks, end.physics), ""

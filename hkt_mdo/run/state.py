@@ -10,7 +10,6 @@ import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import Operation, StartingPoint, StartRecord
 from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.summary import VERSION, PassEntry, Summary
-from hkt_mdo.rotor.steady_optimum import SteadyOptimum
 from hkt_mdo.solve.driver_base import Progress
-from hkt_mdo.start.find import steady_optimum
 
 UNFINISHED = "interrupted before the end; hkt run --resume continues from the last iterate"
 FEASIBLE = 1e-6
@@ -63,8 +60,6 @@ class RunState:
     progress, on_pass, on_start : callable or None
         Called at every evaluation, after every optimization, and after every one of the search for
         a start.
-    scratch : str
-        Folder for OpenMDAO's own files.
     physics : Physics
         On the mesh at work.
     point : callable
@@ -90,7 +85,6 @@ class RunState:
     progress: Progress | None = None
     on_pass: Callable[[PassEntry], None] | None = None
     on_start: Callable[[StartRecord], None] | None = None
-    scratch: str = ""
     point: Callable[[], StartingPoint] = field(init=False)
     last: StartingPoint | None = None
     best: tuple[Physics, StartingPoint] | None = None
@@ -104,11 +98,6 @@ class RunState:
         self.physics, about = self.first, {"version": VERSION, "case": self.first.case.name}
         self.summary = Summary(**about, success=False, message=UNFINISHED)
         self.write_summary()
-
-    @cached_property
-    def optimum(self) -> SteadyOptimum:
-        """The steady optimum of all blades that the case allows."""
-        return steady_optimum(self.first, self.first.blade)
 
     def __call__(self, count: int, objective: float, infeasibility: float) -> None:
         """Note an evaluation, and the iterate if a run may continue from it."""

@@ -32,14 +32,13 @@ LEAST_WEIGHT = 1e-30
 MOST_ROWS = 50_000
 """Rows of the independent integration's table, but for extremes; it has 20 a segment."""
 
-SIMULATED = {
+ENERGIES = {
     "energy": "simulated_energy_J",
     "generator_energy": "generator_energy_J",
     "electrical_energy": "electrical_energy_J",
+    "kinetic_energy_change": "stored_energy_J",
 }
 """Key in the summary of each energy of a `Simulation`."""
-ENERGIES = SIMULATED | {"kinetic_energy_change": "stored_energy_J"}
-"""The same with what is left in the rotor."""
 PULSES = (
     "an open loop whose wake has memory would pulse the rotor, which captures more by this model: "
     "its tip speed ratio is held to that of the start over its wake's within 0.2 %, and "
@@ -215,14 +214,14 @@ def _extremes(finished, scenarios, shadow_prices):
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
     limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
-    blade, model = finished.result.point.blade, physics.rotor
-    bent = [loads.tip_deflection(x.rotor, blade, x.simulated) for x in finished.verifications]
+    blade = finished.result.point.blade
+    bent = [(each.rotor, each.simulated) for each in finished.verifications]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": None if None in bent else max(bent),
-        "weight_moment_Nm": model.weight_moment(blade),
+        "tip_deflection_m": loads.tip_deflection(blade, bent),
+        "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
 
 

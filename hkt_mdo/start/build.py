@@ -10,7 +10,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.solve.threads import one_thread
-from hkt_mdo.start.find import find_start, steady_optimum
+from hkt_mdo.start.find import find_start
 
 
 def build_problem(case: Case, *, improve: bool | None = None) -> om.Problem:
@@ -60,7 +60,7 @@ def start_of_case(case: Case, improve: bool | None = None) -> tuple[Physics, Set
     """
     world = physics(case)
     with one_thread():
-        start = find_start(world, steady_optimum(world, world.blade), improve=improve)
+        start = find_start(world, improve=improve)
     return world, Setup(start, curve_nodes(world, start))
 
 

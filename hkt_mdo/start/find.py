@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import attrgetter
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -61,10 +60,15 @@ class Candidate(NamedTuple):
 
 def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     """Return the largest power coefficient: over the blade too, unless it is fixed."""
-    return physics.rotor.best_of_shape(physics.shape, blade)
+    return _best_of_shape(physics.rotor, physics.shape, blade)
 
 
-def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> SteadyOptimum:
+@lru_cache(maxsize=4)  # the search and every check of a run ask
+def _best_of_shape(rotor, shape, blade):
+    return rotor.best_of_shape(shape, blade)
+
+
+def bounding_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     """Return the steady optimum that bounds the energy of a blade, whose radius may differ.
 
     Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
@@ -72,29 +76,24 @@ def bounding_optimum(physics: Physics, optimum: SteadyOptimum, blade: Blade) -> 
     Parameters
     ----------
     physics : Physics
-    optimum : SteadyOptimum
-        That of the case's blade.
     blade : Blade
 
     Returns
     -------
     SteadyOptimum
     """
-    found, rotors = [], []
-    if blade.rotor_radius == optimum.blade.rotor_radius:
-        found.append(optimum)
-    else:
-        rotors.append(physics.rotor)
+    same = blade.rotor_radius == physics.blade.rotor_radius  # its optimum is known already
+    found = [steady_optimum(physics, physics.blade if same else blade)]
     if physics.rotor.polar.follows_reynolds:
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
-        rotors += [physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max())]
-    found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
+        rotors = (physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max()))
+        found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
     return max(found, key=lambda optimum: optimum.power_coefficient)
 
 
 def find_start(
     physics: Physics,
-    optimum: SteadyOptimum,
+    optimum: SteadyOptimum | None = None,
     *,
     improve: bool | None = None,
     on_start: Callable[[StartRecord], None] | None = None,
@@ -104,8 +103,8 @@ def find_start(
     Parameters
     ----------
     physics : Physics
-    optimum : SteadyOptimum
-        The best blade, and where it works best.
+    optimum : SteadyOptimum, optional
+        The best blade, and where it works best; by default, of all that the case allows.
     improve : bool, optional
         False keeps blade and gains as the case gives them; None does as `start` says.
     on_start : callable, optional
@@ -122,27 +121,27 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
+    optimum = optimum or steady_optimum(physics, physics.blade)
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
     candidates: list[Candidate] = []
     if improve is not False and physics.case.start.from_ is not None:
         (blade, gains), messages = design_of_result(physics)
         candidates.append(Candidate(RESULT, blade, gains))
-    with TemporaryDirectory() as scratch:
-        search = Search(physics, optimum, scratch, on_start)
-        if improve or (improve is None and physics.case.start.method == "quasi_steady"):
-            # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
-            if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
-                candidates.append(given)
-            candidates = [*best_blades(physics, optimum), *candidates]
-            simpler = physics.law.simpler is not None and limits_power(physics)
-            if simpler and all(each.gains is None for each in candidates):
-                found = [search.of_simpler_law(candidates)]
-            else:
-                found = search.optima(candidates)
+    search = Search(physics, optimum, on_start)
+    if improve or (improve is None and physics.case.start.method == "quasi_steady"):
+        # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
+        if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
+            candidates.append(given)
+        candidates = [*best_blades(physics, optimum), *candidates]
+        simpler = physics.law.simpler is not None and limits_power(physics)
+        if simpler and all(each.gains is None for each in candidates):
+            found = [search.of_simpler_law(candidates)]
         else:
-            found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
-            found.sort(key=MERIT, reverse=True)
-            messages += (LOCAL,) if improve is None else ()
+            found = search.optima(candidates)
+    else:
+        found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
+        found.sort(key=MERIT, reverse=True)
+        messages += (LOCAL,) if improve is None else ()
     branches = tuple(found) if search.branches != ("",) else ()
     starts = records(search.tried, found[0], branches)
     return replace(found[0], messages=messages, branches=branches, starts=starts)
@@ -202,8 +201,6 @@ class Search:
     physics : Physics
     optimum : SteadyOptimum
         The best blade, and where it works best.
-    scratch : str
-        Folder for OpenMDAO's own files.
     on_start : callable or None
         As `find_start` takes it.
     tried : list of StartRecord
@@ -212,7 +209,6 @@ class Search:
 
     physics: Physics
     optimum: SteadyOptimum
-    scratch: str
     on_start: Callable[[StartRecord], None] | None = None
     tried: list[StartRecord] = field(default_factory=list)
 
@@ -293,7 +289,7 @@ class Search:
         begin = replace(self, physics=replace(self.physics, law=law)).optima(candidates)[0]
         physics = replace(self.steady, law=law, scenarios=self.physics.scenarios)
         begin = replace(begin, strategy=f"law fitted to {law.law}")
-        end, _ = optimized(physics, begin, self.scratch, free=True)
+        end, _ = optimized(physics, begin, free=True)
         self._noted(law.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
@@ -361,7 +357,7 @@ class Search:
         if point.branch != self.branches[0] or point.strategy == CONSTANT:
             known = [each for each in self.tried if each.law == law]
             rivals = [each.objective for each in known if each.excess <= START_EXCESS]
-        end = co_designed(steady, point, self.scratch, max(rivals, default=-np.inf))
+        end = co_designed(steady, point, max(rivals, default=-np.inf))
         return self._noted(law, self._on_its_side(end, steady))
 
     def _on_its_side(self, point: StartingPoint, physics: Physics) -> StartingPoint:
@@ -409,16 +405,14 @@ class Search:
 
     def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
         """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""
-        own = replace(self._schedules.physics, scenarios=(scenario,))
-        fine = SteadyFlow.of(own, self._schedules.spline, FINE)
+        fine = self._schedules.within(scenario, FINE)
         flow = scenario.inflow.speed_at(scenario.samples)
-        ratio = fine.ratios(self._schedules.curves(blade), branch)  # computed once for all
-        return _smooth(flow, fine.speeds, ratio) * flow
+        return _smooth(flow, fine.speeds, fine.ratios(blade, branch)) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
-        schedules = self._schedules
-        curve = schedules.spline.curve(schedules.curves(blade).table[:, 0])
+        table, _ = self._schedules.curves(blade)
+        curve = self._schedules.spline.curve(table[:, 0])
         return QuasiSteady.of(over or self.physics, blade, curve)
 
     def _fitted(

@@ -70,9 +70,7 @@ class _Hopeless(Exception):
     """An optimization that cannot become the best."""
 
 
-def co_designed(
-    steady: Physics, point: StartingPoint, scratch: str, rival: float = -np.inf
-) -> StartingPoint:
+def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
     """Return the optimum without time that is reached from a point.
 
     Parameters
@@ -81,8 +79,6 @@ def co_designed(
         Without time.
     point : StartingPoint
         Blade, gains and operation at its speeds, which need not be in balance under its law.
-    scratch : str
-        Folder for OpenMDAO's own files.
     rival : float
         Objective of another optimum. What is far behind it after some iterations is given up.
 
@@ -92,7 +88,7 @@ def co_designed(
         With objective and excess; it has the branch and the strategy of the point.
     """
     for _ in range(ROUNDS):
-        end, given_up = optimized(steady, point, scratch, rival)
+        end, given_up = optimized(steady, point, rival)
         error = _curve_error(steady, end)
         if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
             break
@@ -101,7 +97,7 @@ def co_designed(
 
 
 def optimized(
-    physics: Physics, point: StartingPoint, scratch: str, rival: float = -np.inf, free: bool = False
+    physics: Physics, point: StartingPoint, rival: float = -np.inf, free: bool = False
 ) -> tuple[StartingPoint, bool]:
     """Return the end of one optimization by the point's torque curve, and if it was given up.
 
@@ -127,15 +123,13 @@ def optimized(
     if not physics.law.is_feedback:
         driver.opt_settings["max_soc"] = 0
     setup = Setup(point, curve_nodes(physics, point), near=not free)
-    problem = assemble(physics, setup, driver, scratch)
+    problem = assemble(physics, setup, driver)
     given_up = False
     try:
         problem.run_model()
         problem.run_driver()
     except _Hopeless:
         given_up = True
-    finally:
-        problem.cleanup()
     end, excess = point_of(physics, problem), driver.violation()
     exceeds = broken_limits(physics, end)
     if excess > START_EXCESS and not exceeds:

@@ -7,8 +7,7 @@ are the branches of the tip speed ratio.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from hkt_mdo.dynamics.limits import ElectricalPowerLimit, Limit, PowerLimit, Tor
 from hkt_mdo.dynamics.trajectory import trajectory_of
 from hkt_mdo.problem.evaluation import scalars
 from hkt_mdo.problem.model import Physics
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
@@ -58,24 +58,6 @@ def in_speeds(
     return speeds, sums / speeds**3
 
 
-class Curves(NamedTuple):
-    """Coefficients of a blade over the tip speed ratio.
-
-    Attributes
-    ----------
-    table : np.ndarray
-        That of the torque, then of the loads, at the nodes of a spline, shape (n_nodes, n).
-    loads : tuple of str
-        Names of the loads.
-    scalars : dict
-        The quantities of the design (`hkt_mdo.problem.evaluation.scalars`).
-    """
-
-    table: np.ndarray
-    loads: tuple[str, ...]
-    scalars: dict[str, Any]
-
-
 @dataclass(frozen=True, eq=False)
 class SteadyFlow:
     """Steady operation of a case's rotor at some speeds of its flow.
@@ -87,40 +69,44 @@ class SteadyFlow:
         Over the tip speed ratio.
     speeds : np.ndarray
         Speeds of the flow, m/s, shape (n,).
+    limits : tuple of Limit
+        The limits that a schedule keeps.
     """
 
     physics: Physics
     spline: TorqueSpline
     speeds: np.ndarray
-    _curves: dict[Blade, Curves] = field(default_factory=dict, repr=False)
+    limits: tuple[Limit, ...]
+    _curves: dict[Blade, tuple[np.ndarray, dict]] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, physics: Physics, spline: TorqueSpline, knots: int = KNOTS) -> SteadyFlow:
+    def of(cls, physics: Physics, spline: TorqueSpline) -> SteadyFlow:
         """Return the speeds of a case's flows; a rate over v³ is linear between two of them."""
-        return cls(physics, spline, in_speeds(*sampled_flow(physics), knots)[0])
+        return cls(physics, spline, in_speeds(*sampled_flow(physics))[0], _kept(physics))
 
-    @cached_property
-    def limits(self) -> tuple[Limit, ...]:
-        """The limits that a schedule keeps."""
-        return _kept(self.physics)
+    def within(self, scenario: Scenario, knots: int) -> SteadyFlow:
+        """Return the same for a number of speeds of one of the scenarios, within its limits."""
+        own = replace(self.physics, scenarios=(scenario,))
+        return replace(self, speeds=in_speeds(*sampled_flow(own), knots)[0], limits=_kept(own))
 
-    def curves(self, blade: Blade) -> Curves:
-        """Return the curves of a blade, which are computed once."""
+    def curves(self, blade: Blade) -> tuple[np.ndarray, dict[str, Any]]:
+        """Return a blade's coefficients at the nodes, and its `scalars`, which are computed once.
+
+        The coefficients are those of the torque, then of the loads, shape (n_nodes, n).
+        """
         if blade not in self._curves:
-            physics, nodes = self.physics, self.spline.nodes
-            names = physics.load_names
-            found = physics.rotor.tables(blade, nodes, ["torque_coefficient", *names])
+            physics, names = self.physics, ["torque_coefficient", *self.physics.load_names]
+            found = physics.rotor.tables(blade, self.spline.nodes, names)
             table = np.stack([each.values for each in found.values()], axis=1)
-            self._curves[blade] = Curves(table, names, scalars(physics, physics.rotor, blade))
+            self._curves[blade] = table, scalars(physics, physics.rotor, blade)
         return self._curves[blade]
 
-    def along(self, curves: Curves, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
+    def along(self, blade: Blade, ratio: np.ndarray, flow: np.ndarray | None = None) -> dict:
         """Return the quantities of a trajectory in steady operation, and the design's scalars.
 
         Parameters
         ----------
-        curves : Curves
-            Of a blade.
+        blade : Blade
         ratio : np.ndarray
             Tip speed ratios, shape (n,).
         flow : np.ndarray, optional
@@ -132,14 +118,15 @@ class SteadyFlow:
             By the names of `hkt_mdo.quantities`, SI units.
         """
         flow, physics = self.speeds if flow is None else flow, self.physics
-        generator, radius = physics.case.generator, curves.scalars["rotor_radius"]
-        torque, *loads = self.spline.curve(curves.table)(ratio).T
+        generator, radius = physics.case.generator, blade.rotor_radius
+        table, design = self.curves(blade)
+        torque, *loads = self.spline.curve(table)(ratio).T
         torque = torque_scale(physics.density, radius, flow) * torque
         speed = ratio * flow / radius
         both = torque, torque - generator.friction(speed)  # of the flow, of the generator
         series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, generator)
         loads = 0.5 * physics.density * flow**2 * np.reshape(loads, (-1, flow.size))
-        return series | dict(zip(curves.loads, loads, strict=True)) | curves.scalars
+        return series | dict(zip(physics.load_names, loads, strict=True)) | design
 
     def excess(self, series: dict) -> np.ndarray:
         """Return by how much the limits are exceeded at most, relatively; -inf without limits."""
@@ -148,53 +135,53 @@ class SteadyFlow:
             over = np.maximum(over, limit.excess(series))
         return over
 
-    def at_nodes(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+    def at_nodes(self, blade: Blade) -> tuple[np.ndarray, np.ndarray]:
         """Return the objective's rates (W) and the excess of the limits, both (n, n_nodes)."""
         nodes, n = self.spline.nodes, self.speeds.size
         flow = np.repeat(self.speeds, nodes.size)
-        series = self.along(curves, np.tile(nodes, n), flow)
+        series = self.along(blade, np.tile(nodes, n), flow)
         rate = self.physics.start_objective.rate_of(series)
         return rate.reshape(n, -1), self.excess(series).reshape(n, -1)
 
     def side(self, blade: Blade, ratio: float) -> str:
         """Return the branch of a blade that works at a tip speed ratio in the fastest flow."""
         fastest = replace(self, speeds=self.speeds[-1:])
-        rate, _ = fastest.at_nodes(fastest.curves(blade))
+        rate, _ = fastest.at_nodes(blade)
         best = self.spline.nodes[np.argmax(rate)]
         return "overspeed" if ratio >= best else "underspeed"
 
-    def ratios(self, curves: Curves, branch: str) -> np.ndarray:
+    def ratios(self, blade: Blade, branch: str) -> np.ndarray:
         """Return the tip speed ratios of a branch of an open loop at the speeds of the flow.
 
         That of the largest rate where it keeps the limits; else the next one on the branch's side
         that does; where none does, that of the smallest excess.
         """
         nodes, sign = self.spline.nodes, BRANCHES[branch]
-        rate, over = self.at_nodes(curves)
+        rate, over = self.at_nodes(blade)
         peak = np.clip(np.argmax(rate, axis=1), 1, nodes.size - 2)
-        largest = self._largest(curves, nodes[peak - 1], nodes[peak + 1])
+        largest = self._largest(blade, nodes[peak - 1], nodes[peak + 1])
         order = np.arange(nodes.size)[::sign]  # of the search, from either end
         beyond = (nodes[order] - largest[:, None]) * sign > 0.0
         kept = beyond & (over[:, order] <= 0.0)
         least = np.argmin(np.where(beyond, over[:, order], np.inf), axis=1)
         has, first = kept.any(axis=1), np.argmax(kept, axis=1)
         before = np.maximum(nodes[order[first - 1]] * sign, largest * sign)
-        broken = self.excess(self.along(curves, largest)) > 0.0
+        broken = self.excess(self.along(blade, largest)) > 0.0
         inside = np.where(has, nodes[order[first]], nodes[order[least]])
         outside = np.where(has, before * sign, inside)
         inside, outside = (np.where(broken, end, largest) for end in (inside, outside))
         for _ in range(30 * np.any(broken)):  # bisection to where the limits begin to hold
             middle = 0.5 * (inside + outside)
-            broken = self.excess(self.along(curves, middle)) > 0.0
+            broken = self.excess(self.along(blade, middle)) > 0.0
             inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
         return inside
 
-    def _largest(self, curves, low, high):
+    def _largest(self, blade, low, high):
         """Return the tip speed ratios of the largest rate between others (golden section)."""
         share = 0.5 * (np.sqrt(5.0) - 1.0)
 
         def rate(ratio):
-            return self.physics.start_objective.rate_of(self.along(curves, ratio))
+            return self.physics.start_objective.rate_of(self.along(blade, ratio))
 
         for _ in range(20):
             width = share * (high - low)

@@ -14,6 +14,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.limits import BETWEEN, Limit
+from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, write_new
@@ -22,9 +23,7 @@ from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
-from hkt_mdo.run.checks import most_between
 from hkt_mdo.run.loads import of_limit, placed
-from hkt_mdo.run.summary import SIMULATED
 from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
 from hkt_mdo.studies.uncertainty import Sensor, flow_given, noisy_runs
@@ -71,7 +70,7 @@ class Extreme(LoadEntry):
 def _extreme(limit: Limit, known: dict[str, Any]) -> Extreme:
     """Return the report of a limit, from the quantities of a trajectory."""
     share, over = np.max(limit.share(known)), np.max(limit.excess(known))
-    about = {"share": float(share), "kept": bool(over <= most_between(limit))}
+    about = {"share": float(share), "kept": bool(over <= limit.most_between)}
     return Extreme(**of_limit(limit, known).model_dump(exclude_unset=True), **about)
 
 
@@ -294,7 +293,7 @@ class Run:
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
         run = self.simulation
-        return {x: None if run.stopped_at else getattr(run, x) for x in SIMULATED}
+        return {x: None if run.stopped_at else getattr(run, x) for x in INTEGRALS}
 
     @property
     def outcome(self) -> str:

@@ -48,14 +48,13 @@ class Global:
         """Return the objective with its sign changed, MJ, of control points of chord and twist."""
         shape, steady = self.physics.shape, self.steady
         chord, twist = np.split(np.asarray(unknowns), [shape.points["chord"]])
-        curves = steady.curves(shape.at({"chord": chord, "twist": twist}))
+        blade = shape.at({"chord": chord, "twist": twist})
         steady._curves.clear()
-        radius = curves.scalars["rotor_radius"]
-        price = power_scale(self.physics.density, radius, steady.speeds) * PRICE
+        price = power_scale(self.physics.density, blade.rotor_radius, steady.speeds) * PRICE
 
         def worth(ratio):
             """Return the rate less the price of what is exceeded, at ratios (n, n_speeds)."""
-            series = steady.along(curves, ratio.ravel(), np.tile(steady.speeds, len(ratio)))
+            series = steady.along(blade, ratio.ravel(), np.tile(steady.speeds, len(ratio)))
             rate, over = self.physics.start_objective.rate_of(series), steady.excess(series)
             over = np.maximum(over, 0.0).reshape(ratio.shape)
             return rate.reshape(ratio.shape) - price * over

@@ -49,10 +49,10 @@ def _solve(
 ) -> Solved:
     world = change(physics(load_case(data, extensions=[GeneratorEnergy, *extensions])))
     with threadpool_limits(1), tempfile.TemporaryDirectory() as folder:
-        state = RunState(world, Path(folder), False, scratch=folder)
-        start = find_start(world, state.optimum)
+        state = RunState(world, Path(folder), False)
+        start = find_start(world)
         end = optimize(state, replace(start, reference=objective_at(world, start)))
-    return Solved(end.start, end.result, end.verifications, end.optimum, world, state.passes)
+    return Solved(end.start, end.result, end.verifications, world, state.passes)
 
 
 @pytest.fixture(scope="session")

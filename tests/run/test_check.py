@@ -19,7 +19,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.check import CheckReport, check_case
 from hkt_mdo.run.check_figures import power_spectrum
-from hkt_mdo.run.findings import problem_values
+from hkt_mdo.run.findings import evaluated_problem
 from hkt_mdo.run.verification import HeldSpeeds
 from tests.files.broken.blades import WINDIO
 
@@ -140,7 +140,9 @@ def test_unknowns_and_constraints_are_those_of_the_transcription() -> None:
     phase = "phase={segments: 7, duration: 7}"
     report = check("control.torque_limit=700", phase)
     ends, nodes = 7 + 1, 3 * 7
-    unknowns, constraints = problem_values(report.findings)
+    problem = evaluated_problem(report.findings)  # a driver does not hold its problem
+    unknowns = problem.driver.get_design_var_values()
+    constraints = problem.driver.get_constraint_values()
     assert sorted(map(np.size, unknowns.values())) == sorted((9, 9, 1, ends))
     assert sorted(map(np.size, constraints.values())) == sorted((7, 1, nodes))
     assert f"{nodes} nodes" in texts(report.tables["Optimization"])["segments"]

@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -18,10 +17,9 @@ from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
-from hkt_mdo.run.checked import checked, none_found
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.passes import _finer_curve
+from hkt_mdo.run.passes import _finer_curve, checked, none_found
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
 from hkt_mdo.sections import Quantity
@@ -151,7 +149,9 @@ def wrong_curve(solved):
 
 def lower_bound_of_the_energy(solved):
     less = 0.9 * solved.optimum.power_coefficient
-    return replace(solved, optimum=solved.optimum._replace(power_coefficient=less))
+    doctored = replace(solved)
+    vars(doctored)["optimum"] = solved.optimum._replace(power_coefficient=less)
+    return doctored
 
 
 def smaller_generator(solved):
@@ -291,11 +291,10 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 
 
 @pytest.mark.parametrize("short", [0.0, 1.0])
-def test_a_start_too_near_stall_is_no_measure(feedback, tmp_path, monkeypatch, short):
-    monkeypatch.setattr("hkt_mdo.run.checked.recovery", lambda *_: [("", short, 0.2, "")])
+def test_a_start_too_near_stall_is_no_measure(feedback, monkeypatch, short):
+    monkeypatch.setattr("hkt_mdo.run.passes.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
-    state = SimpleNamespace(first=first, scratch=tmp_path, optimum=feedback.optimum)
-    found = checked(state, start, feedback.result, feedback.verifications).start.reference
+    found = checked(first, start, feedback.result, feedback.verifications).start.reference
     assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
 

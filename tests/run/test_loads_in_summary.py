@@ -104,7 +104,7 @@ def test_local_reynolds_numbers_are_those_of_each_instant():
         for name, load in found.items():
             expected = pressure(world, known, at) * load.largest[0]
             assert known[name][at] == pytest.approx(expected, rel=1e-9)
-    assert loads.tip_deflection(world.rotor, world.blade, [known]) is None
+    assert loads.tip_deflection(world.blade, [(world.rotor, known)]) is None
     found = loads.over_span(world.blade, [(world.rotor, known)])
     assert set(found) == {"stress", "flapwise_moment"}
     assert found["stress"][1].max() == pytest.approx(known["stress"].max(), rel=1e-9)

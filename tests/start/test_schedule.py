@@ -75,7 +75,7 @@ def test_a_refused_optimum_may_be_sought_on_the_other_branch():
 @pytest.mark.parametrize(("better", "branch"), [(1.05, "underspeed"), (1.01, "overspeed")])
 def test_a_branch_whose_torque_jumps_begins_if_it_is_much_better(monkeypatch, better, branch):
     monkeypatch.setattr(find, "_jumps", lambda case, point: point.branch == "underspeed")
-    search = find.Search(world(power="5 kW"), None, "")
+    search = find.Search(world(power="5 kW"), None)
     over = replace(start(power="5 kW"), branch="overspeed")
     under = replace(over, branch="underspeed", objective=better * over.objective)
     assert max(over, under, key=search._rank).branch == branch

@@ -123,7 +123,7 @@ def test_a_static_law_is_fitted_on_the_branch_that_it_can_hold(optimum, monkeypa
 
     monkeypatch.setattr(Search, "_optimum", optimum_of)
     monkeypatch.setattr(Search, "_over_time", lambda self, point: point)
-    search = Search(case, optimum, "")
+    search = Search(case, optimum)
     search.optima([Candidate("", case.blade)])
     expected = search._scheduled(case.blade, "overspeed")
     assert np.array_equal(begun[0].operation.rotor_speed, expected.operation.rotor_speed)
