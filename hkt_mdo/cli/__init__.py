@@ -24,9 +24,6 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="hkt",
-    help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
-    "A case is a short YAML file; a run of it writes a result folder; the other commands work on "
-    "cases or results.",
     epilog=parts.EXIT_CODES,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",  # Rich's own markup would take [report] for a tag and leave it out
@@ -61,7 +58,10 @@ def _hkt(
     version: Annotated[bool, typer.Option("--version")] = False,
     extend: Annotated[list[Path] | None, typer.Option(metavar="FILE")] = None,
 ) -> None:
-    """Set what all commands have in common.
+    """Control co-design of hydrokinetic turbines: blade and controller optimized together.
+
+    A case is a short YAML file; a run of it writes a result folder; the other commands work on
+    cases or results.
 
     Parameters
     ----------
@@ -79,8 +79,7 @@ def _hkt(
         typer.echo(Path(__file__).with_name("begin.txt").read_text(encoding="utf-8"), nl=False)
 
 
-_documented(_hkt)
-app.callback()(_hkt)
+app.callback(help=_documented(_hkt))(_hkt)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
