@@ -18,7 +18,6 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import Summary
 from hkt_mdo.results.sweep import SweepTable
 from hkt_mdo.results.words import Row, aligned, limit_words, measured, texts
 from hkt_mdo.sections import Section
@@ -160,12 +159,12 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
 
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
-    summary, state = solution.summary, "unfinished"
+    state = "unfinished"
     if solution.finished:
-        good = solution.success and not summary.breaks(solution.case)
+        good = solution.success and not solution.summary.breaks(solution.case)
         state = "verified" if good else "refused"
-    told = {"name": name, "solution": solution, "state": state, "scenarios": _scenarios(summary)}
-    return told | {"merits": texts(summary.rows(solution.case))}
+    merits = texts(solution.summary.rows(solution.case))
+    return {"name": name, "solution": solution, "state": state, "merits": merits}
 
 
 def _headline(solution: Solution) -> Iterator[Row]:
@@ -194,20 +193,6 @@ def _headline(solution: Solution) -> Iterator[Row]:
     radius = summary.rotor_radius_m
     yield Row("rotor diameter", radius and 2.0 * radius, "m", digits=4)
     yield Row("mass of the blades", summary.mass_kg, "kg", digits=4)
-
-
-def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
-    """Return by how much each of several scenarios uses each limit (%), by the words for it."""
-    entries = summary.scenarios or {}
-    return {
-        name: {
-            f"of the {limit_words(x)} limit": 100.0 * each.value / each.limit
-            for x, each in (entry.limits or {}).items()
-            if each.value is not None and each.limit
-        }
-        for name, entry in entries.items()
-        if len(entries) > 1
-    }
 
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
