@@ -92,7 +92,7 @@ def test_a_blade_of_the_how_to_is_read_as_it_stands(kind, name, tmp_path):
     (tmp_path / name).write_text(blocks(kind)[0], encoding="utf-8")
     case = next(each for each in blocks("yaml") if f"blade: {name}, " in each)
     text = f"{case}inflow: {{profile: sine}}\ncontrol: {{law: quadratic}}\n"
-    assert physics(read_case(text, folder=tmp_path)).blade.r.size == 20
+    assert physics(read_case(text, file=f"{tmp_path}/case.yaml")).blade.r.size == 20
 
 
 ARCHITECTURE = (ROOT / "docs" / "dev" / "architecture.md").read_text(encoding="utf-8")
@@ -195,7 +195,7 @@ def test_new_case_passes_the_check(tmp_path, capsys, kind):
 
 def test_new_paper_case_is_the_default_case(tmp_path):
     (path,) = write_new_case(tmp_path / "mine")
-    assert load_case(path) == read_case(MINIMAL, name="mine")
+    assert load_case(path) == read_case(MINIMAL, file="mine.yaml")
     with pytest.raises(InputError, match="--kind = 'boat': unknown; give one of paper, turbine"):
         write_new_case(tmp_path / "other", "boat")
 

@@ -393,7 +393,7 @@ class Case(_WithFlow):
         paths start from the current folder. Raises InputError for one that is not valid.
         """
         data, _ = self._without_own()
-        return _make_case(data, overrides, self.kinds, file=f"case {self.name}")
+        return _make_case(data, overrides, self.kinds, f"case {self.name}")
 
 
 def _is_resolved(data: dict[str, Any]) -> bool:
@@ -499,18 +499,11 @@ def load_case(
     (docs/dev/architecture.md); a file is executed, so give only files that you trust.
     """
     if isinstance(source, Mapping):
-        data = deepcopy(dict(source))
-        return _make_case(data, overrides, known_kinds(extensions), check_files=check_files)
+        data, kinds = deepcopy(dict(source)), known_kinds(extensions)
+        return _make_case(data, overrides, kinds, check_files=check_files)
     path = find_case(source)
-    return read_case(
-        read_text(path, "case file in YAML", MAX_CASE_BYTES),
-        overrides,
-        file=str(path),
-        folder=path.parent,
-        name=path.stem,
-        check_files=check_files,
-        extensions=extensions,
-    )
+    text, file = read_text(path, "case file in YAML", MAX_CASE_BYTES), str(path)
+    return read_case(text, overrides, file=file, check_files=check_files, extensions=extensions)
 
 
 def read_case(
@@ -518,16 +511,10 @@ def read_case(
     overrides: Sequence[str] = (),
     *,
     file: str = "case",
-    folder: str | Path = ".",
-    name: str = "case",
     check_files: bool = True,
     extensions: Iterable[Extension] = (),
 ) -> Case:
-    """Make a case of YAML text; the rest is as in `load_case`.
-
-    `file` names the text in messages, relative paths start from `folder`, and `name` is the name of
-    a case that gives none.
-    """
+    """Make a case of YAML text as if it stood in a file; the rest is as in `load_case`."""
     data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"
@@ -535,8 +522,7 @@ def read_case(
     if not isinstance(data, dict):
         problem = "must hold keys and values at its top"
         raise InputError(problem, "write inflow: ... and so on", file=file, value=data)
-    kinds = known_kinds(extensions)
-    return _make_case(data, overrides, kinds, file, name, folder=folder, check_files=check_files)
+    return _make_case(data, overrides, known_kinds(extensions), file, check_files)
 
 
 def _make_case(
@@ -544,10 +530,10 @@ def _make_case(
     overrides: Sequence[str],
     kinds: Kinds,
     file: str = "case",
-    name: str = "case",
-    **context: Any,
+    check_files: bool = True,
 ) -> Case:
-    """Return the case of some data, which is changed, and overrides."""
+    """Return the case of some data, which is changed, and overrides; `file` is where it stands."""
     overrides = (overrides,) if isinstance(overrides, str) else overrides
-    data.setdefault("name", name)
+    context = {"folder": Path(file).parent, "check_files": check_files}
+    data.setdefault("name", Path(file).stem)
     return validated(case_class(kinds), data, file, overrides, context)

@@ -11,9 +11,9 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args, get_type_hints
 
 import typer
 
@@ -24,9 +24,6 @@ __all__ = ["app", "main"]
 
 app = typer.Typer(
     name="hkt",
-    help="Control co-design of hydrokinetic turbines: blade and controller optimized together.\n\n"
-    "A case is a short YAML file; a run of it writes a result folder; the other commands work on "
-    "cases or results.",
     epilog=parts.EXIT_CODES,
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode="markdown",  # Rich's own markup would take [report] for a tag and leave it out
@@ -40,26 +37,49 @@ _PANELS = {
     "Use a result": (results.simulate, results.export),
     "Data": (case.polar, case.resource),
 }
+
+
+def _documented(command: Callable[..., None]) -> str:
+    """Return the help of a command, its docstring; the parameters there are that of its options."""
+    text, _, parameters = inspect.cleandoc(command.__doc__ or "").partition("\n\nParameters\n")
+    command.__annotations__ = get_type_hints(command, include_extras=True)
+    for name, told in re.findall(r"^(\w+)\n((?:    .*\n?)+)", parameters, re.MULTILINE):
+        get_args(command.__annotations__[name])[1].help = " ".join(told.split())
+    return re.sub(r"(?<!\n)\n(?!\n)", " ", text)  # a line end within a paragraph is a blank
+
+
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
-        # the docstring is the help, and a line end within a paragraph is a blank
-        _help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.getdoc(_command) or "")
-        app.command(rich_help_panel=_panel, help=_help)(_command)
+        app.command(rich_help_panel=_panel, help=_documented(_command))(_command)
 
 
-_VERSION = typer.Option("--version", help="Print the version and exit.")
-
-
-@app.callback()
 def _hkt(
-    context: typer.Context, version: Annotated[bool, _VERSION] = False, extend: parts.Extend = None
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version")] = False,
+    extend: Annotated[list[Path] | None, typer.Option(metavar="FILE")] = None,
 ) -> None:
+    """Control co-design of hydrokinetic turbines: blade and controller optimized together.
+
+    A case is a short YAML file; a run of it writes a result folder; the other commands work on
+    cases or results.
+
+    Parameters
+    ----------
+    version
+        Print the version and exit.
+    extend
+        Python file that adds control laws, flow profiles, limits or objectives, executed before the
+        case is read; may be given several times.
+    """
     parts.EXTENSIONS.set(tuple(extend or ()))
     if version:
         typer.echo(f"hkt_mdo {program_version()}")
         raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(Path(__file__).with_name("begin.txt").read_text(encoding="utf-8"), nl=False)
+
+
+app.callback(help=_documented(_hkt))(_hkt)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

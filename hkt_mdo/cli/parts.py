@@ -28,8 +28,6 @@ EXIT_CODES = (
 
 _CASE = "Case file in YAML, such as cases/sine_quadratic.yaml; see hkt schema."
 CaseFile = Annotated[Path, Argument(metavar="CASE", help=_CASE, show_default=False)]
-_CASES = "Case file in YAML, such as cases/sine_quadratic.yaml; several run at the same time."
-Cases = Annotated[list[Path] | None, Argument(metavar="CASE...", help=_CASES, show_default=False)]
 _RESULT = "Result folder that hkt run has written."
 ResultFolder = Annotated[Path, Argument(metavar="RESULT", help=_RESULT)]
 _SET = (
@@ -37,11 +35,6 @@ _SET = (
     "--set rotor.radius=2 --set 'inflow.mean=150 cm/s' --set control.gain=null."
 )
 Overrides = Annotated[list[str] | None, Option("--set", metavar="SECTION.KEY=VALUE", help=_SET)]
-_EXTEND = (
-    "Python file that adds control laws, flow profiles, limits or objectives, executed before the "
-    "case is read; may be given several times."
-)
-Extend = Annotated[list[Path] | None, Option(metavar="FILE", help=_EXTEND)]
 Force = Annotated[bool, Option("--force", help="Replace existing files.")]
 _JSON = "Print JSON, in SI units, in place of the table; messages go to standard error."
 _CSV = "Print CSV, in SI units, in place of the table; messages go to standard error."

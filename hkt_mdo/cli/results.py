@@ -16,37 +16,7 @@ from hkt_mdo.cli.parts import AsCsv, Json, OutFolder, ResultFolder, read_result
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports import FORMATS
 
-_FORMAT = "File format, such as pdf or svg; may be given several times. Default: png."
-_FLOW = (
-    "design: the result's own; A, B or C: the paper's uncertain flows (speeds x 1.1, frequency "
-    "0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean: 1.4}."
-)
 _TO = f"{', '.join(FORMATS)}; several with commas between, or one each time."
-_PAGE = "The HTML file to write."
-_OPTION = "Option of a format, such as stl.trailing_edge='2 mm'; may be given several times."
-_ANYWAY = "Replace existing files; also export a result of a run that did not succeed."
-_SCENARIO = "Simulate the operation of this scenario only, of a result with several."
-_SNR = "Signal-to-noise ratio of the speed sensor."
-_REFERENCE = "Which speed is the signal of that ratio: fluctuation (about its mean) or total."
-_RATE = "Samples of the sensor per second."
-_SEEDS = "Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated."
-_TABLES = "Folder for simulations.json and simulations.csv; files of these names are replaced."
-_DYNAMICS = (
-    "quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two "
-    "filters at every station; see docs/dynamic_inflow.md."
-)
-_TAU1 = (
-    "With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction at "
-    "0.7 R, 1.1 R / ((1 - 1.3 a) V)."
-)
-_CONDITION = "Fouling in place of the case's condition, such as {lift: 0.9, drag: 1.5}."
-_STRICT = "Exit with 3 if a limit is broken or the rotor stops or stalls."
-_START = "Start from standstill, without torque, and let the law take over in operation."
-_STOP = "With --start-up: the time (s) from which the torque is at its limit, to stop the rotor."
-_CUTOFF = (
-    "Frequency of the second-order Butterworth low-pass behind the sensor; 0: no filter. It delays "
-    "the torque, at 0.5 Hz by half a second, which alone may stop a rotor."
-)
 
 
 def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> None:
@@ -61,7 +31,7 @@ def show(result: ResultFolder, as_json: Json = False, as_csv: AsCsv = False) -> 
 def plot(
     result: ResultFolder,
     out: OutFolder = None,
-    formats: Annotated[list[str] | None, Option("--format", metavar="NAME", help=_FORMAT)] = None,
+    formats: Annotated[list[str] | None, Option("--format", metavar="NAME")] = None,
 ) -> None:
     """Draw the figures of a result, or of a sweep.
 
@@ -72,6 +42,11 @@ def plot(
     scenarios, operation_NAME and limits_NAME show each of them, and power_curve and loads have a
     line for each. Those of a sweep are front (the objective over a limit or a load), map (over two
     keys) and parallel (all keys and outcomes).
+
+    Parameters
+    ----------
+    formats
+        File format, such as pdf or svg; may be given several times. Default: png.
     """
     from hkt_mdo.results import charts, style
     from hkt_mdo.results.sweep import TABLE, SweepTable
@@ -87,8 +62,8 @@ def plot(
 
 
 def report(
-    results: Annotated[list[Path], Argument(metavar="RESULT...", help="Result folders.")],
-    out: Annotated[Path, Option("--out", metavar="FILE", help=_PAGE)] = Path("report.html"),
+    results: Annotated[list[Path], Argument(metavar="RESULT...")],
+    out: Annotated[Path, Option("--out", metavar="FILE")] = Path("report.html"),
     force: parts.Force = False,
 ) -> None:
     """Write a report of one result, or of several side by side, as one HTML page (docs/report.md).
@@ -100,6 +75,13 @@ def report(
 
     For the folder of a sweep, report.html is written into that folder. It shows front and map; a
     click on a point opens the report of that run, which is written into the folder of the run.
+
+    Parameters
+    ----------
+    results
+        Result folders.
+    out
+        The HTML file to write.
     """
     from hkt_mdo.files.table import refuse_existing
     from hkt_mdo.pages.page import write_report, write_sweep_report
@@ -114,7 +96,7 @@ def report(
 
 
 def compare(
-    results: Annotated[list[Path], Argument(metavar="RESULT...", help="Result folders.")],
+    results: Annotated[list[Path], Argument(metavar="RESULT...")],
     out: OutFolder = None,
     as_json: Json = False,
     as_csv: AsCsv = False,
@@ -126,6 +108,11 @@ def compare(
     interrupted runs, which are not in the figures. Notes below the table name interrupted runs, and
     results to which another result of the same turbine in the same flow is superior: it keeps the
     limits of their case and has a better objective.
+
+    Parameters
+    ----------
+    results
+        Result folders.
     """
     from hkt_mdo.results.nesting import ranked, remarks
     from hkt_mdo.results.words import aligned, texts
@@ -178,14 +165,23 @@ def _print_beside(names: list[str], rows: list[tuple[str, list[str]]]) -> None:
 def export(
     result: ResultFolder,
     to: Annotated[list[str], Option("--to", metavar="FORMAT", help=_TO)],
-    out: Annotated[Path, Option(metavar="DIR", help="Folder for the files; created if needed.")],
-    options: Annotated[list[str] | None, Option("--set", metavar="OPTION", help=_OPTION)] = None,
-    force: Annotated[bool, Option("--force", help=_ANYWAY)] = False,
+    out: Annotated[Path, Option(metavar="DIR")],
+    options: Annotated[list[str] | None, Option("--set", metavar="OPTION")] = None,
+    force: Annotated[bool, Option("--force")] = False,
 ) -> None:
     """Write a result in files for other programs (docs/exports.md).
 
     The files contain the result and the case that they come from. If an option is wrong, a package
     is missing or a file already exists, nothing is written.
+
+    Parameters
+    ----------
+    out
+        Folder for the files; created if needed.
+    options
+        Option of a format, such as stl.trailing_edge='2 mm'; may be given several times.
+    force
+        Replace existing files; also export a result of a run that did not succeed.
     """
     from hkt_mdo.exports.base import export
 
@@ -196,24 +192,22 @@ def export(
 
 def simulate(
     result: ResultFolder,
-    flow: Annotated[str, Option(metavar="FLOW", help=_FLOW)] = "design",
-    snr: Annotated[float | None, Option("--noise-snr", metavar="DB", help=_SNR)] = None,
-    reference: Annotated[
-        str, Option("--noise-reference", metavar="NAME", help=_REFERENCE)
-    ] = "fluctuation",
-    rate: Annotated[float, Option("--sample-rate", metavar="HZ", help=_RATE)] = 100.0,
-    cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ", help=_CUTOFF)] = 0.5,
-    repeats: Annotated[int, Option(min=1, max=100_000, help="Number of noisy runs.")] = 20,
-    seed: Annotated[int, Option(min=0, help="Seed of the random numbers.")] = 1,
-    flow_seeds: Annotated[str | None, Option(metavar="SEEDS", help=_SEEDS)] = None,
-    scenario: Annotated[str | None, Option(metavar="NAME", help=_SCENARIO)] = None,
-    condition: Annotated[str | None, Option(metavar="CONDITION", help=_CONDITION)] = None,
-    start: Annotated[bool, Option("--start-up", help=_START)] = False,
-    stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS", help=_STOP)] = None,
-    inflow_dynamics: Annotated[str | None, Option(metavar="NAME", help=_DYNAMICS)] = None,
-    tau1: Annotated[float | None, Option(metavar="SECONDS", help=_TAU1)] = None,
-    out: Annotated[Path | None, Option(metavar="DIR", help=_TABLES)] = None,
-    strict: Annotated[bool, Option("--strict", help=_STRICT)] = False,
+    flow: Annotated[str, Option(metavar="FLOW")] = "design",
+    snr: Annotated[float | None, Option("--noise-snr", metavar="DB")] = None,
+    reference: Annotated[str, Option("--noise-reference", metavar="NAME")] = "fluctuation",
+    rate: Annotated[float, Option("--sample-rate", metavar="HZ")] = 100.0,
+    cutoff: Annotated[float, Option("--filter-cutoff", metavar="HZ")] = 0.5,
+    repeats: Annotated[int, Option(min=1, max=100_000)] = 20,
+    seed: Annotated[int, Option(min=0)] = 1,
+    flow_seeds: Annotated[str | None, Option(metavar="SEEDS")] = None,
+    scenario: Annotated[str | None, Option(metavar="NAME")] = None,
+    condition: Annotated[str | None, Option(metavar="CONDITION")] = None,
+    start: Annotated[bool, Option("--start-up")] = False,
+    stop: Annotated[float | None, Option("--shut-down", metavar="SECONDS")] = None,
+    inflow_dynamics: Annotated[str | None, Option(metavar="NAME")] = None,
+    tau1: Annotated[float | None, Option(metavar="SECONDS")] = None,
+    out: Annotated[Path | None, Option(metavar="DIR")] = None,
+    strict: Annotated[bool, Option("--strict")] = False,
     as_json: Json = False,
     as_csv: AsCsv = False,
 ) -> None:
@@ -228,6 +222,46 @@ def simulate(
     loads that have no limit; with several scenarios and seeds, the largest of all. --json and --csv
     print those of each simulation, as --out writes them. With --inflow-dynamics oye the wake needs
     time to change: the command prints what that changes, and whether the rotor runs away.
+
+    Parameters
+    ----------
+    flow
+        design: the result's own; A, B or C: the paper's uncertain flows (speeds x 1.1, frequency
+        0.225 rad/s, phase 0.2 pi); or an inflow section in YAML, such as {profile: sine, mean:
+        1.4}.
+    snr
+        Signal-to-noise ratio of the speed sensor.
+    reference
+        Which speed is the signal of that ratio: fluctuation (about its mean) or total.
+    rate
+        Samples of the sensor per second.
+    cutoff
+        Frequency of the second-order Butterworth low-pass behind the sensor; 0: no filter. It
+        delays the torque, at 0.5 Hz by half a second, which alone may stop a rotor.
+    repeats
+        Number of noisy runs.
+    seed
+        Seed of the random numbers.
+    flow_seeds
+        Seeds of a turbulent flow, such as 1..20 or 3,5,9: each is simulated.
+    scenario
+        Simulate the operation of this scenario only, of a result with several.
+    condition
+        Fouling in place of the case's condition, such as {lift: 0.9, drag: 1.5}.
+    start
+        Start from standstill, without torque, and let the law take over in operation.
+    stop
+        With --start-up: the time (s) from which the torque is at its limit, to stop the rotor.
+    inflow_dynamics
+        quasi_steady: the wake is in equilibrium at every instant; oye: it has memory, by Oye's two
+        filters at every station; see docs/dynamic_inflow.md.
+    tau1
+        With --inflow-dynamics oye: the slow filters' time constant (s). Default: by the induction
+        at 0.7 R, 1.1 R / ((1 - 1.3 a) V).
+    out
+        Folder for simulations.json and simulations.csv; files of these names are replaced.
+    strict
+        Exit with 3 if a limit is broken or the rotor stops or stalls.
     """
     from hkt_mdo.results.words import flow_words, limit_words
     from hkt_mdo.studies.other_flows import largest, records, simulations, write

@@ -28,27 +28,20 @@ ASKED = 1000
 MOST_TOLD = 10
 """Failures that are listed; the table has all."""
 
-_FORCE = "Replace an earlier result in the folder; files that are not of a run are kept."
-_RESUME = "In place of CASE: continue the unfinished run in this folder from its last iterate."
-_OPTIMIZER = "IPOPT, SLSQP or SNOPT: sets driver.optimizer."
-_PACKAGE = "auto, pyoptsparse, casadi (only IPOPT) or scipy (only SLSQP): sets driver.package."
-_NO_RECORDS = "Write no OpenMDAO databases and no N2 diagram."
-_SEGMENTS = "Number of collocation segments: sets phase.segments."
-
 
 def run(
-    cases: parts.Cases = None,
+    cases: Annotated[list[Path] | None, Argument(metavar="CASE...", show_default=False)] = None,
     out: parts.OutFolder = None,
-    force: Annotated[bool, Option("--force", help=_FORCE)] = False,
-    resume: Annotated[Path | None, Option(metavar="DIR", help=_RESUME)] = None,
-    optimizer: Annotated[str | None, Option(metavar="NAME", help=_OPTIMIZER)] = None,
-    package: Annotated[str | None, Option(metavar="NAME", help=_PACKAGE)] = None,
-    segments: Annotated[int | None, Option(metavar="N", help=_SEGMENTS)] = None,
+    force: Annotated[bool, Option("--force")] = False,
+    resume: Annotated[Path | None, Option(metavar="DIR")] = None,
+    optimizer: Annotated[str | None, Option(metavar="NAME")] = None,
+    package: Annotated[str | None, Option(metavar="NAME")] = None,
+    segments: Annotated[int | None, Option(metavar="N")] = None,
     overrides: parts.Overrides = None,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
-    no_figures: Annotated[bool, Option("--no-figures", help="Draw no figures.")] = False,
-    no_records: Annotated[bool, Option("--no-records", help=_NO_RECORDS)] = False,
-    pdf: Annotated[bool, Option("--pdf", help="Draw the figures as PDF too.")] = False,
+    quiet: Annotated[bool, Option("--quiet")] = False,
+    no_figures: Annotated[bool, Option("--no-figures")] = False,
+    no_records: Annotated[bool, Option("--no-records")] = False,
+    pdf: Annotated[bool, Option("--pdf")] = False,
     jobs: parts.Jobs = None,
 ) -> None:
     """Run a case and write a result folder; of several cases, one folder each.
@@ -63,6 +56,29 @@ def run(
     Several cases run in --jobs processes, each into a folder of its name in --out. Cases that
     have a finished result there are not run again, so the same command continues after an
     interruption. hkt sweep runs one case with many values of its keys.
+
+    Parameters
+    ----------
+    cases
+        Case file in YAML, such as cases/sine_quadratic.yaml; several run at the same time.
+    force
+        Replace an earlier result in the folder; files that are not of a run are kept.
+    resume
+        In place of CASE: continue the unfinished run in this folder from its last iterate.
+    optimizer
+        IPOPT, SLSQP or SNOPT: sets driver.optimizer.
+    package
+        auto, pyoptsparse, casadi (only IPOPT) or scipy (only SLSQP): sets driver.package.
+    segments
+        Number of collocation segments: sets phase.segments.
+    quiet
+        Print nothing but errors.
+    no_figures
+        Draw no figures.
+    no_records
+        Write no OpenMDAO databases and no N2 diagram.
+    pdf
+        Draw the figures as PDF too.
     """
     given = {"driver.optimizer": optimizer, "driver.package": package, "phase.segments": segments}
     settings = (f"{key}={value}" for key, value in given.items() if value is not None)
@@ -227,21 +243,16 @@ def _run_several(
 
 # Sweeps ------------------------------------------------------------------------------------------
 
-_SWEEP = "Sweep file in YAML: a case, and values of its keys (docs/sweeps.md)."
-_SCHEDULER = (
-    "Address of a Dask scheduler, tcp://HOST:PORT or tls://HOST:PORT, whose workers run the cases; "
-    "by default workers are started here. With tcp, anybody who reaches it can run programs on it."
-)
 _YES = f"Run more than {ASKED:,} cases without being asked."
 
 
 def sweep(
-    sweep: Annotated[Path, Argument(metavar="SWEEP", help=_SWEEP, show_default=False)],
+    sweep: Annotated[Path, Argument(metavar="SWEEP", show_default=False)],
     out: parts.OutFolder = None,
     jobs: parts.Jobs = None,
-    scheduler: Annotated[str | None, Option(metavar="ADDRESS", help=_SCHEDULER)] = None,
+    scheduler: Annotated[str | None, Option(metavar="ADDRESS")] = None,
     yes: Annotated[bool, Option("--yes", help=_YES)] = False,
-    quiet: Annotated[bool, Option("--quiet", help="Print nothing but errors.")] = False,
+    quiet: Annotated[bool, Option("--quiet")] = False,
 ) -> None:
     """Run a case with many values of its keys, and write a table.
 
@@ -250,6 +261,17 @@ def sweep(
     installed). A run that fails is a row with its message. The same command continues an
     interrupted sweep: runs that are finished are not repeated. hkt plot and hkt report take the
     folder, too.
+
+    Parameters
+    ----------
+    sweep
+        Sweep file in YAML: a case, and values of its keys (docs/sweeps.md).
+    scheduler
+        Address of a Dask scheduler, tcp://HOST:PORT or tls://HOST:PORT, whose workers run the
+        cases; by default workers are started here. With tcp, anybody who reaches it can run
+        programs on it.
+    quiet
+        Print nothing but errors.
     """
     from hkt_mdo.case.sweep import load_sweep
 

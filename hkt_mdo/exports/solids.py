@@ -297,7 +297,7 @@ def airfoils(design: Design) -> list[Airfoil]:
     list of Airfoil
         From hub to tip.
     """
-    outlines, r = design.outlines, design.blade.r
+    outlines, r = design.turbine.outlines, design.blade.r
     if design.plant.polar.follows_thickness:
         outlines = tuple(Outline(*each.T) for each in around(*sides(design.turbine, r)))
     found: dict[tuple, Airfoil] = {}
@@ -321,8 +321,9 @@ def outline_volume(design: Design) -> float:
     float
         Volume before the trailing edge is thickened (m**3).
     """
-    area = design.turbine.along_span([each.area for each in design.outlines], design.blade.r)
-    return float(mass_and_inertia(design.blade, area, 1.0).mass) / design.blade.blade_count
+    turbine, blade = design.turbine, design.blade
+    area = turbine.along_span([each.area for each in turbine.outlines], blade.r)
+    return float(mass_and_inertia(blade, area, 1.0).mass) / blade.blade_count
 
 
 def triangles(points: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import Any
 
 from hkt_mdo.errors import install, needed
 from hkt_mdo.files.template import templates
+from hkt_mdo.results.words import printable
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -25,7 +26,8 @@ def rendered(template: str | Path, **values: Any) -> str:
         The filled template.
     """
     path = _TEMPLATES / template
-    known = templates(path.parent, _TEMPLATES, html=path.suffix == ".html")
+    html = path.suffix == ".html"
+    known = templates(path.parent, _TEMPLATES, html=html, printable=printable)
     return str(known.get_template(path.name).render(**values))
 
 

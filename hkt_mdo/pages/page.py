@@ -18,9 +18,8 @@ from hkt_mdo.results.charts import labelled
 from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
-from hkt_mdo.results.summary import Summary
 from hkt_mdo.results.sweep import SweepTable
-from hkt_mdo.results.words import Row, aligned, limit_words, measured, printable, texts
+from hkt_mdo.results.words import Row, aligned, limit_words, measured, texts
 from hkt_mdo.sections import Section
 
 
@@ -144,9 +143,9 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
         measured=measured,
         limits=sorted(aligned(limits), key=lambda row: not any(x and x[0].limit for x in row[1])),
         differences=_differences([each.case for each in order]),
-        remarks=list(map(printable, remarks(each for each in order if each.finished))),
+        remarks=remarks(each for each in order if each.finished),
         not_modelled=list(dict.fromkeys(line for x in order for line in not_modelled(x.case))),
-        reasons=[printable(reason) for reason in reasons],
+        reasons=reasons,
         picture=base64.b64encode(blade.picture(found)).decode() if found else "",
         points=panels.points_each(results),
         views=list(views),
@@ -160,29 +159,12 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
 
 def _told(solution: Solution, name: str) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
-    summary, state = solution.summary, "unfinished"
+    state = "unfinished"
     if solution.finished:
-        good = solution.success and not summary.breaks(solution.case)
+        good = solution.success and not solution.summary.breaks(solution.case)
         state = "verified" if good else "refused"
-    merits = texts(summary.rows(solution.case))
-    versions = (f"{key} {value}" for key, value in (summary.versions or {}).items())
-    origin = {
-        "case": solution.name,
-        "result folder": solution.folder.resolve().name,
-        "control law": solution.case.control.law,
-        "optimizer": merits["optimizer"] if summary.optimizer else "",
-        "digest of files and code": summary.digest,
-        "versions": ", ".join(versions),
-    }
-    return {
-        "name": name,
-        "solution": solution,
-        "merits": merits,
-        "state": state,
-        "scenarios": _scenarios(summary),
-        "origin": {key: printable(value or "not recorded") for key, value in origin.items()},
-        "yaml": solution.case.to_yaml(),
-    }
+    merits = texts(solution.summary.rows(solution.case))
+    return {"name": name, "solution": solution, "state": state, "merits": merits}
 
 
 def _headline(solution: Solution) -> Iterator[Row]:
@@ -213,25 +195,11 @@ def _headline(solution: Solution) -> Iterator[Row]:
     yield Row("mass of the blades", summary.mass_kg, "kg", digits=4)
 
 
-def _scenarios(summary: Summary) -> dict[str, dict[str, float]]:
-    """Return by how much each of several scenarios uses each limit (%), by the words for it."""
-    entries = summary.scenarios or {}
-    return {
-        name: {
-            f"of the {limit_words(x)} limit": 100.0 * each.value / each.limit
-            for x, each in (entry.limits or {}).items()
-            if each.value is not None and each.limit
-        }
-        for name, entry in entries.items()
-        if len(entries) > 1
-    }
-
-
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
     """Return the keys in which cases differ, with the value of each case in people's units."""
     rows = aligned([dict(_flat(case)) for case in cases])
     different = [row for row in rows if len(set(row[1])) > 1 and row[0] != "name"]
-    return [(key, [printable(value or "-") for value in values]) for key, values in different]
+    return [(key, [value or "-" for value in values]) for key, values in different]
 
 
 def _flat(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, str]]:

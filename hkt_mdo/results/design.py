@@ -26,8 +26,6 @@ from hkt_mdo.problem.turbine import Turbine
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 from hkt_mdo.results.sections import blade_of
 from hkt_mdo.rotor.blade import Blade
-from hkt_mdo.rotor.outline import Outline
-from hkt_mdo.rotor.polars import Polars
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +38,12 @@ class Design:
         The result of the run.
     blade : Blade
         The blade, its twist with the set angle.
-    polars : Polars
-        A `Polar` for all stations, or those of the stations (`Polars.stations`).
-    outlines : tuple of Outline
-        One for all stations, or one a station; where the thickness is designed, those of the
-        case's sections, from thin to thick.
     gains : ndarray, shape (n_gains,)
         Gains of the law, in its `gain_units`; empty for open loop.
     inertia : float
         Inertia of the rotor, kg m^2.
     turbine : Turbine
-        The turbine of the case (`hkt_mdo.problem.turbine`), with the blade of the result.
+        The turbine of the case (`hkt_mdo.problem.turbine`), with blade and polars of the result.
     physics : Physics
         The physics of the case, with the blade at the start.
     plant : Plant
@@ -61,8 +54,6 @@ class Design:
 
     solution: Any
     blade: Blade
-    polars: Polars
-    outlines: tuple[Outline, ...]
     gains: np.ndarray
     inertia: float
     turbine: Turbine
@@ -90,20 +81,10 @@ class Design:
         """
         summary, world = solution.summary, physics(solution.case)
         blade = replace(blade_of(solution, world.blade), hub_inertia=summary.hub_inertia_kg_m2)
-        plant, turbine = steady_plant(world, world.rotor, blade), world.turbine
+        plant = steady_plant(world, world.rotor, blade)
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)
-        return cls(
-            solution,
-            blade,
-            plant.polar,
-            turbine.outlines,
-            gains,
-            plant.inertia,
-            turbine._replace(blade=blade, polar=plant.polar),
-            world,
-            plant,
-            plant,
-        )
+        turbine = world.turbine._replace(blade=blade, polar=plant.polar)
+        return cls(solution, blade, gains, plant.inertia, turbine, world, plant, plant)
 
     @property
     def law(self) -> Law:

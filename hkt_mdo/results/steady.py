@@ -51,14 +51,13 @@ def binned(
     Binned
         Of the classes with at least `fewest` instants.
     """
+    order = np.argsort(speed)
+    speed, values = speed[order], values[order]
     if steady:
-        order = np.argsort(speed)
-        return Binned(speed[order], *[values[order]] * 3)
-    edges = np.linspace(np.min(speed), np.max(speed), count + 1)
-    place = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, count - 1)
-    order = np.argsort(place, kind="stable")
-    classes = np.split(order, np.cumsum(np.bincount(place, minlength=count))[:-1])
-    pairs = [(speed[each], values[each]) for each in classes if each.size >= fewest]
+        return Binned(speed, values, values, values)
+    edges = np.searchsorted(speed, np.linspace(speed[0], speed[-1], count + 1)[1:-1])
+    classes = zip(np.split(speed, edges), np.split(values, edges), strict=True)
+    pairs = [(x, y) for x, y in classes if x.size >= fewest]
     rows = [(np.mean(x), np.mean(y), *np.percentile(y, ends)) for x, y in pairs]
     return Binned(*np.reshape(rows, (-1, 4)).T)
 

@@ -371,6 +371,12 @@ class Achieved(_Entry):
     the hub and the suction of the sections are known, cavitation; torque and shaft power of the
     generator, rotor speed and tip speed."""
 
+    @property
+    def used(self) -> dict[str, float]:
+        """By how much each limit is used (%), by the words for it."""
+        known = ((x, each) for x, each in (self.limits or {}).items() if each.value is not None)
+        return {limit_words(x): 100.0 * y.value / y.limit for x, y in known if y.limit}
+
     def at_limits(self, case: Case) -> dict[str, tuple[LoadEntry, str]]:
         """Return each limit and each load without one, with remarks (`unasked`), by words for them.
 

@@ -104,7 +104,7 @@ def test_values_are_taken_in_the_unit_of_the_key(override, expected):
 def test_a_case_comes_back_from_its_own_yaml_and_from_a_pickle(text, put):
     folder = put("river.csv", "time_s,speed_m_s\n0,1\n").parent
     minimal = "control: linear\n" + ("" if "inflow" in text else "inflow: sine\n")
-    case = read_case(minimal + text, folder=folder)
+    case = read_case(minimal + text, file=f"{folder}/case.yaml")
     assert same(read_case(case.to_yaml()), case)
     assert same(pickle.loads(pickle.dumps(case)), case)
 

@@ -47,7 +47,7 @@ each_profile = pytest.mark.parametrize("inflow", PROFILES.values(), ids=PROFILES
 
 
 def section(text, folder="."):
-    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}", folder=folder).inflow
+    return read_case(f"inflow: {text}\ncontrol: {{law: linear}}", file=f"{folder}/case.yaml").inflow
 
 
 # What every profile has ---------------------------------------------------------------------------

@@ -8,12 +8,12 @@ from hkt_mdo.case import read_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.folder import write_csv, write_json
 from hkt_mdo.results.solution import Solution
-from tests.conftest import operate
+from tests.conftest import CASES, operate
 
 
 def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solution:
     """Write the result folder of a case with its blade as given, and return it."""
-    case = read_case(text, folder=Path(__file__).parents[2] / "cases", extensions=extensions)
+    case = read_case(text, file=str(CASES / "case.yaml"), extensions=extensions)
     world = physics(case)
     blade, names = world.blade, list(world.shares)
     folder.mkdir(parents=True)

@@ -192,7 +192,7 @@ def test_an_estimated_flow_is_that_of_the_program(tmp_path, language):
     export(solution, ["controller"], tmp_path)
     design, flow = solution.design(), function_of(tmp_path, language, "flow", 3)
     world = design.physics
-    rotor = design.blade, design.polars, design.inertia, world.density, SOLVERS["vectorized"]
+    rotor = design.blade, design.plant.polar, design.inertia, world.density, SOLVERS["vectorized"]
     plant = Plant(*rotor, world.case.generator)
     estimate, random = FlowEstimate(plant), np.random.default_rng(1)
     speed, torque = random.uniform(3.0, 12.0, 500), random.uniform(0.0, 900.0, 500)

@@ -213,7 +213,7 @@ def test_mhk_2_and_a_given_depth_count_heights_from_the_surface(tmp_path):
     assert "FILL IN" not in depth
     rows = (tmp_path / "openfast" / "aerodyn_blade.dat").read_text().splitlines()[6:]
     own = np.array([row.split() for row in rows], dtype=float)
-    outlines = design_of("river").outlines
+    outlines = design_of("river").turbine.outlines
     areas = [outline.area * 4.0 / np.pi for outline in outlines]  # over that of a circle
     np.testing.assert_allclose(own[1:-1, 8], areas, rtol=1e-9)
 

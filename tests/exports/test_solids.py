@@ -61,9 +61,9 @@ def mesh(content):
 
 def expected_outlines(design):
     """Return the outline of each station over its chord, at 101 fractions of it."""
-    sides = np.array([each.resampled(FRACTIONS[::2]) for each in design.outlines])
+    sides = np.array([each.resampled(FRACTIONS[::2]) for each in design.turbine.outlines])
     if design.blade.thickness is not None:
-        own = [each.thickness for each in design.outlines]
+        own = [each.thickness for each in design.turbine.outlines]
         sides = over_thickness(own, sides)(design.blade.thickness)
     sides = np.broadcast_to(sides, (design.blade.r.size, *sides.shape[1:]))
     return [

@@ -46,7 +46,9 @@ def turbine(tmp_path):
     (tmp_path / "a.dat").write_text(AERODYN, encoding="utf-8")
 
     def build(keys):
-        case = read_case(f"inflow: sine\ncontrol: linear\nrotor: {{{keys}}}", folder=tmp_path)
+        case = read_case(
+            f"inflow: sine\ncontrol: linear\nrotor: {{{keys}}}", file=f"{tmp_path}/case.yaml"
+        )
         return build_turbine(case.rotor, case.fluid, 1.5)
 
     return build

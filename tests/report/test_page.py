@@ -162,7 +162,7 @@ def test_solid_is_the_rotor(folders):
     design, hub = solution.design(), 0.125 * 1.4
     begin, end, radius = blade.SOLIDS[0].cylinder(design)
     inside = hub - blade.SOLIDS[0].rooted(design)[0]
-    root = design.outlines[0].area * design.blade.chord[0] ** 2
+    root = design.turbine.outlines[0].area * design.blade.chord[0] ** 2
     expected = 3.0 * (outline_volume(design) + root * inside) + np.pi * radius**2 * (end - begin)
     assert volume == pytest.approx(expected, rel=0.01)  # of 48 points, a thicker trailing edge
     assert np.max(points[:, 0]) == pytest.approx(1.4)
