@@ -87,7 +87,7 @@ class Step(Solid):
         InputError
             If OpenCASCADE finds that it is no valid solid.
         """
-        poles, knots = lofted(_MILLI * self.stations(design, r).points, r)
+        poles, knots = lofted(_MILLI * self.stations(design, r), r)
         surfaces = [spline_surface(poles, knots, (DEGREE, DEGREE))]
         edge = poles[[-1, 0]]
         if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:

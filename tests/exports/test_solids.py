@@ -272,7 +272,7 @@ def test_loft_goes_through_the_sections(design):
 
     (step,) = chosen(["step"])
     r = step.radii(design)
-    points = step.stations(design, r).points
+    points = step.stations(design, r)
     poles, (around, along) = lofted(points, r)
     found = BSpline(along, np.moveaxis(poles, 1, 0), DEGREE)(r)
     edges = np.linalg.norm(points[:, [0, -1]] - found[:, [0, -1]], axis=-1)
