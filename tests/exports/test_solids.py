@@ -66,10 +66,7 @@ def expected_outlines(design):
         own = [each.thickness for each in design.outlines]
         sides = over_thickness(own, sides)(design.blade.thickness)
     sides = np.broadcast_to(sides, (design.blade.r.size, *sides.shape[1:]))
-    return [
-        Outline(np.append(x[::-1], x[1:]), np.append(upper[::-1], lower[1:]))
-        for x, upper, lower in sides
-    ]
+    return [Outline.of_sides(*each) for each in sides]
 
 
 def slice_at(body, blade, r):
