@@ -461,34 +461,25 @@ def _cavitation(model, blade, flow, ratio):
     if np.any(np.real(height) >= model.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     static = model.water_density * GRAVITY * (model.depth - height)
-    pressure = ATMOSPHERIC - VAPOUR + static
+    pressure = np.tile(ATMOSPHERIC - VAPOUR + static, 2)  # of both surfaces, beside each other
+    lift = model.water_density * GRAVITY * np.tile(height, 2) / pressure
     found = model.polar.along("suction", blade, ratio, flow.angle_of_attack)
-    suction, by_angle, by_followed = found
-    speed = flow.relative_speed
-    scale = model.margin * cosine**2 / pressure
-
-    def flat(values):  # from (2, n_points, ...) to both surfaces beside each other
-        return np.concatenate(tuple(values), axis=1)
-
-    values, r = flat(scale * suction * speed**2), np.tile(blade.r, 2)
-    lift = model.water_density * GRAVITY * np.tile(height / pressure, 2)
+    suction, by_angle, by_followed = map(np.hstack, found)
+    speed, scale = np.tile(flow.relative_speed, 2), model.margin * cosine**2 / pressure
+    values = scale * suction * speed**2
 
     def slopes(share):
-        _, _, angle, relative = flow.derivatives
-        angle = angle - np.array([0.0, 0.0, 1.0, 0.0])[:, None, None]  # of attack
-        by = [
-            flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
-            for by_attack, by_speed in zip(angle, relative, strict=True)
-        ]
-        by[-1] = by[-1] + flat(scale * speed**2 * by_followed)
-        both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]
-        by_ratio, by_chord, by_twist, by_thickness = both
+        angle, relative = np.tile(flow.derivatives[2:], 2)
+        angle[2] -= 1.0  # of attack
+        by = scale * speed * (by_angle * speed * angle + 2.0 * suction * relative)
+        by[3] += scale * speed**2 * by_followed
+        by_ratio, *by_shape = (share * by).reshape(4, len(share), 2, -1).sum(axis=2)
         weighted = share * values
-        by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_chord, 0)
+        by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_shape[0], 0)
         by_radius = by_radius + weighted @ lift / blade.rotor_radius
-        return np.sum(by_ratio, axis=1), by_chord, by_twist, by_thickness, by_radius
+        return np.sum(by_ratio, axis=1), *by_shape, by_radius
 
-    return Load(r, values, values, slopes)
+    return Load(np.tile(blade.r, 2), values, values, slopes)
 
 
 _LOADS = {
