@@ -27,21 +27,6 @@ TRAILING_EDGE = 0.005
 """Thickness of the trailing edge over the local chord, where none is given."""
 
 
-class Stations(NamedTuple):
-    """Sections of a blade at some radii, thickened at the trailing edge.
-
-    plane[n_radii, n_points, 2] are the points of each (m) along the chord, towards the trailing
-    edge, and across it, towards the suction side, both from the blade's axis; they run from the
-    trailing edge over the suction side round to it. points[n_radii, n_points, 3] are the same of
-    the first blade in the rotor's axes (m). thickness[n_radii] is that of the outlines, over the
-    chord.
-    """
-
-    thickness: np.ndarray
-    plane: np.ndarray
-    points: np.ndarray
-
-
 class Outer(Format, ABC):
     """What all formats of the blade's outer surface have in common."""
 
@@ -55,8 +40,8 @@ class Outer(Format, ABC):
     points: Annotated[int, Field(ge=20, le=1000)] = 200
     """Number of points round a section."""
 
-    def stations(self, design: Design, r: np.ndarray) -> Stations:
-        """Return the sections at some radii.
+    def plane(self, design: Design, r: np.ndarray) -> np.ndarray:
+        """Return the sections at some radii in their planes, thickened at the trailing edge.
 
         As mass and stress of the program have them: chord, twist and outline, or designed
         thickness, are linear between the blade's stations, and constant from there to hub and tip.
@@ -70,16 +55,17 @@ class Outer(Format, ABC):
 
         Returns
         -------
-        Stations
-            The sections.
+        ndarray of shape (n_radii, n_points, 2)
+            Points (m) along the chord, towards the trailing edge, and across it, towards the
+            suction side, both from the blade's axis; from the trailing edge over the suction side
+            round to it.
 
         Raises
         ------
         InputError
             If the trailing edge would be thicker than half of a section.
         """
-        blade = design.blade
-        chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
+        chord = np.interp(r, design.blade.r, design.blade.chord)
         fractions = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, self.points // 2 + 1)))
         x, upper, lower = sides(design.turbine, r, fractions)
         thickness = upper - lower
@@ -95,15 +81,31 @@ class Outer(Format, ABC):
         aft = np.arange(x.shape[1]) > np.argmax(thickness, axis=1)[:, None]
         grown = np.where(aft, 0.5 * np.maximum(least[:, None] - thickness, 0.0), 0.0)
         plane = around(x, upper + grown, lower - grown) - (self.stacking, 0.0)
-        plane *= chord[:, None, None]
-        along, across = np.moveaxis(plane, -1, 0)
+        return plane * chord[:, None, None]
+
+    def stations(self, design: Design, r: np.ndarray) -> np.ndarray:
+        """Return the sections of `plane` on the first blade.
+
+        Parameters
+        ----------
+        design : Design
+            The design, with outlines.
+        r : ndarray of shape (n_radii,)
+            Radii along the blade (m).
+
+        Returns
+        -------
+        ndarray of shape (n_radii, n_points, 3)
+            Their points in the rotor's axes (m).
+        """
+        along, across = np.moveaxis(self.plane(design, r), -1, 0)
+        tilt, twist = design.blade.cone, np.interp(r, design.blade.r, design.blade.twist)
         sine, cosine = np.sin(twist)[:, None], np.cos(twist)[:, None]
         axial, backwards = along * sine + across * cosine, along * cosine - across * sine
-        tilt = blade.cone
         x = axial * np.cos(tilt) - r[:, None] * np.sin(tilt)
         y = backwards * (1.0 if self.rotation == "clockwise" else -1.0)
         z = axial * np.sin(tilt) + r[:, None] * np.cos(tilt)
-        return Stations(largest, plane, np.stack((x, y, z), -1))
+        return np.stack((x, y, z), -1)
 
     def remarks(self, design: Design) -> list[str]:
         """Return remarks on the geometry: provenance, unit, axes, sense of rotation and options.
@@ -136,18 +138,17 @@ class Sections(Outer):
     """Coordinates of the section at each station, one CSV file a station."""
 
     def files(self, design: Design) -> dict[str, bytes]:
-        remarks, blade = self.remarks(design), design.blade
-        sections, found = self.stations(design, blade.r), {}
-        for n, r in enumerate(blade.r):
+        remarks, blade, found = self.remarks(design), design.blade, {}
+        both = self.stations(design, blade.r), self.plane(design, blade.r)
+        for n, points in enumerate(np.concatenate(both, axis=-1)):
             own = (
-                f"station {n + 1} of {blade.r.size}: r = {r:.9g} m, chord = "
+                f"station {n + 1} of {blade.r.size}: r = {blade.r[n]:.9g} m, chord = "
                 f"{blade.chord[n]:.9g} m, twist = {np.rad2deg(blade.twist[n]):.9g} deg, "
-                f"thickness = {sections.thickness[n]:.6g} of the chord, before the trailing edge "
+                f"thickness = {design.thickness[n]:.6g} of the chord, before the trailing edge "
                 "is thickened",
                 "chordwise_m: along the chord towards the trailing edge; across_m: towards the "
                 "suction side; both from the blade's axis",
             )
-            points = np.hstack((sections.points[n], sections.plane[n]))
             rows = ([f"{value:.9g}" for value in row] for row in points)
             text = csv_text(_COORDINATES, rows, (*remarks, *own))
             found[f"sections/station_{n + 1:03d}.csv"] = text.encode()
@@ -195,7 +196,7 @@ class Solid(Outer, ABC):
         r = self.radii(design)
         if self.hub == "none":
             return r
-        wide = np.max(np.abs(self.stations(design, r[:1]).points[..., 1])) / r[0]
+        wide = np.max(np.abs(self.stations(design, r[:1])[..., 1])) / r[0]
         return np.append(0.95 * r[0] * np.sqrt(1.0 - min(wide, 0.8) ** 2), r)
 
     def cylinder(self, design: Design) -> tuple[float, float, float]:
@@ -212,7 +213,7 @@ class Solid(Outer, ABC):
             Along the shaft, and about it (m).
         """
         hub, cone = design.blade.hub_radius, design.blade.cone
-        root = self.stations(design, self.rooted(design)[:2]).points[..., 0]
+        root = self.stations(design, self.rooted(design)[:2])[..., 0]
         begin, end = np.min(root) - 0.1 * hub, np.max(root) + 0.1 * hub
         return float(begin), float(end), hub * float(np.cos(cone))
 
@@ -234,7 +235,7 @@ class Stl(Solid):
             Corners of the triangles in the rotor's axes (m).
         """
         count = design.blade.blade_count
-        rooted = triangles(self.stations(design, self.rooted(design)).points)
+        rooted = triangles(self.stations(design, self.rooted(design)))
         angles = 2.0 * np.pi * np.arange(count)[:, None] / count
         bodies = [rooted @ turn.T for turn in Rotation.from_euler("x", angles).as_matrix()]
         if self.hub != "none":
@@ -247,7 +248,7 @@ class Stl(Solid):
 
     def files(self, design: Design) -> dict[str, bytes]:
         remarks, solution = self.remarks(design), design.solution
-        blade = triangles(self.stations(design, self.radii(design)).points)
+        blade = triangles(self.stations(design, self.radii(design)))
         bodies = self.rotor(design)
         whole = "" if self.hub == "none" else ": blades and, last, hub"
         remarks += [

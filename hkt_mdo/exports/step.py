@@ -24,7 +24,7 @@ from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
 from OCP.TCollection import TCollection_HAsciiString
 from OCP.TopoDS import TopoDS, TopoDS_Compound
 from pydantic import Field
-from scipy.interpolate import PchipInterpolator, make_interp_spline
+from scipy.interpolate import BPoly, PchipInterpolator, make_interp_spline
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.solids import Solid, outline_volume
@@ -87,12 +87,12 @@ class Step(Solid):
         InputError
             If OpenCASCADE finds that it is no valid solid.
         """
-        poles, knots = lofted(_MILLI * self.stations(design, r).points, r)
-        surfaces = [spline_surface(poles, knots, (DEGREE, DEGREE))]
+        poles, knots = lofted(_MILLI * self.stations(design, r), r)
+        surfaces = [spline_surface(poles, knots)]
         edge = poles[[-1, 0]]
         if np.max(np.linalg.norm(edge[1] - edge[0], axis=-1)) > _MILLI * SHARP:
             straight = np.array([0.0, 0.0, 1.0, 1.0])
-            surfaces.append(spline_surface(edge, (straight, knots[1]), (1, DEGREE)))
+            surfaces.append(spline_surface(edge, (straight, knots[1])))
         sewing = build.BRepBuilderAPI_Sewing(_MILLI * SHARP)
         for surface in surfaces:
             sewing.Add(build.BRepBuilderAPI_MakeFace(surface, 1e-7).Face())
@@ -159,18 +159,14 @@ def lofted(points: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, tuple[np.ndar
     around = np.append(0.0, np.cumsum(np.mean(steps / np.sum(steps, axis=1)[:, None], axis=0)))
     spline = make_interp_spline(around, points, k=DEGREE, axis=1)
     through = np.moveaxis(spline.c, 0, 1)
-    third = np.diff(r)[:, None, None] / 3.0
-    slopes = PchipInterpolator(r, through).derivative()(r)
-    after, before = through[:-1] + third * slopes[:-1], through[1:] - third * slopes[1:]
-    between = np.stack((after, before), axis=1).reshape(-1, *through.shape[1:])
+    pieces = BPoly.from_power_basis(PchipInterpolator(r, through)).c
+    between = np.stack(pieces[1:3], axis=1).reshape(-1, *through.shape[1:])
     poles = np.concatenate((through[:1], between, through[-1:]))
     along = np.concatenate((r[:1], r[:1], np.repeat(r, 2), r[-1:], r[-1:]))
     return np.moveaxis(poles, 0, 1), (spline.t, along)
 
 
-def spline_surface(
-    poles: np.ndarray, knots: tuple[np.ndarray, np.ndarray], degrees: tuple[int, int]
-) -> Any:
+def spline_surface(poles: np.ndarray, knots: tuple[np.ndarray, np.ndarray]) -> Any:
     """Return a B-spline surface of OpenCASCADE.
 
     Parameters
@@ -178,9 +174,7 @@ def spline_surface(
     poles : ndarray of shape (n_around, n_along, 3)
         Control points.
     knots : tuple of ndarray
-        Knots in both directions, with their repetitions.
-    degrees : tuple of int
-        Degrees in both directions.
+        Knots in both directions, with their repetitions: as many more as the degree, and one.
 
     Returns
     -------
@@ -193,6 +187,7 @@ def spline_surface(
     once = [np.unique(each, return_counts=True) for each in knots]
     values = [_array(arrays.Array1_double, each.tolist()) for each, _ in once]
     counts = [_array(arrays.Array1_int, each.tolist()) for _, each in once]
+    degrees = (each.size - count - 1 for each, count in zip(knots, poles.shape[:2], strict=True))
     return Geom_BSplineSurface(net, *values, *counts, *degrees)
 
 

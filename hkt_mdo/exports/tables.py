@@ -274,9 +274,9 @@ def steady_operation(
         flow_range = round(low, 3), round(high, 3)
     flow, speed = design.steady(np.linspace(*flow_range, FLOWS))
     if not flow.size:
-        remedy = "give flow_range: flow speeds in which the rotor turns"
+        remedy = "check the gains of the result; csv, json and netcdf take other flows: flow_range"
         problem = "has no steady operation between {:.4g} and {:.4g} m/s".format(*flow_range)
-        raise InputError(problem, remedy, key="flow_range", value=list(flow_range))
+        raise InputError(problem, remedy, key="control.law", value=law.law)
     torque, radius = design.plant.torque(speed, flow), blade.rotor_radius
     both = torque, design.plant.generator_torque(speed, flow)  # of the flow and of the generator
     known = trajectory_of(np.zeros(flow.size), flow, speed, *both, radius, world.case.generator)

@@ -23,6 +23,7 @@ from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scales, Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.rotor.band import ALONG
 from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
 from hkt_mdo.solve.totals import Substitution
@@ -101,7 +102,8 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
 def _add_rotors(group, physics, setup, band):
     """Add shape, inertia and tables of the rotor; these once more for another turbine or water."""
     names = ["torque_coefficient"] * physics.has_curve + [*physics.load_names]
-    tables = [*band.outputs(names)] if band else [f"{name}_table" for name in names]
+    tables = [f"{name}_table" for name in (ALONG if band else names)]
+    tables += [f"{name}_band" for name in names if band]
     weight = physics.asks_for("weight_stress")
     outputs = ["inertia", *tables, *["weight_stress"] * weight]
     variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}

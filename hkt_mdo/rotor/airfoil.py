@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.polar import read_polars
@@ -179,12 +178,8 @@ class Polar(Polars):
 
     def _refuse_overshoot(self, source):
         """Raise an error where the curve between rows has impossible coefficients."""
-        knots = np.linspace(-np.pi, np.pi, self.coefficients.shape[0] + 1)
-        for name, block in (("lift", self.coefficients[:, :4]), ("drag", self.coefficients[:, 4:])):
-            curve = PPoly(block.T[::-1], knots)
-            at = np.concatenate((knots, curve.derivative().roots(extrapolate=False)))
-            at = at[np.isfinite(at)]  # the slope of an even piece has no single root
-            value = curve(at)
+        at = np.linspace(-np.pi, np.pi, 8 * self.coefficients.shape[0] + 1)
+        for name, value in zip(("lift", "drag"), curves_at(self.coefficients, at)[0], strict=True):
             lowest = 0.0 if name == "drag" else -LARGEST[name]
             for extreme in (value.argmin(), value.argmax()):
                 if not lowest < value[extreme] <= LARGEST[name]:

@@ -18,6 +18,8 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 FACTORS = np.linspace(0.7, 1.3, 13)
 """Tip speed ratios of the rotor over those of its wake at which loads are computed."""
 _ACROSS = TorqueSpline(FACTORS)
+ALONG = "torque_coefficient", "wake_induction", "place_induction"
+"""What has a table over the tip speed ratio of the wake alone, in equilibrium."""
 BEYOND = 0.1
 """Share of the range of a table's tip speed ratios by which the wake's may be beyond them."""
 PLACE = 0.7
@@ -115,24 +117,6 @@ class Band:
         direction = 1.0 if faster >= slower else -1.0
         nodes = np.asarray(nodes, dtype=float)
         return cls(nodes, weights, place_shares(places), share, direction)
-
-    def outputs(self, names):
-        """Return the shape of each table of `solve`.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Names of the loads.
-
-        Returns
-        -------
-        dict of tuple of int
-            By the names of the tables.
-        """
-        over_nodes = "torque_coefficient_table", "wake_induction_table", "place_induction_table"
-        bands = (f"{name}_band" for name in names)
-        whole = (self.nodes.size * FACTORS.size,)
-        return dict.fromkeys(over_nodes, self.nodes.shape) | dict.fromkeys(bands, whole)
 
     @cached_property
     def spline(self):

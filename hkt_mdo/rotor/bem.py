@@ -254,33 +254,15 @@ def _uneven(left, right):
 
 
 @compiled(error_model="numpy")
-def _minimum(left, right, station):
-    """Return the local minimum between two points (regula falsi, Illinois)."""
-    low, high, slope_low, slope_high = left[0], right[0], left[5], right[5]
-    for _ in range(60):
-        point = _point((low * slope_high - high * slope_low) / (slope_high - slope_low), station)
-        if (point[5] < 0.0) == (slope_high < 0.0):
-            step = high - point[0]
-            high, slope_high, slope_low = point[0], point[5], 0.5 * slope_low
+def _change(left, right, station, row):
+    """Return two points closer together between which a row of `_point` changes its sign."""
+    while right[0] - left[0] > 1e-9:
+        middle = _point(0.5 * (left[0] + right[0]), station)
+        if (middle[row] > 0.0) == (left[row] > 0.0):
+            left = middle
         else:
-            step = point[0] - low
-            low, slope_low, slope_high = point[0], point[5], 0.5 * slope_high
-        if step < 1e-9:
-            break
-    return point
-
-
-@compiled(error_model="numpy")
-def _last_positive(left, right, station):
-    """Return the last point with s > 0 before s vanishes between two others."""
-    low, high = left[0], right[0]
-    while high - low > 1e-14:
-        middle = 0.5 * (low + high)
-        if _point(middle, station)[1] > 0.0:
-            low = middle
-        else:
-            high = middle
-    return _point(low, station)
+            right = middle
+    return left, right
 
 
 @compiled(error_model="numpy")
@@ -314,9 +296,9 @@ def _curve(lowest, station, knots):
                     right = _point(0.5 * (left[0] + right[0]), station)
                     continue
                 if left[5] < 0.0 and right[5] > 0.0:
-                    count = _add(_minimum(left, right, station), knots, count)
+                    count = _add(_change(left, right, station, 5)[1], knots, count)
             elif left[1] > 0.0 and right[2] < 0.0:  # g falls to minus infinity, where s vanishes
-                count = _add(_last_positive(left, right, station), knots, count)
+                count = _add(_change(left, right, station, 1)[0], knots, count)
             count = _add(right, knots, count)
             if right[0] == goal[0]:
                 break

@@ -19,8 +19,6 @@ delta < phi. A station without a positive load, such as a cylinder, has its opti
 the chord. Roots that BEM would not choose, as a smaller one exists, only raise the best load.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from hkt_mdo.compiled import compiled
@@ -55,6 +53,26 @@ def _narrow(low, high, function, arguments):
             right = low + _GOLDEN * (high - low)
             at_right = function(right, *arguments)[0]
     return 0.5 * (low + high)
+
+
+@compiled(error_model="numpy", inline="always")
+def _highest(places, function, arguments):
+    """Return where a function is largest: at a place, or between its neighbours (`_narrow`)."""
+    last, values = places.size - 1, np.empty(places.size)
+    for i in range(places.size):
+        values[i] = function(places[i], *arguments)[0]
+    top = np.argmax(values)
+    highest, at = values[top], places[top]
+    for i in range(places.size):
+        before, after = max(i - 1, 0), min(i + 1, last)
+        room = 2.0 * (values[i] - min(values[before], values[after]))
+        hopeful = i == top or values[i] + room > values[top] + 1e-9 * abs(values[top])
+        if hopeful and values[i] >= max(values[before], values[after]):
+            between = _narrow(places[before], places[after], function, arguments)
+            value = function(between, *arguments)[0]
+            if value > highest:
+                highest, at = value, between
+    return at
 
 
 @compiled(error_model="numpy")
@@ -129,52 +147,22 @@ def _best_at(phi, lambda_r, station, polar, minima, chord_bounds, twist_bounds):
 
 @compiled(error_model="numpy")
 def _search(lambda_r, station, polar, minima, chord_bounds, twist_bounds):
-    """Return load, chord and twist of the best inflow angle; the load is -1 if there is none."""
+    """Return load, chord and twist of the best inflow angle; the load is 0 if there is none."""
     arguments = (lambda_r, station, polar, minima, chord_bounds, twist_bounds)
-    load, chord, twist = -1.0, 0.0, 0.0
     high = np.arctan(1.0 / lambda_r)
     room = high - _delta(minima[0], polar)[0] if minima.size else 0.0
     if room <= 0.0:
-        return load, chord, twist
+        return 0.0, 0.0, 0.0
     # crowded towards the undisturbed angle, where little lift or a narrow chord has its optimum
     angles = high - room * np.linspace(1.0, 0.0, ANGLES + 1) ** 1.5
-    values = np.full(ANGLES + 1, -1.0)
-    for i in range(1, ANGLES):
-        values[i] = _best_at(angles[i], *arguments)[0]
-    for i in range(1, ANGLES):
-        if values[i] > 0.0 and values[i] >= values[i - 1] and values[i] >= values[i + 1]:
-            middle = _narrow(angles[i - 1], angles[i + 1], _best_at, arguments)
-            for phi in (angles[i], middle):
-                value, width, alpha = _best_at(phi, *arguments)
-                if value > load:
-                    load, chord, twist = value, width, phi - alpha
-    return load, chord, twist
-
-
-@compiled(error_model="numpy")
-def _inside(lambda_r, r, ends, polars, section, chord_bounds, twist_bounds, out):
-    """Fill out[3, n_points, n_stations] with load, chord and twist; return where chords bind."""
-    binding = np.zeros(lambda_r.shape, dtype=np.bool_)
-    minima, of = np.empty(0), -1
-    for j in range(lambda_r.shape[1]):
-        station, polar = (r[j], *ends), polars[section[j]]
-        if section[j] != of:
-            minima, of = _minima(polar), section[j]
-        for i in range(lambda_r.shape[0]):
-            point = lambda_r[i, j], station, polar, minima
-            best = _search(*point, (0.0, np.inf), twist_bounds)
-            if not chord_bounds[0] <= best[1] <= chord_bounds[1]:
-                binding[i, j] = True
-                best = _search(*point, chord_bounds, twist_bounds)
-                if best[0] <= 0.0:
-                    best = -np.inf, 0.0, 0.0
-            out[:, i, j] = best
-    return binding
+    phi = _highest(angles, _best_at, arguments)
+    load, chord, alpha = _best_at(phi, *arguments)
+    return load, chord, phi - alpha
 
 
 @compiled(error_model="numpy")
 def _turned(twist, chord, lambda_r, station, polar, knots):
-    """Return the load of a section by BEM, as a tuple for `_narrow`."""
+    """Return the load of a section by BEM, as a tuple for `_highest`."""
     whole = chord, twist, *station, polar
     count = bem._curve(lambda_r, whole, knots)
     _, terms = bem._first_root(lambda_r, knots, count, whole)
@@ -183,25 +171,27 @@ def _turned(twist, chord, lambda_r, station, polar, knots):
 
 
 @compiled(error_model="numpy")
-def _at_bounds(lambda_r, points, station, polar, chords, twists, loads, out):
-    """Enter into out[3, n_points] what is better with the chord at a bound."""
-    knots, last = np.empty((7, bem.MOST_KNOTS)), twists.size - 1
-    for row, i in enumerate(points):
-        best = loads[row].max()
-        for side in range(2):
-            values = loads[row, side]
-            for t in range(last + 1):
-                before, after = values[max(t - 1, 0)], values[min(t + 1, last)]
-                room = 2.0 * (values[t] - min(before, after))
-                hopeful = t == np.argmax(values) or values[t] + room > best + 1e-9 * abs(best)
-                if values[t] < max(before, after) or not hopeful:
-                    continue
-                arguments = chords[side], lambda_r[i], station, polar, knots
-                ends = twists[max(t - 1, 0)], twists[min(t + 1, last)]
-                for twist in (twists[t], _narrow(ends[0], ends[1], _turned, arguments)):
-                    load = _turned(twist, *arguments)[0]
-                    if load > out[0, i] or not out[1, i] > 0.0:
-                        out[0, i], out[1, i], out[2, i] = load, chords[side], twist
+def _solve(lambda_r, r, ends, polars, section, chord_bounds, twist_bounds):
+    """Return the best load, chord and twist, [3, n_points, n_stations]."""
+    out, knots = np.empty((3, *lambda_r.shape)), np.empty((7, bem.MOST_KNOTS))
+    twists = np.linspace(twist_bounds[0], twist_bounds[1], TWISTS)
+    for j in range(lambda_r.shape[1]):
+        station, polar = (r[j], *ends), polars[section[j]]
+        minima = _minima(polar)
+        for i in range(lambda_r.shape[0]):
+            point = lambda_r[i, j], station, polar
+            best = _search(*point, minima, (0.0, np.inf), twist_bounds)
+            if not chord_bounds[0] <= best[1] <= chord_bounds[1]:
+                best = _search(*point, minima, chord_bounds, twist_bounds)
+                if best[0] <= 0.0:
+                    best = -np.inf, chord_bounds[0], twist_bounds[0]
+                for chord in chord_bounds:
+                    twist = _highest(twists, _turned, (chord, *point, knots))
+                    load = _turned(twist, chord, *point, knots)[0]
+                    if load > best[0]:
+                        best = load, chord, twist
+            out[:, i, j] = best
+    return out
 
 
 def best_sections(blade, polar, tip_speed_ratio, bounds):
@@ -227,20 +217,7 @@ def best_sections(blade, polar, tip_speed_ratio, bounds):
         The loads (m, as in `hkt_mdo.rotor.bem.Sections`), their chords (m) and twists (rad).
     """
     points = bem._points(tip_speed_ratio)
-    r, _, _, *ends, stacked, section, _ = bem._arguments(blade, polar, points)
+    r, _, _, *ends, polars, section, _ = bem._arguments(blade, polar, points)
     lambda_r = points[:, None] * r / blade.rotor_radius
-    out = np.empty((3, *lambda_r.shape))
-    chord_bounds, twist_bounds = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
-    binding = _inside(lambda_r, r, tuple(ends), stacked, section, chord_bounds, twist_bounds, out)
-    twists, chords = np.linspace(*twist_bounds, TWISTS), np.array(chord_bounds)
-    strip = np.repeat(chords, TWISTS), np.tile(twists, 2)
-    for j in np.flatnonzero(binding.any(axis=0)):
-        few, polar_j = np.flatnonzero(binding[:, j]), stacked[section[j]]
-        loads = bem.sections(
-            replace(blade, r=np.full(2 * TWISTS, r[j]), chord=strip[0], twist=strip[1]),
-            polar.at_station(j),
-            points[few],
-        ).tangential_load.reshape(few.size, 2, TWISTS)
-        station = r[j], *ends
-        _at_bounds(lambda_r[:, j], few, station, polar_j, chords, twists, loads, out[:, :, j])
-    return out
+    both = (tuple(map(float, bounds[name])) for name in ("chord", "twist"))
+    return _solve(lambda_r, r, tuple(ends), polars, section, *both)

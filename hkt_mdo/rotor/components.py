@@ -170,15 +170,11 @@ class TablesComp(BladeComp):
         rows = np.arange(self._nodes.size)
         if self._vary:
             self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
-        shapes = dict.fromkeys([f"{name}_table" for name in self._names], self._nodes.shape)
-        if self._band is not None:
-            shapes = self._band.outputs(self._names)
-        shapes |= dict.fromkeys(["weight_stress"] * self._weight, (1,))
-        for name, shape in shapes.items():
+        for name, table in self._solve(self._blade, self._nodes).items():
             load = QUANTITIES.get(name.rpartition("_")[0])
             units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
             text = f"{name.replace('_', ' ')} of the blade"
-            self.add_output(name, shape=shape, units=units, desc=text)
+            self.add_output(name, shape=table.values.shape, units=units, desc=text)
             self.declare_partials(name, self._inputs_of_blade)
             if self._vary:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hkt_mdo.rotor import bem
-from hkt_mdo.rotor.inertia import SHARES, WEIGHTS, between, spread
+from hkt_mdo.rotor.inertia import WEIGHTS, between, spread
 from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.strength import Structure, StructureByThickness, norm, place_weights
 
@@ -156,29 +156,29 @@ class LoadModel:
         return {name: load._replace(slopes=None) for name, load in found.items()}
 
     def _beam(self, blade):
-        """Return the blade at the places of `place_weights`, its structure there, and its rate."""
+        """Return the blade at the places of `place_weights`, its structure, its rate; and these."""
         weights = place_weights(blade.r.size)
         given = {name: getattr(blade, name) for name in ("r", "chord", "twist", "thickness")}
         fine = replace(blade, **{name: weights @ x for name, x in given.items() if x is not None})
-        return fine, *self.structure.at(fine.thickness)
+        return fine, *self.structure.at(fine.thickness), weights
 
     def _centrifugal(self, blade, ratio):
         """Return the beam, the rate rho_b omega² cos²(cone) over q [n_points, 1], and two loads.
 
         Times the rate, these are the pull of all that is outboard of the hub and of every place,
-        and the flapwise moment by it on coned blades; with their derivatives, as `_outboard`.
+        and the flapwise moment by it on coned blades; with their derivatives, as of `_outboard`.
 
         Raises
         ------
         ValueError
             For a structure with another number of stations.
         """
-        beam = fine, structure, _ = self._beam(blade)
+        beam = _, structure, *_ = self._beam(blade)
         if structure.n_stations not in (None, blade.r.size):
             raise ValueError(f"the structure is not that of {blade.r.size} stations")
         rate = 2.0 * structure.density / (self.water_density * blade.rotor_radius**2)
         rate = rate * np.cos(blade.cone) ** 2 * np.reshape(ratio, (-1, 1)) ** 2
-        pulls, bends = zip(*_outboard(fine, structure.area, 1), strict=True)
+        pulls, bends = zip(*_outboard(beam, 1), strict=True)
         return beam, rate, pulls, [np.tan(blade.cone) * bend for bend in bends]
 
     def weight_stress(self, blade):
@@ -199,21 +199,19 @@ class LoadModel:
         Load
             Of one point, which has no tip speed ratio.
         """
-        beam = fine, structure, change = self._beam(blade)
-        excess, weights = (
-            GRAVITY * (structure.density - self.water_density),
-            place_weights(blade.r.size),
-        )
-        moments = (excess * moment[1:] for _, moment in _outboard(fine, structure.area, 0))
-        moment, moment_by_chord, moment_by_area = moments
+        beam = fine, structure, _, weights = self._beam(blade)
+        excess = GRAVITY * (structure.density - self.water_density)
+        moment, *moment_by = (excess * each[..., 1:] for _, each in _outboard(beam, 0))
         bending, bent_by = _bent(beam, 0.0, moment[None])
 
         def slopes(share):
-            _, by_moment, by_chord, by_twist, by_thickness = bent_by(share)
-            by_chord = (by_moment @ moment_by_chord + by_chord) @ weights
-            by_thickness = (by_moment @ moment_by_area) * change.area + by_thickness
-            by_radius = radius_slope(blade, np.sum(share * bending.smooth, axis=1), by_chord, 1)
-            return np.zeros(1), by_chord, by_twist @ weights, by_thickness @ weights, by_radius
+            _, by_moment, *by_places = bent_by(share)
+            by_shape = [
+                by_place @ weights + by_moment @ moment_x.T
+                for by_place, moment_x in zip(by_places, moment_by, strict=True)
+            ]
+            by_radius = radius_slope(blade, np.sum(share * bending.smooth, axis=1), by_shape[0], 1)
+            return np.zeros(1), *by_shape, by_radius
 
         return Load(fine.r, bending.largest, bending.smooth, slopes)
 
@@ -230,8 +228,8 @@ class LoadModel:
         float
             Less the buoyancy; the sections are linear between stations.
         """
-        fine, structure, _ = self._beam(blade)
-        (_, moment), *_ = _outboard(fine, structure.area, 0)
+        beam = _, structure, *_ = self._beam(blade)
+        (_, moment), *_ = _outboard(beam, 0)
         return float(GRAVITY * (structure.density - self.water_density) * moment[0])
 
     def moments(self, blade, tip_speed_ratio, r, flow=None):
@@ -257,10 +255,8 @@ class LoadModel:
         """
         flow = bem.sections(blade, self.polar, tip_speed_ratio) if flow is None else flow
         flapwise, edgewise = _moments(blade, flow, np.asarray(r, dtype=float))
-        if blade.cone:
-            (fine, *_), rate, _, (bend, *_) = self._centrifugal(blade, tip_speed_ratio)
-            flapwise = flapwise + rate * np.interp(r, fine.edges, np.append(bend, 0.0))
-        return flapwise, edgewise
+        (fine, *_), rate, _, (bend, *_) = self._centrifugal(blade, tip_speed_ratio)
+        return flapwise + rate * np.interp(r, fine.edges, np.append(bend, 0.0)), edgewise
 
     def tip_deflection(self, blade, tip_speed_ratio):
         """Return the tip's deflection out of the rotor plane over q, m/Pa, shape (n_points,).
@@ -282,7 +278,7 @@ class LoadModel:
         ndarray of shape (n_points,)
             In m/Pa.
         """
-        fine, structure, _ = self._beam(blade)
+        fine, structure, *_ = self._beam(blade)
         r = between(fine.edges).ravel()
         several = fine.chord, fine.twist, structure.xx, structure.yy, structure.xy
         chord, twist, xx, yy, xy = (spread(fine, values).ravel() for values in several)
@@ -365,26 +361,23 @@ def _thrust(_model, blade, flow, _ratio):
 
 
 def _root_moment(model, blade, flow, ratio):
-    hub, added = np.array([blade.hub_radius]), ()
-    weights = np.cos(blade.cone) ** 2 * moment_weights(blade, hub)[:, 0]
-    if blade.cone:
-        (*_, change), rate, _, bends = model._centrifugal(blade, ratio)
-        bend, *by = (rate * each[0] for each in bends)  # by chord and by area
-        by[1] = by[1] * change.area
-        added = bend, 2.0 / ratio[:, None] * bend, *(x @ place_weights(blade.r.size) for x in by)
-    return _whole(blade, flow, weights, 3, *added)
+    weights = np.cos(blade.cone) ** 2 * moment_weights(blade, np.array([blade.hub_radius]))[:, 0]
+    _, rate, _, bends = model._centrifugal(blade, ratio)
+    bend, *by_shape = (rate * each[..., 0] for each in bends)
+    return _whole(blade, flow, weights, 3, bend, 2.0 / ratio[:, None] * bend, by_shape)
 
 
-def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_chord=0.0, by_thickness=0.0):
+def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_shape=(0.0, 0.0, 0.0)):
     """Return the `Load` of the whole blade, weights[n_stations] times the normal loads.
 
-    And what is added to it, of shape (n_points, 1), with its derivatives.
+    And what is added to it, of shape (n_points, 1), with its derivatives by the ratio, and by
+    chord, twist and thickness.
     """
     values, r = (flow.normal_load @ weights)[:, None] + added, np.array([blade.hub_radius])
 
     def slopes(share):
         by = _by_flow(flow, share * weights, np.zeros(flow.normal_load.shape))
-        own = np.sum(share * by_ratio, axis=1), share * by_chord, 0.0, share * by_thickness
+        own = np.sum(share * by_ratio, axis=1), *(share * each for each in by_shape)
         by = [each + other for each, other in zip(by, own, strict=True)]
         return *by, radius_slope(blade, (share * values)[:, 0], by[1], power)
 
@@ -397,7 +390,7 @@ def _bent(beam, flapwise, edgewise, tension=0.0):
     The function returns derivatives of the share times the smooth stress: by both moments, and by
     chord, twist and thickness of the places at constant moments.
     """
-    fine, structure, change = beam
+    fine, structure, change, _ = beam
     weak, strong = _about_chord(flapwise, edgewise, fine.twist)
     bending = structure.bending(weak, strong, fine.chord, change, tension)
 
@@ -412,8 +405,8 @@ def _bent(beam, flapwise, edgewise, tension=0.0):
 
 def _stress(model, blade, flow, ratio):
     beam, rate, *both = model._centrifugal(blade, ratio)
-    (fine, structure, change), weights = beam, place_weights(blade.r.size)
-    (pull, *pull_by), (bend, *bend_by) = ([each[1:] for each in of] for of in both)
+    fine, structure, change, weights = beam
+    (pull, *pull_by), (bend, *bend_by) = ([each[..., 1:] for each in of] for of in both)
     flapwise, edgewise = _moments(blade, flow, fine.r)
     section = structure.area * fine.chord**2
     tension = rate * pull / section
@@ -426,43 +419,40 @@ def _stress(model, blade, flow, ratio):
         by_ratio, *by_shape = _by_flow(flow, by_flapwise @ arms, by_edgewise @ arms)
         tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate / section
         by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
-        by_chord, by_area = (
-            by_bend @ each + by_pull @ other for each, other in zip(bend_by, pull_by, strict=True)
-        )
-        by_places[0] = by_places[0] + by_chord - 2.0 * tensile / fine.chord
-        by_places[2] = by_places[2] + (by_area - tensile / structure.area) * change.area
-        by_shape = [own + each @ weights for own, each in zip(by_shape, by_places, strict=True)]
+        by_places[0] = by_places[0] - 2.0 * tensile / fine.chord
+        by_places[2] = by_places[2] - tensile / structure.area * change.area
+        parts = zip(by_shape, by_places, bend_by, pull_by, strict=True)
+        by_shape = [
+            by_load + by_place @ weights + by_bend @ bend_x.T + by_pull @ pull_x.T
+            for by_load, by_place, bend_x, pull_x in parts
+        ]
         by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_shape[0], 0)
         return by_ratio, *by_shape, by_radius
 
     return Load(fine.r, exact, values, slopes)
 
 
-def _outboard(fine, area, power):
+def _outboard(beam, power):
     """Return the integrals of A s^p ds and of A s^p (s - r) ds from hub and every place to the tip.
 
-    And their derivatives by the chord and by the area at the places, (n_places + 1, n_places) each.
-    A = area chord², both linear between the places and constant from there to hub and tip.
+    [2, n_places + 1]; and their derivatives by chord, twist and thickness of the stations,
+    [2, n_stations, n_places + 1] each. A = area chord², both linear between the places and constant
+    from there to hub and tip.
     """
-    n, r = fine.r.size, fine.edges[:-1]
-    s, local, areas = between(fine.edges), spread(fine, fine.chord), spread(fine, area)
-    unit = WEIGHTS * np.diff(fine.edges)
-    weight, unit = (
-        np.stack((factor * s**power, factor * s ** (power + 1))) for factor in (unit * areas, unit)
-    )
+    fine, structure, change, weights = beam
+    s, unit = between(fine.edges), WEIGHTS * np.diff(fine.edges)
 
-    def outboard(each):
-        pull, second = np.cumsum(each[:, ::-1], axis=1)[:, ::-1]
-        return pull, second - (r * pull.T).T
+    def integrals(area, chord, other):
+        area, chord, other = (spread(fine, each) for each in (area, chord, other))
+        line = unit * area * chord * other * s**power
+        lines = np.sum(line, axis=-2), np.sum(line * s, axis=-2)
+        pull, second = (np.cumsum(each[..., ::-1], axis=-1)[..., ::-1] for each in lines)
+        return np.stack((pull, second - fine.edges[:-1] * pull))
 
-    def slopes(by):
-        each, interval = np.zeros((2, n + 1, n), by.dtype), np.arange(n + 1)
-        each[:, interval, np.maximum(interval - 1, 0)] = np.sum(by * (1.0 - SHARES), axis=1)
-        each[:, interval, np.minimum(interval, n - 1)] += np.sum(by * SHARES, axis=1)
-        return outboard(each)
-
-    moments = outboard(np.sum(weight * local**2, axis=1))
-    return moments, slopes(2.0 * weight * local), slopes(unit * local**2)
+    by_chord = integrals(2.0 * structure.area, fine.chord, weights.T)
+    by_thickness = integrals(change.area * weights.T, fine.chord, fine.chord)
+    found = integrals(structure.area, fine.chord, fine.chord)
+    return found, by_chord, np.zeros(by_chord.shape), by_thickness
 
 
 def _cavitation(model, blade, flow, ratio):
@@ -471,34 +461,25 @@ def _cavitation(model, blade, flow, ratio):
     if np.any(np.real(height) >= model.depth):
         raise ValueError("the blade reaches out of the water: the depth is less than its radius")
     static = model.water_density * GRAVITY * (model.depth - height)
-    pressure = ATMOSPHERIC - VAPOUR + static
+    pressure = np.tile(ATMOSPHERIC - VAPOUR + static, 2)  # of both surfaces, beside each other
+    lift = model.water_density * GRAVITY * np.tile(height, 2) / pressure
     found = model.polar.along("suction", blade, ratio, flow.angle_of_attack)
-    suction, by_angle, by_followed = found
-    speed = flow.relative_speed
-    scale = model.margin * cosine**2 / pressure
-
-    def flat(values):  # from (2, n_points, ...) to both surfaces beside each other
-        return np.concatenate(tuple(values), axis=1)
-
-    values, r = flat(scale * suction * speed**2), np.tile(blade.r, 2)
-    lift = model.water_density * GRAVITY * np.tile(height / pressure, 2)
+    suction, by_angle, by_followed = map(np.hstack, found)
+    speed, scale = np.tile(flow.relative_speed, 2), model.margin * cosine**2 / pressure
+    values = scale * suction * speed**2
 
     def slopes(share):
-        _, _, angle, relative = flow.derivatives
-        angle = angle - np.array([0.0, 0.0, 1.0, 0.0])[:, None, None]  # of attack
-        by = [
-            flat(scale * speed * (by_angle * speed * by_attack + 2.0 * suction * by_speed))
-            for by_attack, by_speed in zip(angle, relative, strict=True)
-        ]
-        by[-1] = by[-1] + flat(scale * speed**2 * by_followed)
-        both = [(share * slope).reshape(len(share), 2, -1).sum(axis=1) for slope in by]
-        by_ratio, by_chord, by_twist, by_thickness = both
+        angle, relative = np.tile(flow.derivatives[2:], 2)
+        angle[2] -= 1.0  # of attack
+        by = scale * speed * (by_angle * speed * angle + 2.0 * suction * relative)
+        by[3] += scale * speed**2 * by_followed
+        by_ratio, *by_shape = (share * by).reshape(4, len(share), 2, -1).sum(axis=2)
         weighted = share * values
-        by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_chord, 0)
+        by_radius = radius_slope(blade, np.sum(weighted, axis=1), by_shape[0], 0)
         by_radius = by_radius + weighted @ lift / blade.rotor_radius
-        return np.sum(by_ratio, axis=1), by_chord, by_twist, by_thickness, by_radius
+        return np.sum(by_ratio, axis=1), *by_shape, by_radius
 
-    return Load(r, values, values, slopes)
+    return Load(np.tile(blade.r, 2), values, values, slopes)
 
 
 _LOADS = {

@@ -92,13 +92,8 @@ class Outline:
         float
             Over the chord.
         """
-        next_x, at = np.roll(self.x, -1), self.x[:, None]  # it is linear between the points
-        sides = (np.minimum(self.x, next_x) <= at) & (at <= np.maximum(self.x, next_x))
-        share = (at - self.x) / np.where(next_x == self.x, 1.0, next_x - self.x)
-        y = self.y + share * (np.roll(self.y, -1) - self.y)
-        highest = np.where(sides, y, -np.inf).max(axis=1)
-        lowest = np.where(sides, y, np.inf).min(axis=1)
-        return float(np.max(highest - lowest))
+        one, other = _sides_at(self.x, self.x, self.y)  # linear between the points
+        return float(np.max(np.abs(one - other)))
 
     @cached_property
     def centroid(self):

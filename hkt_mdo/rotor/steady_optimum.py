@@ -170,51 +170,42 @@ def _power(blade, polar, ratio):
 def _candidates(blade, polar, ratios, bounds, grid=GRID):
     """Return a blade near the best one for each tip speed ratio, found globally.
 
-    By `best_sections`; where polars follow the thickness, at `THICKNESSES` of them, the best of
-    which each station has. Where polars follow the Reynolds number, or where BEM takes another root
-    of a section than the best, the best of a grid of chord (geometric) and twist.
+    Where polars follow the thickness, at `THICKNESSES` of them, the best of which each station has.
     """
     ratios = np.array(ratios)
-    if polar.follows_thickness:
-        tried = np.linspace(*polar.bounds, THICKNESSES)
-        by_thickness = [_candidates(blade, each, ratios, bounds, grid) for each in polar.at(tried)]
-        return [
-            _best_stations(blades, polar, ratio, tried)
-            for ratio, *blades in zip(ratios, *by_thickness, strict=True)
-        ]
-    if polar.follows_reynolds:
-        chord, twist = np.empty((2, ratios.size, blade.r.size))
-        unreached = np.ones(chord.shape, dtype=bool)
+    if not polar.follows_thickness:
+        _, *shape = _best_stations(blade, polar, ratios, bounds, grid)
     else:
-        load, chord, twist = best_sections(blade, polar, ratios, bounds)
-        reached = [
-            bem.sections(blade.with_shape(*shape), polar, ratio).tangential_load[0]
-            for *shape, ratio in zip(chord, twist, ratios, strict=True)
-        ]
-        unreached = np.array(reached) < load - 1e-9 * np.abs(load)
+        tried = np.linspace(*polar.bounds, THICKNESSES)
+        each = [_best_stations(blade, one, ratios, bounds, grid) for one in polar.at(tried)]
+        load, chord, twist = np.stack(each, axis=1)
+        best = np.argmax(load, axis=0)
+        shape = *(np.choose(best, x) for x in (chord, twist)), tried[best]
+    return [blade.with_shape(*own) for own in zip(*shape, strict=True)]
+
+
+def _best_stations(blade, polar, ratios, bounds, grid):
+    """Return load, chord and twist near the best of each station, [3, n_ratios, n_stations].
+
+    By `best_sections`. Where polars follow the Reynolds number, or where BEM takes another root of
+    a section than the best, the best of a grid of chord (geometric) and twist.
+    """
+    reached = np.zeros((ratios.size, blade.r.size), dtype=bool)
+    found = np.empty((3, *reached.shape))
+    if not polar.follows_reynolds:
+        found = best_sections(blade, polar, ratios, bounds)
+        for at, (load, *shape) in enumerate(found.swapaxes(0, 1)):
+            own = bem.sections(blade.with_shape(*shape), polar, ratios[at]).tangential_load[0]
+            reached[at] = own >= load - 1e-9 * np.abs(load)
     each = np.geomspace(*bounds["chord"], grid[0]), np.linspace(*bounds["twist"], grid[1])
-    chords, twists = np.meshgrid(*each, indexing="ij")
-    chords, twists = chords.ravel(), twists.ravel()
-    for j in np.flatnonzero(unreached.any(axis=0)):
-        few = unreached[:, j]
+    chords, twists = (x.ravel() for x in np.meshgrid(*each, indexing="ij"))
+    for j in np.flatnonzero(~reached.all(axis=0)):
+        few = ~reached[:, j]
         strip = replace(blade, r=np.full(chords.size, blade.r[j]), chord=chords, twist=twists)
         load = bem.sections(strip, polar.at_station(j), ratios[few]).tangential_load
         best = np.argmax(load, axis=1)
-        chord[few, j], twist[few, j] = chords[best], twists[best]
-    return [blade.with_shape(*section) for section in zip(chord, twist, strict=True)]
-
-
-def _best_stations(blades, polar, ratio, thickness):
-    """Return the blade that combines the best stations of blades of constant thickness."""
-    shapes = np.stack(
-        [(b.chord, b.twist, np.full(b.r.size, t)) for b, t in zip(blades, thickness, strict=True)]
-    )
-    loads = [
-        bem.sections(blade.with_shape(*shape), polar, ratio).tangential_load[0]
-        for blade, shape in zip(blades, shapes, strict=True)
-    ]
-    best, stations = np.argmax(loads, axis=0), np.arange(blades[0].r.size)
-    return blades[0].with_shape(*shapes[best, :, stations].T)
+        found[:, few, j] = load.max(axis=1), chords[best], twists[best]
+    return found
 
 
 def nearest_optimum(start, polar, tip_speed_ratio, bounds, tolerance):

@@ -66,10 +66,7 @@ def expected_outlines(design):
         own = [each.thickness for each in design.turbine.outlines]
         sides = over_thickness(own, sides)(design.blade.thickness)
     sides = np.broadcast_to(sides, (design.blade.r.size, *sides.shape[1:]))
-    return [
-        Outline(np.append(x[::-1], x[1:]), np.append(upper[::-1], lower[1:]))
-        for x, upper, lower in sides
-    ]
+    return [Outline.of_sides(*each) for each in sides]
 
 
 def slice_at(body, blade, r):
@@ -272,7 +269,7 @@ def test_loft_goes_through_the_sections(design):
 
     (step,) = chosen(["step"])
     r = step.radii(design)
-    points = step.stations(design, r).points
+    points = step.stations(design, r)
     poles, (around, along) = lofted(points, r)
     found = BSpline(along, np.moveaxis(poles, 1, 0), DEGREE)(r)
     edges = np.linalg.norm(points[:, [0, -1]] - found[:, [0, -1]], axis=-1)
