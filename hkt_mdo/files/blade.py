@@ -147,36 +147,31 @@ def _read_csv(text: str, file: Path) -> BladeTable:
     )
 
 
-def write_blade_csv(path: str | Path, blade, remarks: Iterable[str] = ()) -> None:
+def write_blade_csv(
+    path: str | Path, blade, thickness: np.ndarray, remarks: Iterable[str] = ()
+) -> None:
     """Write a blade as CSV whose numbers read back bit by bit.
 
     Columns are r_m, chord_m, twist_deg as people read it, twist_rad, which is exact, and
-    thickness_over_chord and section where the blade has them. The file is complete or not there at
-    all.
+    thickness_over_chord. The file is complete or not there at all.
 
     Parameters
     ----------
     path : str or pathlib.Path
         File to write or replace.
-    blade : Blade or BladeTable
+    blade : Blade
         The blade, m and rad.
+    thickness : numpy.ndarray, shape (n_stations,)
+        Thickness over chord.
     remarks : iterable of str
         Lines above the header, which get a ``#``.
 
     Raises
     ------
-    ValueError
-        If lengths are over the tip radius.
     InputError
         If the file cannot be written.
     """
-    if getattr(blade, "relative", False):
-        raise ValueError("a blade over the tip radius has no lengths to write; scale it first")
-    columns = {"r_m": blade.r, "chord_m": blade.chord, "twist_deg": np.rad2deg(blade.twist)}
-    columns["twist_rad"] = blade.twist
-    for name, attribute in (("thickness_over_chord", "thickness"), ("section", "section")):
-        if getattr(blade, attribute, None) is not None:
-            columns[name] = getattr(blade, attribute)
-    rows = zip(*(np.asarray(values).tolist() for values in columns.values()), strict=True)
+    names = "r_m", "chord_m", "twist_deg", "twist_rad", "thickness_over_chord"
+    columns = blade.r, blade.chord, np.rad2deg(blade.twist), blade.twist, thickness
     lines = "\n".join(map(str, remarks)).splitlines()
-    write_files({Path(path): csv_text(columns, rows, lines).encode()})
+    write_files({Path(path): csv_text(names, np.column_stack(columns).tolist(), lines).encode()})

@@ -12,7 +12,6 @@ from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import Resource
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.blade import write_blade_csv
-from hkt_mdo.files.blade_table import BladeTable
 from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.quantities import OVER_TIME, QUANTITIES, column_of
@@ -447,6 +446,4 @@ def _write_blade(path, physics, blade):
         f"blade found by the case {physics.case.name}; the twist includes the set angle",
         f"to start from it, with the path of this file: rotor: {section}",
     )
-    thickness = physics.rotor.thickness_of(blade)
-    table = BladeTable(blade.r, blade.chord, blade.twist, thickness=thickness)
-    write_blade_csv(path, table, remarks)
+    write_blade_csv(path, blade, physics.rotor.thickness_of(blade), remarks)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import yaml
 
-from hkt_mdo.files.blade import read_blade, write_blade_csv
+from hkt_mdo.files.blade import read_blade
 from hkt_mdo.files.polar_table import polar_table
-from hkt_mdo.files.table import array_columns
+from hkt_mdo.files.table import array_columns, csv_text
 from hkt_mdo.rotor import bem, ccblade
 from hkt_mdo.rotor.airfoil import Polar, PolarFamily
 from hkt_mdo.rotor.blade import Blade
@@ -56,7 +56,9 @@ class Source:
         self.thickness = np.array([sections[name][0] for name in self.section])
 
     def csv(self, path):
-        write_blade_csv(path, self, ["The same blade as in the other files."])
+        names = "r_m", "chord_m", "twist_rad", "thickness_over_chord", "section"
+        columns = self.r, self.chord, self.twist, self.thickness, self.section
+        path.write_text(csv_text(names, zip(*columns, strict=True), ["The same blade"]))
 
     def aerodyn(self, path):
         columns = self.span, np.rad2deg(self.twist), self.chord, self.number + 1
