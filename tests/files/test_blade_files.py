@@ -289,13 +289,12 @@ def test_radians_below_the_name_of_degrees_are_suspected(put):
         assert not read_blade(put("b.csv", f"r_m,chord_m,{text}")).doubts
 
 
-def test_a_written_blade_has_the_twist_in_degrees_too(tmp_path):
-    path, twist = tmp_path / "b.csv", np.array([0.3, 0.1])
-    r, chord = np.array([0.2, 1.0]), np.array([0.2, 0.1])
-    write_blade_csv(path, BladeTable(r, chord, twist), chord)
+def test_a_written_blade_has_the_twist_in_degrees_too(tmp_path, put):
+    path, blade = tmp_path / "b.csv", read_blade(put("m.csv", METRES))
+    write_blade_csv(path, blade, blade.chord)
     header, *rows = [line.split(",") for line in path.read_text().splitlines()]
     assert header == ["r_m", "chord_m", "twist_deg", "twist_rad", "thickness_over_chord"]
-    assert [float(row[2]) for row in rows] == np.rad2deg(twist).tolist()
+    assert [float(row[2]) for row in rows] == np.rad2deg(blade.twist).tolist()
     path.write_text(path.read_text().replace(rows[1][2], "7.5"))
     with pytest.raises(InputError, match=r"line 3, column twist_deg = '7.5': is not twist_rad in"):
         read_blade(path)
