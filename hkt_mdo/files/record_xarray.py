@@ -120,8 +120,7 @@ def _checked(raw: Columns) -> Columns:
     if raw.time.dtype.kind != "M":
         return replace(raw, time=raw.time.astype(float))
     dates = raw.time.astype("datetime64[ns]")
-    since = (dates - dates[:1]).astype(np.int64) * 1e-9
-    return replace(raw, time=np.where(np.isnat(dates), np.nan, since), dated=True)
+    return replace(raw, time=(dates - dates[:1]) / np.timedelta64(1, "s"), dated=True)
 
 
 def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
@@ -132,10 +131,8 @@ def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
     names = choose(columns, next(iter(columns), None), options, file)
     time, speed = (frame.iloc[:, columns.index(name)] for name in names[:2])
     _check_kinds(Columns(file, names, time, speed))
-    if hasattr(time.dtype, "tz"):
-        time = time.dt.tz_convert(None)
-    times = time.to_numpy() if time.dtype.kind == "M" else time.to_numpy(float, na_value=np.nan)
-    speeds = speed.to_numpy(dtype=float, na_value=np.nan)
+    speeds, plain = speed.to_numpy(float, na_value=np.nan), time.dtype.kind != "M"
+    times = time.to_numpy(float, na_value=np.nan) if plain else time.to_numpy("datetime64[ns]")
     return _checked(Columns(file, names, times, speeds))
 
 
