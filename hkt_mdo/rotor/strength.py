@@ -42,7 +42,7 @@ class Structure:
 
     area over chord squared; second moments of area over its fourth power, xx = integral of y² dA,
     yy = integral of x² dA, xy = integral of x y dA about the centroid; each of shape (n,) or, for
-    equal sections, (1,). points[n or 1, n_points, 2] are those (x, y) of the outline that can have
+    equal sections, (1,). points[n or 1, 2, n_points] are those (x, y) of the outline that can have
     the largest stress, over the chord, from the centroid. density (kg/m³) and Young's modulus (Pa)
     are the material's; the latter is needed for deflections only (NaN: they are NaN, too).
     n_stations is that of the blade, None for equal sections.
@@ -140,8 +140,9 @@ class Structure:
         d = (self.xx * self.yy - self.xy**2) * chord**3
         u, v = self._gradient(weak, strong, d)
         rate = self.at()[1] if rate is None else rate
-        around = _around(u, v, self.points, rate.points, np.real(tension))
-        smooth, largest, by_u, by_v, by_points = around
+        added = np.full(u.shape, np.real(tension))
+        about, largest = _norms_around(u, v, added, self.points, rate.points, EXPONENT)
+        smooth, by_u, by_v, by_points = about
         by_weak = (self.xy * by_u - self.yy * by_v) / d
         by_strong = (self.xx * by_u - self.xy * by_v) / d
         u_t, v_t = rate._gradient(weak, strong, d)
@@ -264,7 +265,7 @@ class StructureByThickness:
         found = []
         for order in (0, 1):
             table = self.numbers(thickness, order)
-            points = table[:, 4:].reshape(table.shape[0], -1, 2)
+            points = table[:, 4:].reshape(table.shape[0], 2, -1)
             found.append(Structure(*table[:, :4].T, points, self.density, self.modulus))
         return tuple(found)
 
@@ -321,22 +322,14 @@ def norm(values, exponent=EXPONENT):
     return largest * total ** (1.0 / exponent), share
 
 
-def _around(u, v, points, moved, added):
-    """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
-
-    u, v and added, the stress besides, are [n_points, n_places]; points[n or 1, n_outline, 2] and
-    their rates moved as in `Structure`. Returned are the `norm`, the largest, and the
-    norm's derivatives by u, by v and by what moves the points, each [n_points, n_places].
-    """
-    shape = np.broadcast_shapes(np.shape(u), np.shape(v), points.shape[:-2])
-    rows = (np.broadcast_to(each, shape).reshape(-1, shape[-1]) for each in (u, v, added))
-    outlines = (each.transpose(0, 2, 1) for each in (points, moved))
-    slopes, largest = _norms_around(*map(np.ascontiguousarray, (*rows, *outlines)), EXPONENT)
-    return (values.reshape(shape) for values in (slopes[0], largest, *slopes[1:]))
-
-
 @compiled(error_model="numpy")
 def _norms_around(u, v, added, points, moved, exponent):
+    """Return the quantities of `Bending` for the stress x u + y v over the points of every outline.
+
+    u, v and added, the stress besides, are [n_points, n_places]; points and their rates moved as in
+    `Structure`. Returned are the `norm` with its derivatives by u, by v and by what moves the
+    points, [4, n_points, n_places], and the largest.
+    """
     slopes, largest = np.zeros((4, *u.shape), dtype=u.dtype), np.zeros(u.shape)
     negligible, most = np.exp(-40.0 / exponent), points.shape[2] ** (1.0 / exponent)
     for i in range(u.shape[0]):
@@ -423,7 +416,8 @@ def _governing(shapes, same=False):
 
     In every direction of the stress' gradient their reach, of either sign, is that of the whole
     outline or up to `POINT_ERROR` more. The same directions are taken in all outlines; with `same`,
-    the same points, where outlines have points at the same fractions of the chord.
+    the same points, where outlines have points at the same fractions of the chord. The shape is
+    (n_outlines, 2, n_kept).
     """
     size = np.max([np.max(np.abs(points), axis=0) for points in shapes], axis=0)
     angle = np.linspace(0.0, np.pi, 721)[:-1]
@@ -440,4 +434,4 @@ def _governing(shapes, same=False):
         points = [shape[index] for shape, index in zip(shapes, indices, strict=True)]
         kept.append(np.array(points))
         covered = np.maximum(covered, np.abs(kept[-1] @ directions))
-    return np.stack(kept, axis=1) / least
+    return np.stack(kept, axis=-1) / least

@@ -83,7 +83,7 @@ def test_default_section_has_its_published_proportions(naca):
     found = Structure.of(naca, 2700.0)
     numbers = [found.area[0], found.xx[0], found.yy[0], abs(found.xy[0])]
     assert numbers == pytest.approx([0.0940, 1.250e-4, 4.42e-3, 8.2e-5], rel=1e-3)
-    extent = np.max(np.abs(found.points[0]), axis=0)
+    extent = np.max(np.abs(found.points[0]), axis=1)
     assert extent == pytest.approx([0.594, 0.0800], rel=1e-3)
 
 
@@ -93,7 +93,7 @@ def test_default_section_has_its_published_proportions(naca):
 @pytest.mark.parametrize("name", ["naca63815", "naca4415", "naca63424", "cylinder"])
 def test_points_reach_as_far_as_the_outline(name):
     outline = Outline.from_file(name)
-    points = Structure.of(outline, 1000.0).points[0]
+    points = Structure.of(outline, 1000.0).points[0].T
     around = np.column_stack((outline.x, outline.y)) - outline.centroid
     angle = np.random.default_rng(0).uniform(0.0, np.pi, 5000)
     gradient = np.array([np.cos(angle), np.sin(angle) / outline.thickness])
@@ -157,8 +157,8 @@ def test_stretched_sections_along_the_span_have_powers_of_the_thickness(naca):
     assert found.xx == pytest.approx(one.xx[0] * share**3, rel=3e-4)
     assert found.yy == pytest.approx(one.yy[0] * share, rel=1e-4)
     assert found.xy == pytest.approx(one.xy[0] * share**2, rel=3e-4)
-    reach = np.max(np.abs(found.points[..., 1]), axis=1)
-    assert reach == pytest.approx(share * np.max(np.abs(one.points[0, :, 1])), rel=3e-4)
+    reach = np.max(np.abs(found.points[:, 1]), axis=1)
+    assert reach == pytest.approx(share * np.max(np.abs(one.points[0, 1])), rel=3e-4)
 
 
 def test_given_second_moments_stand_in_for_those_of_the_outline(naca):
