@@ -199,21 +199,19 @@ class LoadModel:
         Load
             Of one point, which has no tip speed ratio.
         """
-        beam = fine, structure, _, weights = self._beam(blade)
+        beam = fine, structure, *_ = self._beam(blade)
         excess = GRAVITY * (structure.density - self.water_density)
         moment, *moment_by = (excess * each[..., 1:] for _, each in _outboard(beam, 0))
-        bending, bent_by = _bent(beam, 0.0, moment[None])
+        exact, values, bent_by = _bent(beam, 0.0, moment[None])
 
         def slopes(share):
-            _, by_moment, *by_places = bent_by(share)
-            by_shape = [
-                by_place @ weights + by_moment @ moment_x.T
-                for by_place, moment_x in zip(by_places, moment_by, strict=True)
-            ]
-            by_radius = radius_slope(blade, np.sum(share * bending.smooth, axis=1), by_shape[0], 1)
+            _, by_moment, _, *by_shape = bent_by(share)
+            pairs = zip(by_shape, moment_by, strict=True)
+            by_shape = [own + by_moment @ moment_x.T for own, moment_x in pairs]
+            by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_shape[0], 1)
             return np.zeros(1), *by_shape, by_radius
 
-        return Load(fine.r, bending.largest, bending.smooth, slopes)
+        return Load(fine.r, exact, values, slopes)
 
     def weight_moment(self, blade):
         """Return the moment of a horizontal blade's weight in water at the hub's radius, N*m.
@@ -384,52 +382,53 @@ def _whole(blade, flow, weights, power, added=0.0, by_ratio=0.0, by_shape=(0.0, 
     return Load(r, values, values, slopes)
 
 
-def _bent(beam, flapwise, edgewise, tension=0.0):
-    """Return the `Bending` of a beam by moments, and a function of share[n_points, n_places].
+def _bent(beam, flapwise, edgewise, pull=0.0):
+    """Return the stress of a beam by moments and pull, the smooth one, and a function of its share.
 
-    The function returns derivatives of the share times the smooth stress: by both moments, and by
-    chord, twist and thickness of the places at constant moments.
+    The function takes share[n_points, n_places] and returns derivatives of the share times the
+    smooth stress: by both moments and by the pull at the places, and at constant moments and pull
+    by chord, twist and thickness of the stations.
     """
-    fine, structure, change, _ = beam
+    fine, structure, change, weights = beam
     weak, strong = _about_chord(flapwise, edgewise, fine.twist)
+    section = structure.area * fine.chord**2
+    tension = pull / section
     bending = structure.bending(weak, strong, fine.chord, change, tension)
+    values = bending.smooth + tension
 
     def slopes(share):
         by_weak, by_strong = share * bending.by_weak, share * bending.by_strong
-        by_chord = -3.0 * share * bending.smooth / fine.chord
-        by_twist, by_thickness = by_weak * strong - by_strong * weak, share * bending.by_thickness
-        return *_about_chord(by_weak, by_strong, -fine.twist), by_chord, by_twist, by_thickness
+        by_chord = -share * (3.0 * bending.smooth + 2.0 * tension) / fine.chord
+        by_twist = by_weak * strong - by_strong * weak
+        by_thickness = share * (bending.by_thickness - tension / structure.area * change.area)
+        by_moments = _about_chord(by_weak, by_strong, -fine.twist)
+        by_places = by_chord, by_twist, by_thickness
+        return *by_moments, share / section, *(each @ weights for each in by_places)
 
-    return bending, slopes
+    return bending.largest + np.real(tension), values, slopes
 
 
 def _stress(model, blade, flow, ratio):
     beam, rate, *both = model._centrifugal(blade, ratio)
-    fine, structure, change, weights = beam
     (pull, *pull_by), (bend, *bend_by) = ([each[..., 1:] for each in of] for of in both)
-    flapwise, edgewise = _moments(blade, flow, fine.r)
-    section = structure.area * fine.chord**2
-    tension = rate * pull / section
-    bending, bent_by = _bent(beam, flapwise + rate * bend, edgewise, tension)
-    exact, values = bending.largest + np.real(tension), bending.smooth + tension
+    flapwise, edgewise = _moments(blade, flow, beam[0].r)
+    exact, values, bent_by = _bent(beam, flapwise + rate * bend, edgewise, rate * pull)
 
     def slopes(share):
-        by_flapwise, by_edgewise, *by_places = bent_by(share)
-        arms = np.cos(blade.cone) ** 2 * moment_weights(blade, fine.r).T
+        by_flapwise, by_edgewise, by_pull, *by_places = bent_by(share)
+        arms = np.cos(blade.cone) ** 2 * moment_weights(blade, beam[0].r).T
         by_ratio, *by_shape = _by_flow(flow, by_flapwise @ arms, by_edgewise @ arms)
-        tensile, by_bend, by_pull = share * tension, by_flapwise * rate, share * rate / section
-        by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + tensile, axis=1)
-        by_places[0] = by_places[0] - 2.0 * tensile / fine.chord
-        by_places[2] = by_places[2] - tensile / structure.area * change.area
+        by_bend, by_pull = by_flapwise * rate, by_pull * rate
+        by_ratio = by_ratio + 2.0 / ratio * np.sum(by_bend * bend + by_pull * pull, axis=1)
         parts = zip(by_shape, by_places, bend_by, pull_by, strict=True)
         by_shape = [
-            by_load + by_place @ weights + by_bend @ bend_x.T + by_pull @ pull_x.T
+            by_load + by_place + by_bend @ bend_x.T + by_pull @ pull_x.T
             for by_load, by_place, bend_x, pull_x in parts
         ]
         by_radius = radius_slope(blade, np.sum(share * values, axis=1), by_shape[0], 0)
         return by_ratio, *by_shape, by_radius
 
-    return Load(fine.r, exact, values, slopes)
+    return Load(beam[0].r, exact, values, slopes)
 
 
 def _outboard(beam, power):
