@@ -65,9 +65,8 @@ def _highest(places, function, arguments):
     highest, at = values[top], places[top]
     for i in range(places.size):
         before, after = max(i - 1, 0), min(i + 1, last)
-        room = 2.0 * (values[i] - min(values[before], values[after]))
-        hopeful = i == top or values[i] + room > values[top] + 1e-9 * abs(values[top])
-        if hopeful and values[i] >= max(values[before], values[after]):
+        lower, higher = min(values[before], values[after]), max(values[before], values[after])
+        if values[i] >= higher and values[i] > lower:
             between = _narrow(places[before], places[after], function, arguments)
             value = function(between, *arguments)[0]
             if value > highest:
