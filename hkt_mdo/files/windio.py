@@ -34,12 +34,8 @@ _MOST_RADIANS = 3.2
 _STRUCTURES = ("internal_structure_2d_fem", "internal_structure", "structure")
 
 
-class _Airfoil(NamedTuple):
-    """An airfoil at its position along the blade."""
-
-    place: Place
-    name: str
-    configuration: str | None  # of its polars, in windIO 2
+_Airfoil = tuple[Place, str, str | None]
+"""An airfoil along the blade: where it stands, its name, and its polars' configuration, if any."""
 
 
 class _Version(NamedTuple):
@@ -147,7 +143,7 @@ class _Turbine:
         radii = Column("r", r, rows, r.tolist(), root.file)
         check_rows(radii, chord, twist, thick, tip, version.angles)
         airfoils, s_airfoils = self.positions()
-        names = [airfoil.name for airfoil in airfoils]
+        names = [name for _, name, _ in airfoils]
         sections = self.sections(airfoils)
         of_section = {section.name: section.thickness for section in sections}
         thickness = None
@@ -222,12 +218,12 @@ class _Turbine:
             where = self.shape.get("airfoil_position")
             grid, labels = where.get("grid").numbers(), where.get("labels").items()
             where.check_sizes(grid=grid.values, labels=labels)
-            airfoils = [_Airfoil(label, label.text(), None) for label in labels]
+            airfoils: list[_Airfoil] = [(label, label.text(), None) for label in labels]
         else:
             entries = self.shape.get("airfoils").items()
             positions = [entry.get("spanwise_position") for entry in entries]
             grid = places_column("spanwise_position", positions)
-            airfoils = [_Airfoil(e, e.get("name").text(), _configuration(e)) for e in entries]
+            airfoils = [(e, e.get("name").text(), _configuration(e)) for e in entries]
         outside = (grid.values < -EDGE) | (grid.values > 1.0 + EDGE)
         grid.refuse(outside, "is no position along the span", "it lies within 0 (root) and 1 (tip)")
         grid.check_rising("positions")
