@@ -473,13 +473,6 @@ class _Motion:
         rates = self.controller.rates(speed, flow, acceleration, *states) if states else ()
         return np.stack((acceleration, *rates), axis=-1)
 
-    def _filter_rates(self, flow, values):
-        """Return the rates of the wake's filters, and the velocity induced at 0.7 R, m/s."""
-        filters, flow = values[..., self.dense :], flow.ravel()
-        balanced = self.plant.wake.balanced(values[..., 0].ravel(), flow)
-        rates = self.plant.wake.rates(filters.reshape(flow.size, -1), flow, balanced)
-        return rates.reshape(filters.shape), balanced[1]
-
     def _rates(self, time, flow, values):
         """Return the rates of all values, of their shape, and what they follow from.
 
@@ -487,51 +480,48 @@ class _Motion:
         """
         driving, control = self.torques(time, flow, values)
         rates, at_place = self._dense_rates(flow, values, driving, control), None
-        if self.plant.wake is not None:
-            of_filters, at_place = self._filter_rates(flow, values)
-            rates = np.concatenate((rates, of_filters), axis=-1)
+        if (wake := self.plant.wake) is not None:
+            many, filters = flow.ravel(), values[..., self.dense :]
+            balanced, at_place = wake.balanced(values[..., 0].ravel(), many)
+            found = wake.rates(filters.reshape(many.size, -1), many, (balanced, at_place))
+            rates = np.concatenate((rates, found.reshape(filters.shape)), axis=-1)
         return rates, (driving, control, at_place)
-
-    def _slope(self, time, flow, values, rates):
-        """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
-        found = np.empty((*flow.shape, n, n))
-        for i in range(n):
-            moved = values.copy()
-            moved[..., i] += steps[..., i]
-            change = self._dense_rates(flow, moved, *self.torques(time, flow, moved))
-            found[..., i] = (change - rates[..., :n]) / steps[..., i, None]
-        return found
 
     def _system(self, step, time, flow, values, rates, known):
         """Return the linear system of Newton's method; None where it has no slopes.
 
-        known is what `_rates` returns besides the rates.
+        known is what `_rates` returns besides the rates. The slopes by dense values, [..., rate,
+        value], are by differences.
         """
-        dense, remembers = self._slope(time, flow, values, rates), self.plant.wake is not None
-        chains = self._wake_slopes(flow, values, rates, known) if remembers else ()
-        finite = all(np.all(np.isfinite(each)) for each in (dense, *chains))
-        return radau.StageSystem(step, dense, chains) if finite else None
+        steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
+        slopes = np.empty((*values.shape, n))
+        for i in range(n):
+            moved = values.copy()
+            moved[..., i] += steps[..., i]
+            change = self._rates(time, flow, moved)[0] - rates
+            slopes[..., i] = change / steps[..., i, None]
+        chains = ()
+        if self.plant.wake is not None:
+            by_speed = slopes[..., n:, 0].reshape(*flow.shape, 2, -1)
+            chains = *self._wake_slopes(flow, values, rates, known), by_speed
+        finite = all(np.all(np.isfinite(each)) for each in (slopes, *chains))
+        return radau.StageSystem(step, slopes[..., :n, :], chains) if finite else None
 
     def _wake_slopes(self, flow, values, rates, known):
-        """Return the slopes that involve filters, the `chains` of `StageSystem`, by differences."""
+        """Return the slopes by filters, the first two `chains` of `StageSystem`."""
         (driving, control, at_place), n, shape = known, self.dense, flow.shape
         many, speed = flow.ravel(), values[..., 0].ravel()
-        move = 1e-6 * np.maximum(values[..., :1], 1e-3)
-        moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
-        faster, _ = self._filter_rates(flow, moved)
-        by_speed = ((faster - rates[..., n:]) / move).reshape(*shape, 2, -1)
         filters = values[..., n:].reshape(speed.size, -1)
         by_chain = self.plant.torque_by_wake(speed, many, filters).reshape(*shape, 1, -1)
         step = 1e-6 * np.maximum(np.abs(driving), 1.0)
         by_torque = self._dense_rates(flow, values, driving + step, control) - rates[..., :n]
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
         slow, fast = self.plant.wake.times(many, at_place)
-        fast = np.tile(fast.reshape(*shape, -1), by_speed.shape[-1] // fast.shape[1])
-        chain = np.zeros((*shape, 2, *by_speed.shape[2:]))
+        fast = np.tile(fast.reshape(*shape, -1), by_chain.shape[-1] // fast.shape[1])
+        chain = np.zeros((*shape, 2, 2, by_chain.shape[-1]))
         chain[..., 0, 0, :] = -1.0 / slow.reshape(*shape, 1)
         chain[..., 1, 0, :], chain[..., 1, 1, :] = 1.0 / fast, -1.0 / fast
-        return by_chain, chain, by_speed
+        return by_chain, chain
 
     def _solve(self, edges, start, energy):
         """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.
