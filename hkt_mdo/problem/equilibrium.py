@@ -20,7 +20,7 @@ from hkt_mdo.dynamics.resource import AT_END, Resource, Speeds, in_bins
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+from hkt_mdo.quantities import QUANTITIES, RATES, TRAJECTORY
 
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
 CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
@@ -35,7 +35,8 @@ class SteadyScenario(Scenario):
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `bins` has the speeds
     and their bins, `resource` is the resource of the speeds, and `backwards` tells whether they are
     those of reversed flow, in which the rotor turns backwards. The first and the last speed are the
-    ends of the flow's range, at which limits hold, and have no energy.
+    ends of the flow's range, at which limits hold, and have no energy. There are no limits on
+    rates.
     """
 
     resource: Inflow = None  # type: ignore[assignment]
@@ -54,6 +55,8 @@ class SteadyScenario(Scenario):
 
     def __post_init__(self):
         object.__setattr__(self, "edges", np.array(self.inflow.ends))
+        limits = tuple(x for x in self.limits if not x.series.keys() <= {*RATES})
+        object.__setattr__(self, "limits", limits)
 
     @property
     def messages(self):

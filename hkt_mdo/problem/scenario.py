@@ -49,7 +49,7 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
-    `limits` are those that hold in it over time, None: the case's. `density` (kg/m**3) and
+    `limits` are those that hold in it over time. `density` (kg/m**3) and
     `condition` are those of water and turbine in it, None: the case's.
     Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
@@ -59,7 +59,7 @@ class Scenario:
     weight: float = 1.0
     name: str = "phase"
     edges: np.ndarray = None  # type: ignore[assignment]
-    limits: tuple[Limit, ...] | None = None
+    limits: tuple[Limit, ...] = ()
     interval_of: str = ""
     density: float | None = None
     condition: Condition | None = None

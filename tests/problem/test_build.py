@@ -168,7 +168,7 @@ def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
 def test_a_limit_is_narrowed_at_one_speed_of_a_steady_scenario():
     flow = {"profile": "histogram", "speeds": [1.0, 1.1, 1.2], "hours": [1, 1, 1]}
     world = physics(load_case({"resource": flow, "control": "quadratic"}))
-    each, limit = world.scenarios[0], world.limits[0]
+    each, limit = world.scenarios[0], world.all_limits[0]
     kept = np.linspace(0.9, 1.0, each.segments)
     shares = Setup(None, None, shares={(limit.name, each.name): kept})
     assert list(shares.share_at(limit, each, each.distinct_nodes)) == list(kept)
