@@ -12,7 +12,7 @@ from hkt_mdo.problem.components import AggregateComp, FormulaComp, LinearComp, L
 from hkt_mdo.problem.equilibrium import equilibrium_group
 from hkt_mdo.problem.evaluation import on_start, split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, dm
+from hkt_mdo.problem.scenario import Scenario, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES
 from hkt_mdo.rotor.band import Band
@@ -53,9 +53,9 @@ class OperationGroup(om.Group):
     ``limit_<name>.value``, the `INTEGRALS` and objective.
     """
 
-    def __init__(self, physics: Physics, setup: Setup, scales: Scales, band: Band | None):
+    def __init__(self, physics: Physics, setup: Setup, refs: dict[str, float], band: Band | None):
         super().__init__()
-        self._physics, self._start, self._scales, self._band = physics, setup, scales, band
+        self._physics, self._start, self._refs, self._band = physics, setup, refs, band
 
     def setup(self):
         self._add_phases()
@@ -102,9 +102,9 @@ class OperationGroup(om.Group):
         if np.max(excess) < -UNUSED:
             return
         if isinstance(limit, DistanceFromStall):
-            nodes, ref = self._near_stall(limit, number), self._scales.torque
+            nodes, ref = self._near_stall(limit, number), self._refs["control_torque"]
         elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
-            ref = self._scales.torque
+            ref = self._refs["control_torque"]
         options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit}
         bounds = narrowed(limit, setup.share_at(limit, scenario, nodes))
         name = constraint_of(physics, limit, number)
@@ -153,7 +153,7 @@ class OperationGroup(om.Group):
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._physics, self._start
-        bounds = setup.bounds(physics)["rotor_speed"]
+        bounds = setup.bounds(physics)
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
         for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
@@ -164,7 +164,7 @@ class OperationGroup(om.Group):
             torque = torque - generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= zip(physics.law.states, states, strict=True)
-            about = each, physics.law_in(each), options, self._scales, bounds, begin
+            about = each, physics.law_in(each), options, self._refs, bounds, begin
             promoted = [(name, named(name, variant)) for name in parameters]
             if each.steady:
                 group = equilibrium_group(*about)
@@ -262,7 +262,7 @@ class OperationGroup(om.Group):
         name, ends = f"{scenario.name}_gain_of_speed", np.zeros((1, scenario.node_times.size))
         ends[0, [0, -1]] = -1.0, 1.0
         self._add_linear(name, scenario, "rotor_speed", ends, "change", {"units": "rad/s"})
-        self.add_constraint(f"{name}.change", equals=0.0, ref=self._scales.rotor_speed)
+        self.add_constraint(f"{name}.change", equals=0.0, ref=self._refs["rotor_speed"])
 
     def _add_linear(self, name, scenario, quantity, matrix, result, meta):
         """Add a matrix times a quantity at the nodes of a scenario; `meta` is of the result."""
