@@ -6,20 +6,11 @@ of time are solved together by Newton's method, on arrays.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 from numpy.polynomial import Legendre
 from scipy.interpolate import PPoly
 
-STAGES = 5
-MOST_ITERATIONS = 12  # of Newton's method
-PATIENCE = 4  # of them with chains, after which values that still change by more than FAR are lost
-SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
-FAR = 0.01  # relative change of the values above which the iteration diverges
-ALL = slice(None)  # steps
-LOST = 1e4  # times the speed of the guess: no rotor turns so much faster, the iteration diverges
+STAGES, ALL = 5, slice(None)  # of a step; steps
 
 
 def _method() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -68,6 +59,14 @@ def magnitudes(values: np.ndarray, dense: int) -> np.ndarray:
     return size
 
 
+def begins(start: np.ndarray, stages: np.ndarray) -> np.ndarray:
+    """Return the values at the begin of successive steps, (n_steps, 1, n_values), from the first's.
+
+    stages are those at their stages, (n_steps, 5, n_values).
+    """
+    return np.concatenate((start[None], stages[:-1, -1]))[:, None]
+
+
 class StageSystem:
     """The linear system of Newton's method, from which chains of filters are eliminated.
 
@@ -96,7 +95,7 @@ class StageSystem:
         (steps, s, n, _), none = dense.shape, ((dense.shape[2], 0), (1, 1, 0), (1, 0))
         by_last, chain, by_first = chains or (np.empty((steps, s, *shape)) for shape in none)
         c, m = chain.shape[-2:]
-        self._shape, self.patience = (steps, s, n, c, m), PATIENCE if m else MOST_ITERATIONS
+        self._shape = steps, s, n, c, m
         # filters at the stages by what they miss and by the first dense value there
         own = np.einsum("nij,njabm->nmaibj", h, chain).reshape(steps, m, c * s, c * s)
         first = np.einsum("nij,njam->nmaij", h, by_first).reshape(steps, m, c * s, s)
@@ -146,64 +145,7 @@ class StageSystem:
             Values and rates at the begin of the steps, (n_steps, 1, n_values) and
             (n_steps, n_values).
         stages : array
-            What `solve_stages` returns.
+            Values at the stages of the steps, (n_steps, 5, n_values).
         """
         off = ERROR[0] * self._step * first
         return self.filtered(off + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR))
-
-
-def solve_stages(
-    rates_at: Callable,
-    system_at: Callable,
-    start: np.ndarray,
-    step: np.ndarray,
-    stages: np.ndarray,
-    dense: int,
-    enough: float,
-) -> tuple[np.ndarray, StageSystem, Any] | None:
-    """Solve the stages of successive steps by Newton's method.
-
-    Parameters
-    ----------
-    rates_at : callable
-        Takes the values at the stages, (n_steps, 5, n_values), and returns their rates, and what
-        they follow from.
-    system_at : callable
-        Takes the values and what `rates_at` returns, and returns a `StageSystem`; None if the
-        slopes there are not finite.
-    start : array
-        Values at the begin of the first step, (n_values,).
-    step : array
-        Lengths of the steps, (n_steps, 1).
-    stages : array
-        Guess of the values at the stages.
-    dense : int
-        As of `magnitudes`, to which changes are compared.
-    enough : float
-        Relative change of the values at which they count as found.
-
-    Returns
-    -------
-    tuple or None
-        Values at the stages, the system, and what the last rates follow from; None if the method
-        does not converge.
-    """
-    change, fastest = np.inf, LOST * np.max(magnitudes(stages, dense)[..., 0])
-    for iteration in range(MOST_ITERATIONS):
-        size = magnitudes(stages, dense)
-        rates, known = rates_at(stages)
-        if change > SAME_SLOPE:
-            system = system_at(stages, rates, known)
-            if system is None:
-                return None
-        begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
-        miss = begin + step[..., None] * np.einsum("ij,nja->nia", MATRIX, rates) - stages
-        correction = system.correction(miss)
-        stages = stages + correction
-        change = np.max(np.abs(correction) / size)
-        if change <= enough:
-            return stages, system, known
-        lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
-        if lost or (iteration >= system.patience and change > FAR):
-            return None
-    return None

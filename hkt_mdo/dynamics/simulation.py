@@ -7,7 +7,6 @@ compute on arrays, and are divided until their estimated errors are within the t
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,6 +29,11 @@ from hkt_mdo.rotor.scales import power_scale, torque_scale
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
 FAILURES = 100, 4  # of Newton's method at most, and for each step that is solved
 AWAY = 1.5  # tip speed ratio over the first one, above which a rotor has run away
+MOST_ITERATIONS = 12  # of Newton's method
+PATIENCE = 4  # of them with a wake, after which values that still change by more than FAR are lost
+SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
+FAR = 0.01  # relative change of the values above which the iteration diverges
+LOST = 1e4  # times the speed of the guess: no rotor turns so much faster, the iteration diverges
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 
@@ -532,7 +536,7 @@ class _Motion:
         flow = float(self.inflow.speed_at(self.begin))
         power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
         unit = energy + 0.01 * self.duration * power
-        path, enough = None, max(0.01 * self.tolerance, 1e-12)
+        path = None
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it
@@ -546,14 +550,11 @@ class _Motion:
                 guess = np.moveaxis(guess, 0, -1)
             else:
                 guess = path(time)
-            rates_at = partial(self._rates, time[:, 1:], flow[:, 1:])
-            system_at = partial(self._system, step, time[:, 1:], flow[:, 1:])
-            about = start, step, guess[:, 1:], self.dense, enough
-            found = radau.solve_stages(rates_at, system_at, *about)
+            found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
             if found is None:
                 return None
             stages, system, (driving, control, _) = found
-            begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
+            begin = radau.begins(start, stages)
             rates, (first, *_) = self._rates(time[:, :1], flow[:, :1], begin)
             values = np.concatenate((begin, stages), axis=1)
             path = radau.through(edges, radau.NODES, values)
@@ -568,6 +569,33 @@ class _Motion:
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (radau.STAGES + 1))), nan=8.0)
             edges = radau.divided(edges, np.where(share <= 1.0, 1.0, np.clip(parts, 2.0, 8.0)))
         return False
+
+    def _stages(self, start, step, time, flow, stages):
+        """Solve the stages of successive steps by Newton's method, from a guess of their values.
+
+        start has the values at the begin of the first step. Returns the values, the `StageSystem`,
+        and what the last rates follow from; None if the method does not converge.
+        """
+        change, enough = np.inf, max(0.01 * self.tolerance, 1e-12)
+        fastest = LOST * np.max(radau.magnitudes(stages, self.dense)[..., 0])
+        patience = MOST_ITERATIONS if self.plant.wake is None else PATIENCE
+        for iteration in range(MOST_ITERATIONS):
+            size = radau.magnitudes(stages, self.dense)
+            rates, known = self._rates(time, flow, stages)
+            if change > SAME_SLOPE:
+                system = self._system(step, time, flow, stages, rates, known)
+                if system is None:
+                    return None
+            moved = step[..., None] * np.einsum("ij,nja->nia", radau.MATRIX, rates)
+            correction = system.correction(radau.begins(start, stages) + moved - stages)
+            stages = stages + correction
+            change = np.max(np.abs(correction) / size)
+            if change <= enough:
+                return stages, system, known
+            lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
+            if lost or (iteration >= patience and change > FAR):
+                return None
+        return None
 
     def _standstill(self, path):
         """Return the steps up to where the rotor comes to rest; None if it does not."""
