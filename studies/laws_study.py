@@ -224,7 +224,7 @@ def exceeded(design, run):
         "generator_power": run.control_torque * run.rotor_speed,
     }
     known |= loads_along(physics.rotor, blade, known, physics.load_names)
-    over = [each.excess(known) for each in physics.limits if each.caps_series]
+    over = [each.excess(known) for each in physics.all_limits if each.caps_series]
     over = np.max(over, axis=0)
     return float(np.mean(over > 1e-3)), float(np.max(over))
 

@@ -6,20 +6,11 @@ of time are solved together by Newton's method, on arrays.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
-from typing import Any
-
 import numpy as np
 from numpy.polynomial import Legendre
 from scipy.interpolate import PPoly
 
-STAGES = 5
-MOST_ITERATIONS = 12  # of Newton's method
-PATIENCE = 4  # of them with chains, after which values that still change by more than FAR are lost
-SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
-FAR = 0.01  # relative change of the values above which the iteration diverges
-LOST = 1e4  # times the speed of the guess: no rotor turns so much faster, the iteration diverges
+STAGES, ALL = 5, slice(None)  # of a step; steps
 
 
 def _method() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -68,6 +59,14 @@ def magnitudes(values: np.ndarray, dense: int) -> np.ndarray:
     return size
 
 
+def begins(start: np.ndarray, stages: np.ndarray) -> np.ndarray:
+    """Return the values at the begin of successive steps, (n_steps, 1, n_values), from the first's.
+
+    stages are those at their stages, (n_steps, 5, n_values).
+    """
+    return np.concatenate((start[None], stages[:-1, -1]))[:, None]
+
+
 class StageSystem:
     """The linear system of Newton's method, from which chains of filters are eliminated.
 
@@ -96,55 +95,41 @@ class StageSystem:
         (steps, s, n, _), none = dense.shape, ((dense.shape[2], 0), (1, 1, 0), (1, 0))
         by_last, chain, by_first = chains or (np.empty((steps, s, *shape)) for shape in none)
         c, m = chain.shape[-2:]
-        self._shape, self.patience = (steps, s, n, c, m), PATIENCE if m else MOST_ITERATIONS
+        self._shape = steps, s, n, c, m
         # filters at the stages by what they miss and by the first dense value there
         own = np.einsum("nij,njabm->nmaibj", h, chain).reshape(steps, m, c * s, c * s)
         first = np.einsum("nij,njam->nmaij", h, by_first).reshape(steps, m, c * s, s)
         self._chain = np.linalg.inv(np.eye(c * s) - own)
         self._by_first = self._chain @ first
-        self._by_last = np.einsum("nij,njdm->nidmj", h, by_last)
+        self._by_last = np.einsum("nij,njdm->nidmj", h, by_last).reshape(steps, s * n, m * s)
         system = np.einsum("nij,njde->nidje", h, dense).reshape(steps, s * n, s * n)
         system[..., ::n] += self._of_last(self._by_first)
         self._inverse = np.linalg.inv(np.eye(s * n) - system)
 
-    def _of_last(self, chain):
+    def _of_last(self, chain, some=ALL):
         """Return the changes of the dense values at the stages by those of the last filters."""
-        steps, s, n, _, m = self._shape
-        last = chain[:, :, -s:].reshape(steps, m * s, chain.shape[-1])
-        return self._by_last.reshape(steps, s * n, m * s) @ last
+        by_last, s = self._by_last[some], self._shape[1]
+        return by_last @ chain[:, :, -s:].reshape(*by_last.shape[::2], chain.shape[-1])
 
-    def _own(self, miss):
-        """Return the stages' change with the values at the begin of each step as they are."""
-        steps, s, n, c, m = self._shape
+    def _own(self, miss, some=ALL):
+        """Return the change of some steps' stages with the values at their begins as they are."""
+        (_, s, n, c, m), steps = self._shape, len(miss)
         dense, chain = miss[..., :n], miss[..., n:].reshape(steps, s, c, m)
-        chain = self._chain @ chain.transpose(0, 3, 2, 1).reshape(steps, m, c * s, 1)
-        dense = self._inverse @ (dense.reshape(steps, s * n, 1) + self._of_last(chain))
-        chain = chain + self._by_first @ dense[:, None, ::n]
+        chain = self._chain[some] @ chain.transpose(0, 3, 2, 1).reshape(steps, m, c * s, 1)
+        known = dense.reshape(steps, s * n, 1) + self._of_last(chain, some)
+        dense = self._inverse[some] @ known
+        chain = chain + self._by_first[some] @ dense[:, None, ::n]
         chain = chain.reshape(steps, m, c, s).transpose(0, 3, 2, 1).reshape(steps, s, c * m)
         return np.concatenate((dense.reshape(steps, s, n), chain), axis=-1)
 
-    @cached_property
-    def _carry(self):
-        """Derivatives of the values at the end of each step by those at its begin."""
-        steps, s, n, c, m = self._shape
-        chain = self._chain.reshape(steps, m, c, s, c, s).sum(axis=-1)  # by its own begin
-        by_chain = np.einsum("nidmj,nmjc->nidcm", self._by_last, chain[:, :, -1])
-        by_dense = np.broadcast_to(np.eye(n), (steps, s, n, n)).reshape(steps, s * n, n)
-        by_begin = np.concatenate((by_dense, by_chain.reshape(steps, s * n, c * m)), axis=-1)
-        dense = self._inverse @ by_begin
-        filters = self._by_first[:, :, s - 1 :: s] @ dense[:, None, ::n]
-        filters = filters.transpose(0, 2, 1, 3).reshape(steps, c * m, n + c * m)
-        carry = np.concatenate((dense[:, -n:], filters), axis=1)
-        place = n + np.arange(c * m).reshape(c, m)
-        carry[:, place[:, None], place] += chain[:, :, :, -1].transpose(0, 2, 3, 1)
-        return carry
-
     def correction(self, miss: np.ndarray) -> np.ndarray:
         """Return the change of the stages, (n_steps, 5, n_values), that makes up what they miss."""
-        begins = [np.zeros(miss.shape[-1])]
-        for last, carry in zip(self._own(miss)[:-1, -1], self._carry[:-1], strict=True):
-            begins.append(last + carry @ begins[-1])
-        return self._own(miss + np.array(begins)[:, None])
+        found, begin = np.empty_like(miss), 0.0
+        for step in range(len(miss)):
+            some = slice(step, step + 1)
+            found[some] = self._own(miss[some] + begin, some)
+            begin = found[step, -1]
+        return found
 
     def filtered(self, off: np.ndarray) -> np.ndarray:
         """Return errors of the values, (n_steps, n_values), without their fast part."""
@@ -160,64 +145,7 @@ class StageSystem:
             Values and rates at the begin of the steps, (n_steps, 1, n_values) and
             (n_steps, n_values).
         stages : array
-            What `solve_stages` returns.
+            Values at the stages of the steps, (n_steps, 5, n_values).
         """
         off = ERROR[0] * self._step * first
         return self.filtered(off + np.einsum("nia,i->na", stages - begin, _STAGE_ERROR))
-
-
-def solve_stages(
-    rates_at: Callable,
-    system_at: Callable,
-    start: np.ndarray,
-    step: np.ndarray,
-    stages: np.ndarray,
-    dense: int,
-    enough: float,
-) -> tuple[np.ndarray, StageSystem, Any] | None:
-    """Solve the stages of successive steps by Newton's method.
-
-    Parameters
-    ----------
-    rates_at : callable
-        Takes the values at the stages, (n_steps, 5, n_values), and returns their rates, and what
-        they follow from.
-    system_at : callable
-        Takes the values and what `rates_at` returns, and returns a `StageSystem`; None if the
-        slopes there are not finite.
-    start : array
-        Values at the begin of the first step, (n_values,).
-    step : array
-        Lengths of the steps, (n_steps, 1).
-    stages : array
-        Guess of the values at the stages.
-    dense : int
-        As of `magnitudes`, to which changes are compared.
-    enough : float
-        Relative change of the values at which they count as found.
-
-    Returns
-    -------
-    tuple or None
-        Values at the stages, the system, and what the last rates follow from; None if the method
-        does not converge.
-    """
-    change, fastest = np.inf, LOST * np.max(magnitudes(stages, dense)[..., 0])
-    for iteration in range(MOST_ITERATIONS):
-        size = magnitudes(stages, dense)
-        rates, known = rates_at(stages)
-        if change > SAME_SLOPE:
-            system = system_at(stages, rates, known)
-            if system is None:
-                return None
-        begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
-        miss = begin + step[..., None] * np.einsum("ij,nja->nia", MATRIX, rates) - stages
-        correction = system.correction(miss)
-        stages = stages + correction
-        change = np.max(np.abs(correction) / size)
-        if change <= enough:
-            return stages, system, known
-        lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
-        if lost or (iteration >= system.patience and change > FAR):
-            return None
-    return None

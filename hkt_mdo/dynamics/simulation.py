@@ -7,7 +7,6 @@ compute on arrays, and are divided until their estimated errors are within the t
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -30,6 +29,11 @@ from hkt_mdo.rotor.scales import power_scale, torque_scale
 WINDOW, MOST_STEPS = 64, 5_000  # steps solved together, before and after they are divided
 FAILURES = 100, 4  # of Newton's method at most, and for each step that is solved
 AWAY = 1.5  # tip speed ratio over the first one, above which a rotor has run away
+MOST_ITERATIONS = 12  # of Newton's method
+PATIENCE = 4  # of them with a wake, after which values that still change by more than FAR are lost
+SAME_SLOPE = 1e-4  # relative change of the values below which the slopes are kept
+FAR = 0.01  # relative change of the values above which the iteration diverges
+LOST = 1e4  # times the speed of the guess: no rotor turns so much faster, the iteration diverges
 PROBES = 16  # points at which the flow is looked at in a step, no longer than its shortest period
 FLOW_ERROR = 1e-6  # of the flow between the nodes of a step, above which the step is divided
 
@@ -473,13 +477,6 @@ class _Motion:
         rates = self.controller.rates(speed, flow, acceleration, *states) if states else ()
         return np.stack((acceleration, *rates), axis=-1)
 
-    def _filter_rates(self, flow, values):
-        """Return the rates of the wake's filters, and the velocity induced at 0.7 R, m/s."""
-        filters, flow = values[..., self.dense :], flow.ravel()
-        balanced = self.plant.wake.balanced(values[..., 0].ravel(), flow)
-        rates = self.plant.wake.rates(filters.reshape(flow.size, -1), flow, balanced)
-        return rates.reshape(filters.shape), balanced[1]
-
     def _rates(self, time, flow, values):
         """Return the rates of all values, of their shape, and what they follow from.
 
@@ -487,51 +484,48 @@ class _Motion:
         """
         driving, control = self.torques(time, flow, values)
         rates, at_place = self._dense_rates(flow, values, driving, control), None
-        if self.plant.wake is not None:
-            of_filters, at_place = self._filter_rates(flow, values)
-            rates = np.concatenate((rates, of_filters), axis=-1)
+        if (wake := self.plant.wake) is not None:
+            many, filters = flow.ravel(), values[..., self.dense :]
+            balanced, at_place = wake.balanced(values[..., 0].ravel(), many)
+            found = wake.rates(filters.reshape(many.size, -1), many, (balanced, at_place))
+            rates = np.concatenate((rates, found.reshape(filters.shape)), axis=-1)
         return rates, (driving, control, at_place)
-
-    def _slope(self, time, flow, values, rates):
-        """Return slopes of the dense rates by dense values, [..., rate, value], by differences."""
-        steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
-        found = np.empty((*flow.shape, n, n))
-        for i in range(n):
-            moved = values.copy()
-            moved[..., i] += steps[..., i]
-            change = self._dense_rates(flow, moved, *self.torques(time, flow, moved))
-            found[..., i] = (change - rates[..., :n]) / steps[..., i, None]
-        return found
 
     def _system(self, step, time, flow, values, rates, known):
         """Return the linear system of Newton's method; None where it has no slopes.
 
-        known is what `_rates` returns besides the rates.
+        known is what `_rates` returns besides the rates. The slopes by dense values, [..., rate,
+        value], are by differences.
         """
-        dense, remembers = self._slope(time, flow, values, rates), self.plant.wake is not None
-        chains = self._wake_slopes(flow, values, rates, known) if remembers else ()
-        finite = all(np.all(np.isfinite(each)) for each in (dense, *chains))
-        return radau.StageSystem(step, dense, chains) if finite else None
+        steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
+        slopes = np.empty((*values.shape, n))
+        for i in range(n):
+            moved = values.copy()
+            moved[..., i] += steps[..., i]
+            change = self._rates(time, flow, moved)[0] - rates
+            slopes[..., i] = change / steps[..., i, None]
+        chains = ()
+        if self.plant.wake is not None:
+            by_speed = slopes[..., n:, 0].reshape(*flow.shape, 2, -1)
+            chains = *self._wake_slopes(flow, values, rates, known), by_speed
+        finite = all(np.all(np.isfinite(each)) for each in (slopes, *chains))
+        return radau.StageSystem(step, slopes[..., :n, :], chains) if finite else None
 
     def _wake_slopes(self, flow, values, rates, known):
-        """Return the slopes that involve filters, the `chains` of `StageSystem`, by differences."""
+        """Return the slopes by filters, the first two `chains` of `StageSystem`."""
         (driving, control, at_place), n, shape = known, self.dense, flow.shape
         many, speed = flow.ravel(), values[..., 0].ravel()
-        move = 1e-6 * np.maximum(values[..., :1], 1e-3)
-        moved = np.concatenate((values[..., :1] + move, values[..., 1:]), axis=-1)
-        faster, _ = self._filter_rates(flow, moved)
-        by_speed = ((faster - rates[..., n:]) / move).reshape(*shape, 2, -1)
         filters = values[..., n:].reshape(speed.size, -1)
         by_chain = self.plant.torque_by_wake(speed, many, filters).reshape(*shape, 1, -1)
         step = 1e-6 * np.maximum(np.abs(driving), 1.0)
         by_torque = self._dense_rates(flow, values, driving + step, control) - rates[..., :n]
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
         slow, fast = self.plant.wake.times(many, at_place)
-        fast = np.tile(fast.reshape(*shape, -1), by_speed.shape[-1] // fast.shape[1])
-        chain = np.zeros((*shape, 2, *by_speed.shape[2:]))
+        fast = np.tile(fast.reshape(*shape, -1), by_chain.shape[-1] // fast.shape[1])
+        chain = np.zeros((*shape, 2, 2, by_chain.shape[-1]))
         chain[..., 0, 0, :] = -1.0 / slow.reshape(*shape, 1)
         chain[..., 1, 0, :], chain[..., 1, 1, :] = 1.0 / fast, -1.0 / fast
-        return by_chain, chain, by_speed
+        return by_chain, chain
 
     def _solve(self, edges, start, energy):
         """Return motion (`PPoly`) and energies over some steps, divided until they are accurate.
@@ -542,7 +536,7 @@ class _Motion:
         flow = float(self.inflow.speed_at(self.begin))
         power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
         unit = energy + 0.01 * self.duration * power
-        path, enough = None, max(0.01 * self.tolerance, 1e-12)
+        path = None
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it
@@ -556,14 +550,11 @@ class _Motion:
                 guess = np.moveaxis(guess, 0, -1)
             else:
                 guess = path(time)
-            rates_at = partial(self._rates, time[:, 1:], flow[:, 1:])
-            system_at = partial(self._system, step, time[:, 1:], flow[:, 1:])
-            about = start, step, guess[:, 1:], self.dense, enough
-            found = radau.solve_stages(rates_at, system_at, *about)
+            found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
             if found is None:
                 return None
             stages, system, (driving, control, _) = found
-            begin = np.concatenate((start[None], stages[:-1, -1]))[:, None]
+            begin = radau.begins(start, stages)
             rates, (first, *_) = self._rates(time[:, :1], flow[:, :1], begin)
             values = np.concatenate((begin, stages), axis=1)
             path = radau.through(edges, radau.NODES, values)
@@ -578,6 +569,33 @@ class _Motion:
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (radau.STAGES + 1))), nan=8.0)
             edges = radau.divided(edges, np.where(share <= 1.0, 1.0, np.clip(parts, 2.0, 8.0)))
         return False
+
+    def _stages(self, start, step, time, flow, stages):
+        """Solve the stages of successive steps by Newton's method, from a guess of their values.
+
+        start has the values at the begin of the first step. Returns the values, the `StageSystem`,
+        and what the last rates follow from; None if the method does not converge.
+        """
+        change, enough = np.inf, max(0.01 * self.tolerance, 1e-12)
+        fastest = LOST * np.max(radau.magnitudes(stages, self.dense)[..., 0])
+        patience = MOST_ITERATIONS if self.plant.wake is None else PATIENCE
+        for iteration in range(MOST_ITERATIONS):
+            size = radau.magnitudes(stages, self.dense)
+            rates, known = self._rates(time, flow, stages)
+            if change > SAME_SLOPE:
+                system = self._system(step, time, flow, stages, rates, known)
+                if system is None:
+                    return None
+            moved = step[..., None] * np.einsum("ij,nja->nia", radau.MATRIX, rates)
+            correction = system.correction(radau.begins(start, stages) + moved - stages)
+            stages = stages + correction
+            change = np.max(np.abs(correction) / size)
+            if change <= enough:
+                return stages, system, known
+            lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
+            if lost or (iteration >= patience and change > FAR):
+                return None
+        return None
 
     def _standstill(self, path):
         """Return the steps up to where the rotor comes to rest; None if it does not."""

@@ -33,18 +33,16 @@ def _positive(torque):
     return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
 
 
-def _natural_spline(place, height):
-    """Return the cubics, (4, n_knots - 1), of the natural spline through places and heights.
+def _natural_slopes(place, height):
+    """Return the slopes at its knots of the natural cubic spline through places and heights.
 
     Both may be in a complex step; a `TorqueSpline` has fixed places.
     """
-    step = np.diff(place)
-    matrix = np.diag(np.hstack((1.0, 2.0 * (step[1:] + step[:-1]), 1.0)))
-    matrix = matrix + np.diag(np.append(step[:-1], 0.0), -1) + np.diag(np.append(0.0, step[1:]), 1)
-    rate = np.diff(height) / step
-    bend = np.linalg.solve(matrix, np.hstack((0.0, 3.0 * np.diff(rate), 0.0)))
-    line = rate - step * (2.0 * bend[:-1] + bend[1:]) / 3.0
-    return np.array([np.diff(bend) / (3.0 * step), bend[:-1], line, height[:-1]])
+    weight = 1.0 / np.diff(place)
+    matrix = 2.0 * np.diag(np.append(weight, 0.0) + np.append(0.0, weight))
+    matrix = matrix + np.diag(weight, 1) + np.diag(weight, -1)
+    force = 3.0 * weight**2 * np.diff(height)
+    return np.linalg.solve(matrix, np.append(force, 0.0) + np.append(0.0, force))
 
 
 class _TwoGains(FeedbackLaw):
@@ -192,39 +190,29 @@ class CurveFeedback(FeedbackLaw):
         return super().starting_gains()
 
     def demand(self, speed, gains):
-        curve, at = self.curve(gains), np.log(_forward(speed))
-        return np.exp(curve(at.real) + curve(at.real, 1) * (at - at.real))
+        at, (place, height, slope) = np.log(_forward(speed)), self.curve(gains)
+        first = np.clip(np.searchsorted(place.real, at.real) - 1, 0, place.size - 2)
+        step, rise = (each[first + 1] - each[first] for each in (place, height))
+        begin, end, share = step * slope[first], step * slope[first + 1], (at - place[first]) / step
+        cubic, square = begin + end - 2.0 * rise, 3.0 * rise - 2.0 * begin - end
+        return np.exp(height[first] + share * (begin + share * (square + share * cubic)))
 
     def curve(self, gains):
-        """Return the logarithm of the torque over that of the speed, as piecewise cubics.
+        """Return the logarithms of speeds and torques, and the slopes there, of piecewise cubics.
 
         Beyond an end knot the exponent of the torque changes to its least one, where it is less,
         within `BEND` of the speed's logarithm, so that the torque has no kink at which an
-        optimization would stop.
+        optimization would stop. So there are two more knots at both ends: that of a parabola, and
+        one on the line that follows.
         """
-        from scipy.interpolate import PPoly  # a case is read without SciPy
-
-        place, height = np.log(gains).reshape(2, -1)
-        inner, last, way = _natural_spline(place, height), height[[0, -1]], np.array([-1.0, 1.0])
-        end = np.array([3.0, 2.0, 1.0]) * inner[:3, -1]
-        slope = np.append(inner[2, 0], np.polyval(end, place[-1] - place[-2]))
-        bent = np.where(slope.real < LEAST, LEAST - slope, 0.0)
-        steep, reached = slope + bent, last + BEND * way * (slope + 0.5 * bent)
-        # a line and a parabola before the first knot, a parabola and a line after the last one
-        bends = 0.5 * bent * way / BEND
-        before = [[0.0, 0.0], [0.0, bends[0]], 2 * [steep[0]], [reached[0] - steep[0], reached[0]]]
-        after = [[0.0, 0.0], [bends[1], 0.0], [slope[1], steep[1]], [last[1], reached[1]]]
-        cubic, square, line, value = np.hstack((before, inner, after))
-        begins = place[0] - BEND - np.array([1.0, 0.0]), place, place[-1] + BEND + np.arange(2.0)
-        begin = np.concatenate(begins)
-        moved = (begin.real - begin)[:-1]  # of a complex step: cubics about the real places
-        about = (
-            cubic,
-            square + 3.0 * moved * cubic,
-            line + 2.0 * moved * square,
-            value + moved * line,
-        )
-        return PPoly.construct_fast(np.array(about), begin.real)
+        knots = np.log(gains).reshape(2, -1)
+        knots = np.vstack((knots, _natural_slopes(*knots)))
+        (place, height, slope), way = knots[:, [0, -1]], np.array([-1.0, 1.0])
+        steep = np.where(slope.real < LEAST, LEAST, slope)
+        rise = 0.5 * BEND * (slope + steep)
+        bent = np.array([place + BEND * way, height + rise * way, steep])
+        line = bent + way * np.array([np.ones(2), steep, np.zeros(2)])
+        return np.column_stack((line[:, 0], bent[:, 0], knots, bent[:, 1], line[:, 1]))
 
     def fit(self, speed, torque):
         from scipy.optimize import lsq_linear  # reading a case does not need SciPy

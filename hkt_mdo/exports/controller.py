@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import yaml
-from scipy.interpolate import PPoly
+from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.wide_laws import STILL
@@ -89,7 +89,7 @@ def _values(design: Design) -> tuple[dict[str, Any], dict[str, PPoly]]:
         case "power_law" | "rated":
             values[law.second.upper()] = law.second_of(gains)
         case "curve":
-            curves["curve"] = law.curve(design.gains)
+            curves["curve"] = CubicHermiteSpline(*law.curve(design.gains))
         case "tracking":
             *speeds, kp, ki = gains
             values |= {"PROPORTIONAL": kp, "INTEGRAL": ki, "LAG": law.lag}

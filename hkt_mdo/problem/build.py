@@ -13,14 +13,13 @@ import numpy as np
 import openmdao.api as om
 from scipy.interpolate import CubicSpline
 
-from hkt_mdo.dynamics.limits import TorqueLimit
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.point import Operation, StartingPoint
-from hkt_mdo.problem.scenario import Scales, Scenario
+from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
 from hkt_mdo.quantities import QUANTITIES
 from hkt_mdo.rotor.band import ALONG
@@ -95,7 +94,7 @@ def add_turbine(group: om.Group, physics: Physics, setup: Setup, alone: bool = F
     for name in kept.keys() - own.keys():
         group.set_input_defaults(name, kept[name]["val"], units=kept[name]["units"])
     _add_rotors(group, physics, setup, band)
-    operation = OperationGroup(physics, setup, _scales(physics, setup), band)
+    operation = OperationGroup(physics, setup, _references(physics, setup), band)
     group.add_subsystem("operation", operation, promotes=["*"])
 
 
@@ -145,26 +144,27 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om
     )
 
 
-def _scales(physics, setup):
-    """Return the reference magnitudes of the phases, from the start."""
+def _references(physics, setup) -> dict[str, float]:
+    """Return the reference magnitudes of the phases, from the start, by their names in the model.
+
+    A torque's over the inertia is that of the acceleration.
+    """
     operation = setup.start.operation
     torque = float(np.max(np.abs(operation.hydrodynamic_torque)))
     _, inertia = physics.rotor.mass_and_inertia(setup.start.blade)
-    speed = float(np.mean(operation.rotor_speed))
-    limit = physics.law.torque_limit
-    if limit is not None:
-        limit *= min(np.min(setup.share(TorqueLimit(), each)) for each in physics.scenarios)
-    states = _state_scales(physics, setup.start)
+    found = {"control_torque": torque, "rotor_acceleration": torque / inertia}
+    found["rotor_speed"] = float(np.mean(operation.rotor_speed))
     if physics.remembers:
         fastest = max(np.max(known["inflow_speed"]) for known in on_start(physics, setup.start))
         tau1 = physics.case.inflow_dynamics.tau1 or setup.start.blade.rotor_radius / fastest
-        induced = WAKE_SHARE * float(fastest)
-        states |= dict.fromkeys(WAKE_STATES, (induced, induced / tau1))
-    return Scales(speed, torque, torque / inertia, limit, states)
+        for name in WAKE_STATES:
+            found[name] = WAKE_SHARE * float(fastest)
+            found[f"{name}_rate"] = found[name] / tau1
+    return found | _references_of_law(physics, setup.start)
 
 
-def _state_scales(physics, start):
-    """Return the reference magnitudes of the law's states and rates, by name.
+def _references_of_law(physics, start) -> dict[str, float]:
+    """Return those of the law's states and rates.
 
     That of a rate is its change if the speed and the states change by their magnitudes.
     """
@@ -180,7 +180,8 @@ def _state_scales(physics, start):
     for name in np.array([*physics.law.states])[rates == 0.0]:
         problem = f"has a rate of {name} that depends neither on the speed nor on a state"
         raise InputError(problem, "correct rates", key="control.law", value=physics.law.law)
-    return dict(zip(physics.law.states, zip(sizes[1:], rates, strict=True), strict=True))
+    names = [*physics.law.states, *(f"{name}_rate" for name in physics.law.states)]
+    return dict(zip(names, (*sizes[1:], *rates), strict=True))
 
 
 def _declare_design(model, physics, setup) -> tuple[dict, dict]:

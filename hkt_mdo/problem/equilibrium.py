@@ -20,7 +20,7 @@ from hkt_mdo.dynamics.resource import AT_END, Resource, Speeds, in_bins
 from hkt_mdo.dynamics.rotor_ode import RotorODE
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.scenario import Scenario
-from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
+from hkt_mdo.quantities import QUANTITIES, RATES, TRAJECTORY
 
 SLOW = 600.0  # s, length of a segment in which the rotor is always in equilibrium with the flow
 CHANGED = 1e-3  # change of the flow in a segment, over its largest speed, which the rotor follows
@@ -35,7 +35,8 @@ class SteadyScenario(Scenario):
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `bins` has the speeds
     and their bins, `resource` is the resource of the speeds, and `backwards` tells whether they are
     those of reversed flow, in which the rotor turns backwards. The first and the last speed are the
-    ends of the flow's range, at which limits hold, and have no energy.
+    ends of the flow's range, at which limits hold, and have no energy. There are no limits on
+    rates.
     """
 
     resource: Inflow = None  # type: ignore[assignment]
@@ -54,6 +55,8 @@ class SteadyScenario(Scenario):
 
     def __post_init__(self):
         object.__setattr__(self, "edges", np.array(self.inflow.ends))
+        limits = tuple(x for x in self.limits if not x.series.keys() <= {*RATES})
+        object.__setattr__(self, "limits", limits)
 
     @property
     def messages(self):
@@ -145,31 +148,30 @@ def _without_time(whole: Scenario) -> Speeds:
     return found.with_ends(max(float(np.min(dense)), SLOWEST), float(np.max(dense)))
 
 
-def equilibrium_group(scenario, law, ode_options, scales, speed_bounds, start) -> om.Group:
+def equilibrium_group(scenario, law, ode_options, refs, bounds, start) -> om.Group:
     """Return a rotor in equilibrium at the speeds of a steady scenario; arguments as `add_phase`.
 
     Unknowns are the rotor's speed, (n_speeds,), and the states of the law; under feedback the
     balance of torques and the states' rates are constraints. Inputs are those of `RotorODE` that do
     not change over time; outputs ``timeseries.<quantity>``[n_speeds].
     """
-    group, (low, high) = om.Group(), speed_bounds
+    group, (low, high) = om.Group(), bounds["rotor_speed"]
     unknowns = group.add_subsystem("unknowns", om.IndepVarComp(), promotes=["*"])
     unknowns.add_output("time", scenario.node_times, units="s")
     unknowns.add_output("rotor_speed", start["rotor_speed"], units="rad/s")
-    ref = np.maximum(start["rotor_speed"], 1e-3 * scales.rotor_speed)
+    ref = np.maximum(start["rotor_speed"], 1e-3 * refs["rotor_speed"])
     group.add_design_var("rotor_speed", lower=low, upper=high, ref=ref, units="rad/s")
     if law.chooses_speed:
         unknowns.add_output("rotor_acceleration", np.zeros(scenario.segments), units="rad/s**2")
     else:
         # each flow has a torque of its own size
-        torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * scales.torque)
-        ref = scales.acceleration * torque / scales.torque
+        torque = np.maximum(np.abs(start["control_torque"]), 1e-3 * refs["control_torque"])
+        ref = refs["rotor_acceleration"] * torque / refs["control_torque"]
         group.add_constraint("rotor_acceleration", equals=0.0, ref=ref, units="rad/s**2")
     for name, (unit, _) in law.states.items():
-        size, rate = scales.states[name]
         unknowns.add_output(name, start[name], units=unit)
-        group.add_design_var(name, ref=size, units=unit)
-        group.add_constraint(f"{name}_rate", equals=0.0, ref=rate)
+        group.add_design_var(name, ref=refs[name], units=unit)
+        group.add_constraint(f"{name}_rate", equals=0.0, ref=refs[f"{name}_rate"])
     about = {"num_nodes": scenario.segments, "law": law, "inflow": scenario.inflow}
     group.add_subsystem("ode", RotorODE(**about, **ode_options), promotes=["*"])
     # as rows of their own, beside the unknowns: else the search of `river25` takes twice as long

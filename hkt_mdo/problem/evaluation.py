@@ -185,7 +185,7 @@ def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, f
     found: dict[str, tuple[float, float | None]] = {}
     for scenario, start in zip(physics.scenarios, on_start(physics, point), strict=True):
         flow = start["inflow_speed"]
-        for limit in (*physics.limits_in(scenario), *physics.design_limits):
+        for limit in (*scenario.limits, *physics.design_limits):
             if not isinstance(limit, DesignBounds):
                 over = limit.excess(start)
                 worst = int(np.argmax(over))

@@ -14,7 +14,7 @@ from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.turbine import Turbine
-from hkt_mdo.quantities import LOADS, RATES, STEADY
+from hkt_mdo.quantities import LOADS, STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
@@ -31,6 +31,7 @@ class Physics:
     and the condition of each `Scenario.turbine`; `turbine` has the contents of the section `rotor`,
     not fouled. There is usually one scenario; with a cut-out speed, one for each interval of
     operation.
+    `design_limits` are those on the design or the result.
     `messages` say what was converted, repaired or left out, `warnings` what is probably a mistake.
     `law` has no torque limit where the case gives one that no blade can reach in its flow.
     `ceilings` (W) are upper bounds on the mean power of each scenario, by name, where the aggregate
@@ -43,7 +44,7 @@ class Physics:
     turbine: Turbine
     scenarios: tuple[Scenario, ...]
     law: Law
-    limits: tuple[Limit, ...]
+    design_limits: tuple[Limit, ...]
     objective: Objective
     messages: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -69,21 +70,10 @@ class Physics:
         number = list(self.rotors).index(scenario.turbine)
         return f"_{number}" if number else ""
 
-    def limits_in(self, scenario: Scenario) -> tuple[Limit, ...]:
-        """Return the limits over time that hold in a scenario; a steady one has no rates."""
-        given = self.limits if scenario.limits is None else scenario.limits
-        found = (limit for limit in given if limit.place == "time")
-        return tuple(x for x in found if not (scenario.steady and x.series.keys() <= {*RATES}))
-
-    @property
-    def design_limits(self) -> tuple[Limit, ...]:
-        """The limits on the design or the result."""
-        return tuple(limit for limit in self.limits if limit.place != "time")
-
     @cached_property
     def all_limits(self) -> tuple[Limit, ...]:
         """The limits of the design, and those over time of all scenarios, each once."""
-        over_time = (limit for each in self.scenarios for limit in self.limits_in(each))
+        over_time = (limit for each in self.scenarios for limit in each.limits)
         return *dict.fromkeys(over_time), *self.design_limits
 
     def asks_for(self, name: str) -> bool:

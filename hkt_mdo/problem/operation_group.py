@@ -12,7 +12,7 @@ from hkt_mdo.problem.components import AggregateComp, FormulaComp, LinearComp, L
 from hkt_mdo.problem.equilibrium import equilibrium_group
 from hkt_mdo.problem.evaluation import on_start, split
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.scenario import Scales, Scenario, add_phase, dm
+from hkt_mdo.problem.scenario import Scenario, add_phase, dm
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import QUANTITIES, RATES
 from hkt_mdo.rotor.band import Band
@@ -53,9 +53,9 @@ class OperationGroup(om.Group):
     ``limit_<name>.value``, the `INTEGRALS` and objective.
     """
 
-    def __init__(self, physics: Physics, setup: Setup, scales: Scales, band: Band | None):
+    def __init__(self, physics: Physics, setup: Setup, refs: dict[str, float], band: Band | None):
         super().__init__()
-        self._physics, self._start, self._scales, self._band = physics, setup, scales, band
+        self._physics, self._start, self._refs, self._band = physics, setup, refs, band
 
     def setup(self):
         self._add_phases()
@@ -77,7 +77,7 @@ class OperationGroup(om.Group):
         """
         physics, setup = self._physics, self._start
         for number, scenario in enumerate(physics.scenarios):
-            limits = [*physics.limits_in(scenario)]
+            limits = [*scenario.limits]
             if physics.law.is_feedback and physics.has_curve:
                 spline = TorqueSpline(setup.nodes)
                 limits.append(DistanceFromStall(law=physics.law_in(scenario), spline=spline))
@@ -102,9 +102,9 @@ class OperationGroup(om.Group):
         if np.max(excess) < -UNUSED:
             return
         if isinstance(limit, DistanceFromStall):
-            nodes, ref = self._near_stall(limit, number), self._scales.torque
+            nodes, ref = self._near_stall(limit, number), self._refs["control_torque"]
         elif limit.is_of(["control_torque"]) and limit.unit == "N*m":
-            ref = self._scales.torque
+            ref = self._refs["control_torque"]
         options = {"ref": ref or limit.bounds_size or 1.0, "units": limit.unit}
         bounds = narrowed(limit, setup.share_at(limit, scenario, nodes))
         name = constraint_of(physics, limit, number)
@@ -122,9 +122,8 @@ class OperationGroup(om.Group):
         quantity, n = limit.inputs[0], scenario.nodes_per_segment - 1
         matrix = scenario.between[np.repeat(segments, n)]
         bounds = narrowed(limit, np.repeat(self._start.share(limit, scenario)[segments], n))
-        name, units = between_of(scenario, limit), {"units": limit.unit}
-        self.add_subsystem(name, LinearComp({quantity: matrix}, limit.unit, "value", units))
-        self.connect(scenario.source(quantity), f"{name}.{quantity}")
+        name, meta = between_of(scenario, limit), {"units": limit.unit}
+        self._add_linear(name, scenario, quantity, matrix, "value", meta)
         self.add_constraint(f"{name}.value", **bounds, **options)
 
     def _near_stall(self, limit, number):
@@ -154,7 +153,7 @@ class OperationGroup(om.Group):
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._physics, self._start
-        bounds = setup.bounds(physics)["rotor_speed"]
+        bounds = setup.bounds(physics)
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
         for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
@@ -165,7 +164,7 @@ class OperationGroup(om.Group):
             torque = torque - generator.friction(speed)
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= zip(physics.law.states, states, strict=True)
-            about = each, physics.law_in(each), options, self._scales, bounds, begin
+            about = each, physics.law_in(each), options, self._refs, bounds, begin
             promoted = [(name, named(name, variant)) for name in parameters]
             if each.steady:
                 group = equilibrium_group(*about)
@@ -253,23 +252,23 @@ class OperationGroup(om.Group):
 
     def _add_rates(self):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
-        asked = any(map(self._physics.asks_for, RATES))
-        about = QUANTITIES["control_torque"].unit, "torque_rate", QUANTITIES["torque_rate"].meta
-        for scenario in self._physics.scenarios if asked else ():
-            name, matrices = f"rates_{scenario.name}", {"control_torque": scenario.differentiation}
-            self.add_subsystem(name, LinearComp(matrices, *about))
-            self.connect(scenario.source("control_torque"), f"{name}.control_torque")
+        asked, rate = any(map(self._physics.asks_for, RATES)), "torque_rate"
+        for each in self._physics.scenarios if asked else ():
+            about = "control_torque", each.differentiation, rate, QUANTITIES[rate].meta
+            self._add_linear(f"rates_{each.name}", each, *about)
 
     def _close_cycle(self, scenario):
-        """Add the difference of a scenario's final and initial rotor speed, which must be zero."""
-        name = f"{scenario.name}_gain_of_speed"
-        change = om.ExecComp("change = final - initial", units="rad/s", has_diag_partials=True)
-        self.add_subsystem(name, change)
-        for end, index in (("initial", 0), ("final", -1)):
-            speed, at = scenario.source("rotor_speed"), om.slicer[[index], 0]
-            self.connect(speed, f"{name}.{end}", src_indices=at)
-        about = {"equals": 0.0, "ref": self._scales.rotor_speed, "units": "rad/s"}
-        self.add_constraint(f"{name}.change", **about)
+        """Hold a scenario's final rotor speed to the initial one."""
+        name, ends = f"{scenario.name}_gain_of_speed", np.zeros((1, scenario.node_times.size))
+        ends[0, [0, -1]] = -1.0, 1.0
+        self._add_linear(name, scenario, "rotor_speed", ends, "change", {"units": "rad/s"})
+        self.add_constraint(f"{name}.change", equals=0.0, ref=self._refs["rotor_speed"])
+
+    def _add_linear(self, name, scenario, quantity, matrix, result, meta):
+        """Add a matrix times a quantity at the nodes of a scenario; `meta` is of the result."""
+        given = QUANTITIES[quantity].unit
+        self.add_subsystem(name, LinearComp({quantity: matrix}, given, result, meta))
+        self.connect(scenario.source(quantity), f"{name}.{quantity}")
 
     def _add_formula(self, name, formula, nodes, scenario=None):
         """Add a formula of the design, or at some nodes of a scenario, and connect its inputs.

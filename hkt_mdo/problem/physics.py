@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 
@@ -173,15 +173,19 @@ def physics(case: Case) -> Physics:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.model_copy(update={"torque_limit": None})
-    limits = _limits(case, shape, control.torque_limit)
+
+    def limits_in(scenario):
+        own = case.of_scenario(scenario.group)
+        return _limits_over_time(own, shape, control.torque_limit)
+
     made = Physics(
         case,
         shape,
         _rotors(case, turbine, shape, scenarios),
         turbine,
-        tuple(_with_limits(each, case, shape, control.torque_limit) for each in scenarios),
+        tuple(replace(each, limits=limits_in(each)) for each in scenarios),
         control,
-        limits,
+        _design_limits(case, shape),
         case.objective,
         messages,
         (*turbine.doubts, *doubts(case, _derived(turbine, whole))),
@@ -213,22 +217,11 @@ def _ceilings(physics: Physics) -> dict[str, float]:
         for key, rotor in physics.rotors.items()
     }
     for each in physics.scenarios:
-        most = [x.upper for x in physics.limits_in(each) if isinstance(x, PowerLimit)]
+        most = [x.upper for x in each.limits if isinstance(x, PowerLimit)]
         flow = each.inflow.speed_at(each.node_times)
         power = np.minimum(best[each.turbine] * flow**3, min(most, default=np.inf))
         found[each.group] += float(each.node_weights @ power) / each.mesh.duration
     return found
-
-
-def _with_limits(
-    scenario: Scenario, case: Case, shape: Shape, torque_limit: float | None
-) -> Scenario:
-    """Return a scenario with its own limits, where they differ from the case's."""
-    own = case.of_scenario(scenario.group)
-    known = [(x.limits, x.condition.torque_constant) for x in (own, case)]
-    if known[0] == known[1]:
-        return scenario
-    return replace(scenario, limits=_limits(own, shape, torque_limit))
 
 
 def _rotors(
@@ -342,24 +335,31 @@ def _shape(case: Case, turbine: Turbine) -> Shape:
     return Shape.designed(blade, points, bounds, radius_bounds, turbine.polar.several)
 
 
-def _limits(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
-    """Return the limits of a case: torque and rotation, the design's bounds, and those it gives.
+def _limits(case: Case, shape: Shape) -> Iterator[Limit]:
+    """Yield the limits that a case gives, for its blade and its material."""
+    for limit in case.limits.given:
+        yield limit.on(shape.blade, case.rotor.blade_material)
 
-    A generator whose table ends at a speed has a limit of the speed there.
-    """
+
+def _design_limits(case: Case, shape: Shape) -> tuple[Limit, ...]:
+    """Return the limits on the design or the result: the bounds, and those that a case gives."""
     bounds = dict(shape.bounds)
     if shape.designs_set_angle:
         bounds = {"set_angle": shape.bounds["twist"]}
     bounds |= {"radius": shape.radius_bounds, "gain": case.design.gain_bounds}
     bounds["hub_inertia"] = case.design.hub_inertia_bounds
-    material, end = case.rotor.blade_material, case.generator.fastest
-    given = {limit.name: limit.on(shape.blade, material) for limit in case.limits.given}
-    speed = given.get("rotor_speed")
+    held = (DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends)
+    return *held, *(limit for limit in _limits(case, shape) if limit.place != "time")
+
+
+def _limits_over_time(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
+    """Return the limits over time of a case: torque and rotation, and those that it gives.
+
+    A generator whose table ends at a speed has a limit of the speed there.
+    """
+    given = {limit.name: limit for limit in _limits(case, shape) if limit.place == "time"}
+    speed, end = given.get("rotor_speed"), case.generator.fastest
     if end < (np.inf if speed is None else speed.upper):
         given["rotor_speed"] = TableEnd(bound=end)
-    return (
-        TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant),
-        ForwardRotation(),
-        *(DesignBounds(quantity=name, bounds=ends) for name, ends in bounds.items() if ends),
-        *given.values(),
-    )
+    torque = TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant)
+    return torque, ForwardRotation(), *given.values()

@@ -49,7 +49,7 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
-    `limits` are those that hold in it over time, None: the case's. `density` (kg/m**3) and
+    `limits` are those that hold in it over time. `density` (kg/m**3) and
     `condition` are those of water and turbine in it, None: the case's.
     Intervals of one scenario, between which the machine stands still, have the same `group`.
     """
@@ -59,7 +59,7 @@ class Scenario:
     weight: float = 1.0
     name: str = "phase"
     edges: np.ndarray = None  # type: ignore[assignment]
-    limits: tuple[Limit, ...] | None = None
+    limits: tuple[Limit, ...] = ()
     interval_of: str = ""
     density: float | None = None
     condition: Condition | None = None
@@ -365,11 +365,12 @@ class Radau(_Lean, dm.Radau):
 _TRANSCRIPTIONS = {"gauss-lobatto": GaussLobatto, "radau": Radau}
 
 
-def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_bounds, start):
+def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, start):
     """Add a scenario's phase to a trajectory.
 
     `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that
-    the model feeds, with their units; `speed_bounds` (rad/s) a pair. `start` has time, rotor_speed,
+    the model feeds, with their units. `refs` has the reference magnitudes, also of the states'
+    rates, and `bounds` those of speed and torque, by their names. `start` has time, rotor_speed,
     control_torque and the states of law and wake at samples, SI units, (n_times,).
     """
     mesh, time = scenario.mesh, start["time"]
@@ -390,8 +391,11 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_
     for name, units in parameters.items():
         phase.add_parameter(name, opt=False, units=units, static_targets=True)
 
-    speed = {"lower": speed_bounds[0], "upper": speed_bounds[1], "ref": scales.rotor_speed}
-    inverse = law.chooses_speed
+    def unknown(name):
+        lower, upper = bounds[name]
+        return {"lower": lower, "upper": upper, "ref": refs[name]}
+
+    inverse, speed = law.chooses_speed, unknown("rotor_speed")
     if inverse:
         _add_control(phase, "rotor_speed", rate_targets=["rotor_acceleration"], **speed)
     else:
@@ -400,22 +404,20 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_
             rate_source="rotor_acceleration",
             targets=["rotor_speed"],
             units="rad/s",
-            defect_ref=scales.acceleration,
+            defect_ref=refs["rotor_acceleration"],
             **speed,
         )
     remembers = WAKE_STATES.keys() <= start.keys()
     for name, (unit, _) in (law.states | (WAKE_STATES if remembers else {})).items():
-        ref, rate = scales.states[name]
-        source, bounds = f"{name}_rate", {}
+        source, ends = f"{name}_rate", {}
         if name in WAKE_STATES:
             low, high = np.min(start[name]), np.max(start[name])
-            bounds = {"lower": WAKE_MOVES[0] * low, "upper": WAKE_MOVES[1] * high}
-        about = {"units": unit, "ref": ref, "defect_ref": rate}
-        phase.add_state(name, rate_source=source, targets=[name], **about, **bounds)
-        phase.add_boundary_constraint(source, loc="initial", equals=0.0, ref=rate)
+            ends = {"lower": WAKE_MOVES[0] * low, "upper": WAKE_MOVES[1] * high}
+        about = {"units": unit, "ref": refs[name], "defect_ref": refs[source]}
+        phase.add_state(name, rate_source=source, targets=[name], **about, **ends)
+        phase.add_boundary_constraint(source, loc="initial", equals=0.0, ref=refs[source])
     if law.chooses_torque:
-        limits = {"lower": 0.0, "upper": scales.torque_limit}
-        _add_control(phase, "control_torque", ref=scales.torque, **limits)
+        _add_control(phase, "control_torque", **unknown("control_torque"))
     balanced = mesh.initial_speed == "equilibrium"
     if balanced or (mesh.initial_speed == "auto" and law.is_feedback):
         # where speed is the control, its acceleration is the control's rate
@@ -423,7 +425,7 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, scales, speed_
             "rotor_speed_rate" if inverse else "rotor_acceleration",
             loc="initial",
             equals=0.0,
-            ref=scales.acceleration,
+            ref=refs["rotor_acceleration"],
             units="rad/s**2",
         )
     for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
@@ -447,19 +449,3 @@ def _add_control(phase, name, ref, **options):
         ref=ref,
         **options,
     )
-
-
-@dataclass(frozen=True)
-class Scales:
-    """Reference magnitudes of one problem, from its start: every `ref` of its phases.
-
-    rotor_speed (rad/s), torque (N*m), acceleration (rad/s**2): a typical torque over the inertia.
-    torque_limit (N*m or None) bounds the torque where that is the open loop's unknown. states has
-    those of each state of the control law, and of its rate.
-    """
-
-    rotor_speed: float
-    torque: float
-    acceleration: float
-    torque_limit: float | None
-    states: dict[str, tuple[float, float]]

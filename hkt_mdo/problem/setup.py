@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
@@ -50,7 +50,7 @@ class Setup:
     least_hub: float = 0.0
 
     def bounds(self, physics: Physics) -> dict[str, tuple]:
-        """Return (lower, upper) of what the optimizer changes, and of the rotor speed, SI units.
+        """Return (lower, upper) of what the optimizer changes, speed and torque too, SI units.
 
         By their names in the model; a radius, a hub and gains that are not designed have none.
         """
@@ -59,6 +59,10 @@ class Setup:
         speed, radius = start.operation.rotor_speed, start.blade.rotor_radius
         found = {f"{name}_control": ends for name, ends in shape.bounds.items()}
         found["rotor_speed"] = slower * np.min(speed), faster * np.max(speed)
+        most = physics.law.torque_limit
+        if most is not None:
+            most *= min(np.min(self.share(TorqueLimit(), each)) for each in physics.scenarios)
+        found["control_torque"] = 0.0, most
         if shape.radius_bounds is not None:
             ends = radius / by_radius, radius * by_radius
             found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)

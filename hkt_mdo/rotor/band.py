@@ -169,7 +169,8 @@ class Band:
         Parameters
         ----------
         table : ndarray of shape (n_nodes,)
-            Mean axial induction in equilibrium, at the nodes; it rises, or falls, by `direction`.
+            Mean axial induction in equilibrium, at the nodes. It rises, or falls, by `direction`;
+            of a table that does both, the part in which it does so most determines the wake.
         induction : ndarray of shape (n_points,)
             Mean axial induction.
 
@@ -180,14 +181,17 @@ class Band:
             try points, it is continued smoothly by at most `BEYOND` of their range.
         """
         table, induction = self.direction * table, self.direction * induction
-        rising = np.maximum.accumulate(table) + 1e-9 * np.arange(table.size)
+        end = max(1, np.argmax(table - np.minimum.accumulate(table)))
+        begin = np.argmin(table[:end])
+        nodes, rising = self.nodes[begin : end + 1], np.maximum.accumulate(table[begin : end + 1])
+        rising += 1e-9 * np.arange(rising.size)
         inside = np.clip(induction, rising[0], rising[-1])
-        ratio = np.interp(inside, rising, self.nodes)
-        least = 1e-2 * (rising[-1] - rising[0]) / np.ptp(self.nodes)
+        ratio = np.interp(inside, rising, nodes)
+        least = 1e-2 * (rising[-1] - rising[0]) / np.ptp(nodes)
         for _ in range(8):
             value, slope = self.spline.values(table, ratio)
             slope = np.maximum(slope, least)
-            ratio = np.clip(ratio - (value - inside) / slope, self.nodes[0], self.nodes[-1])
+            ratio = np.clip(ratio - (value - inside) / slope, nodes[0], nodes[-1])
         room = BEYOND * np.ptp(self.nodes)
         turned = np.tanh((induction - inside) / (slope * room))
         return ratio + room * turned, self.direction * (1.0 - turned**2) / slope

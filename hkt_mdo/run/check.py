@@ -314,7 +314,7 @@ def _reached(found: Findings) -> tuple[str, str] | None:
     limits = [
         (float(np.max(limit.excess(found.at_start[flow.name]))), limit)
         for flow in found.flows
-        for limit in found.physics.limits_in(flow.scenarios[0])
+        for limit in flow.scenarios[0].limits
         if np.isfinite(limit.upper)
     ]
     share, most = max(limits, key=itemgetter(0), default=(-1.0, None))
@@ -449,7 +449,7 @@ def _limits(found: Findings) -> Rows:
     for flow in found.flows:
         name = f"{flow.name}: " * (len(found.flows) > 1)
         values, limits = found.at_start[flow.name], {}
-        for limit in (*found.physics.limits_in(flow.scenarios[0]), *found.physics.design_limits):
+        for limit in (*flow.scenarios[0].limits, *found.physics.design_limits):
             if isinstance(limit, DesignBounds) or not np.isfinite(limit.end):
                 continue
             known = found.running or limit.place != "time"

@@ -278,7 +278,7 @@ def _of_design(ended):
     for limit in physics.design_limits:
         yield _of_design_limit(ended, limit)
     for verification, suffix in _suffixed(verifications):
-        for limit in physics.limits_in(verification.scenario):
+        for limit in verification.scenario.limits:
             yield from _of_limit(limit, verification, suffix)
     yield from _resolved(ended)
 
@@ -328,7 +328,7 @@ def _resolved(ended):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
     found = []
     for verification in ended.verifications:
-        for limit in ended.physics.limits_in(verification.scenario):
+        for limit in verification.scenario.limits:
             if limit.is_of(LOADS) and verification.resolved:
                 known = verification.resolved
                 over, when = _largest(verification.scenario, limit.excess(known), known["time"])

@@ -217,7 +217,8 @@ class Findings:
         physics, gains = self.physics, self.start.gains
         law = physics.law.beginning_with(gains) if physics.law.is_feedback else physics.law
         first = physics.scenarios[0]
-        flow = Scenario(ConstantInflow(speed=self.mean), first.mesh, name=first.group)
+        about = {"name": first.group, "limits": first.limits}
+        flow = Scenario(ConstantInflow(speed=self.mean), first.mesh, **about)
         constant = replace(physics, law=law, scenarios=(flow,))
         steady = find_start(constant, self.best, improve=False).operation
         self.steady_speed = self.time_constant = None

@@ -41,7 +41,7 @@ def solve(state: RunState, physics: Physics, setup: Setup, driver: om.Driver) ->
         The end of the optimization, converged or not.
     """
     problem = assemble(physics, setup, driver)
-    rows = sum(x.segments * (1 + len(physics.limits_in(x))) for x in physics.scenarios)
+    rows = sum(x.segments * (1 + len(x.limits)) for x in physics.scenarios)
     if state.records:
         add_recorders(problem, state.out, whole=rows <= MOST_ROWS)
     try:

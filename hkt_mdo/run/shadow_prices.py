@@ -29,7 +29,7 @@ def shadow_prices(optimum: Checked) -> dict[str, float]:
     pairs = [
         (limit, each.at_nodes)
         for each in optimum.verifications
-        for limit in physics.limits_in(each.scenario)
+        for limit in each.scenario.limits
         if limit.caps_series
     ]
     near = {limit.name for limit, known in pairs if np.any(limit.excess(known) >= -FAR)}
@@ -54,7 +54,7 @@ def _with_more(result, limit, optimum) -> State:
     physics = result.physics
     lower, upper = optimum.lower.copy(), optimum.upper.copy()
     for number, scenario in enumerate(physics.scenarios):
-        if limit.name not in {each.name for each in physics.limits_in(scenario)}:
+        if limit.name not in {each.name for each in scenario.limits}:
             continue
         names = constraint_of(physics, limit, number), f"{between_of(scenario, limit)}.value"
         if not limit.constrains(physics.law):  # the bounds of a control

@@ -343,7 +343,7 @@ def _over_time(finished, verifications, several=False):
     """Return the entries of limits over time by their names; of several, with the scenario."""
     pairs = {}
     for each in verifications:
-        for limit in finished.physics.limits_in(each.scenario):
+        for limit in each.scenario.limits:
             if np.isfinite(limit.end):
                 pairs.setdefault(limit.name, []).append((limit, each))
     return {name: _limit(own, several) for name, own in pairs.items()}

@@ -163,7 +163,7 @@ class Verification(SimulatedDesign):
     @property
     def constrained(self) -> list[Limit]:
         """The limits over time that the optimization constrains in the scenario."""
-        limits = self.physics.limits_in(self.scenario)
+        limits = self.scenario.limits
         return [limit for limit in limits if limit.constrains(self.physics.law)]
 
     @property

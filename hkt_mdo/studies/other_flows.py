@@ -216,7 +216,7 @@ class Run:
         known = SimulatedDesign(physics, *about).simulated
         found = {
             limit.name: _extreme(limit, known)
-            for limit in physics.limits_in(physics.scenarios[0])
+            for limit in physics.scenarios[0].limits
             if not limit.bounded and np.isfinite(limit.end_of(limit.reported(known)))
         }
         for name, load in placed(plant.blade, [(physics.rotor, known)]).items():

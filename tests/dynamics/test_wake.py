@@ -1,6 +1,7 @@
 """The wake's memory: held to AeroDyn's, to SciPy, and in steady flow to direct BEM."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,8 +9,15 @@ from scipy.integrate import solve_ivp
 
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
-from hkt_mdo.dynamics.radau import LOST, MATRIX, StageSystem, solve_stages
-from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, simulate
+from hkt_mdo.dynamics.radau import MATRIX, StageSystem
+from hkt_mdo.dynamics.simulation import (
+    LOST,
+    FeedbackTorque,
+    Plant,
+    RecordedTorque,
+    _Motion,
+    simulate,
+)
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake
 from hkt_mdo.rotor import bem
@@ -232,15 +240,14 @@ def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
     inverse = np.linalg.eigvals(np.linalg.inv(MATRIX))
     slope, step, seen = inverse[np.isreal(inverse)].real[0], np.ones((1, 1)), []
 
-    def rates_at(stages):
+    def rates(_time, _flow, stages):
         seen.append(np.max(np.abs(stages)))
         return slope * stages, None
 
-    def system_at(stages, *_):
-        return StageSystem(step, np.full((1, 5, 1, 1), slope))
-
-    guess = np.ones((1, 5, 1))
-    assert solve_stages(rates_at, system_at, np.ones(1), step, guess, 1, 1e-9) is None
+    system = StageSystem(step, np.full((1, 5, 1, 1), slope))
+    motion = _Motion(SimpleNamespace(wake=None), None, None, np.ones(1), 1, 0.0, 1.0, 1e-7)
+    vars(motion).update(_rates=rates, _system=lambda *_: system)
+    assert motion._stages(np.ones(1), step, None, None, np.ones((1, 5, 1))) is None
     assert max(seen) < LOST
 
 

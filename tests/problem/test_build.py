@@ -168,7 +168,7 @@ def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
 def test_a_limit_is_narrowed_at_one_speed_of_a_steady_scenario():
     flow = {"profile": "histogram", "speeds": [1.0, 1.1, 1.2], "hours": [1, 1, 1]}
     world = physics(load_case({"resource": flow, "control": "quadratic"}))
-    each, limit = world.scenarios[0], world.limits[0]
+    each, limit = world.scenarios[0], world.all_limits[0]
     kept = np.linspace(0.9, 1.0, each.segments)
     shares = Setup(None, None, shares={(limit.name, each.name): kept})
     assert list(shares.share_at(limit, each, each.distinct_nodes)) == list(kept)
@@ -181,8 +181,9 @@ def two_flows(world, segments=6):
     """Return some physics in its own flow and in a step, of another duration and mesh."""
     step = StepInflow(before=1.2, after=1.5, time=6.0, width=1.5)
     mesh = Phase(segments=segments, duration=12.0)
-    other = Scenario(step, mesh, weight=0.3, name="step")
-    return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), other))
+    own = world.scenarios[0]
+    other = Scenario(step, mesh, weight=0.3, name="step", limits=own.limits)
+    return replace(world, scenarios=(replace(own, weight=0.7), other))
 
 
 @pytest.mark.parametrize("name", VARIANTS)

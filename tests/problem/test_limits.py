@@ -92,7 +92,7 @@ def test_a_limit_of_the_speed_is_within_the_generator_s_table(own, end, tmp_path
     flow = {"inflow": "sine", "limits": {"rotor_speed": own}}
     case = CASE | {"generator": {"table": str(path)}, "scenarios": [flow]}
     world = physics(load_case(case))
-    (limit,) = (x for x in world.limits_in(world.scenarios[0]) if x.name == "rotor_speed")
+    (limit,) = (x for x in world.scenarios[0].limits if x.name == "rotor_speed")
     assert (limit.upper, "generator.table" in limit.key) == (end, end == 8.0)
 
 
@@ -101,7 +101,7 @@ def test_a_limited_rate_of_a_scenario_is_one_of_the_case():
     case = load_case(CASE | {"scenarios": [{"inflow": "sine"} | rate, steady | rate]})
     assert complete(case).phase.final_speed == "free"
     world = physics(case)
-    names = [[limit.name for limit in world.limits_in(each)] for each in world.scenarios]
+    names = [[limit.name for limit in each.limits] for each in world.scenarios]
     assert ["torque_rate" in each for each in names] == [True, False]  # at rest it has none
     assert any("no effect in a steady scenario" in text for text in world.messages)
 

@@ -153,7 +153,7 @@ def test_shipped_materials(name):
     assert mass[0] / mass[1] == pytest.approx(own["density"] / DENSITY, rel=1e-12)
     sag = [each.rotor.tip_deflection(each.blade, RATIO)[0] for each in (found, solid)]
     assert sag[0] / sag[1] == pytest.approx(68.9e9 / own["modulus"], rel=1e-12)
-    assert {each.name: each.upper for each in found.limits}["stress"] == own["allowable_stress"]
+    assert {each.name: each.upper for each in found.all_limits}["stress"] == own["allowable_stress"]
     assert 500.0 < own["density"] < 9e3
     # metals and laminates of blades break or yield between 0.1 and 1 % of strain
     assert 1e-3 < own["allowable_stress"] / own["modulus"] < 1.3e-2
@@ -165,7 +165,7 @@ def test_a_material_of_ones_own_and_keys_beside_it():
     found = plant(rotor, stress={"bound": "allowable"})
     assert found.rotor.structure.density == pytest.approx(1900.0)
     assert found.rotor.structure.modulus == 30e9
-    assert {each.name: each.upper for each in found.limits}["stress"] == pytest.approx(60e6)
+    assert {each.name: each.upper for each in found.all_limits}["stress"] == pytest.approx(60e6)
     beside = plant(rotor | {"material_density": 900.0, "modulus": "20 GPa"})
     structure = beside.rotor.structure
     assert (structure.density, structure.modulus) == (900.0, 20e9)

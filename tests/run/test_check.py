@@ -202,7 +202,7 @@ def test_a_torque_limit_out_of_reach_is_none(law: str) -> None:
     assert "torque_limit = 1e+06 N m is out of reach of any blade" in told
     world = report.findings.physics
     assert world.law.torque_limit is None
-    assert np.isinf(world.limits[0].upper)
+    assert np.isinf(world.all_limits[0].upper)
     assert world.case.control.torque_limit == 1e6
 
 

@@ -79,9 +79,9 @@ def with_node(solved, quantity, change):
 
 
 def with_limit(solved, limit):
-    """Return what was solved, judged by one limit more."""
-    limits = (*solved.physics.limits, limit)
-    return with_result(solved, physics=replace(solved.physics, limits=limits))
+    """Return what was solved, judged by one limit over time more."""
+    scenario = solved.verification.scenario
+    return with_flight(solved, scenario=replace(scenario, limits=(*scenario.limits, limit)))
 
 
 def with_result(solved, **changes):
@@ -413,13 +413,13 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
     steepest = np.max(np.abs(steady["torque_rate"]))
 
     def told(bound, at_end):
-        limits = (*world.limits, TorqueRateLimit(bound=bound))
+        scenario = replace(world.scenarios[0], limits=(TorqueRateLimit(bound=bound),))
         passed = at_end <= 1e-3
         ends = [
             CheckEntry(name=f"torque_rate_{place}_nodes", value=at_end, limit=1e-3, passed=passed)
             for place in ("at", "between")
         ]
-        return none_found(replace(world, limits=limits), start, [*checks, *ends])
+        return none_found(replace(world, scenarios=(scenario,)), start, [*checks, *ends])
 
     assert told(0.8 * steepest, 0.5).startswith(
         "no design that keeps the limits was found from 11 starts: the smallest violation was "
@@ -446,7 +446,8 @@ def test_stations_beyond_their_polars_are_a_warning_or_a_note(feedback, monkeypa
 
 def test_a_thickness_that_is_not_designed_is_that_of_the_sections(feedback):
     thin = DesignBounds(quantity="thickness", bounds=(0.0, 0.1))
-    assert with_limit(feedback, thin).failed() == ["thickness_bounds"]
+    judged = with_result(feedback, physics=replace(feedback.physics, design_limits=(thin,)))
+    assert judged.failed() == ["thickness_bounds"]
 
 
 def test_advice_is_what_the_case_can_follow():
@@ -491,8 +492,8 @@ def test_a_limit_on_the_design_alone_is_held_and_judged(solve_physics):
     entry = summarize(held).limits["largest_inertia"]
     assert entry.value == pytest.approx(bound, rel=1e-6)
     assert entry.binding
-    limits = (*held.physics.limits[:-1], LargestInertia(bound=0.99 * bound))
-    tighter = with_result(held, physics=replace(held.physics, limits=limits))
+    limits = (*held.physics.design_limits[:-1], LargestInertia(bound=0.99 * bound))
+    tighter = with_result(held, physics=replace(held.physics, design_limits=limits))
     assert tighter.failed() == ["largest_inertia_bounds"]
 
 

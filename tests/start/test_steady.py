@@ -49,7 +49,7 @@ def test_a_generator_s_table_ends_at_a_limit_of_the_speed():
     """Beyond it no efficiency is known, so the optimizer may not go there."""
     for rpm, given in ((70.0, []), (60.0, ["limits.rotor_speed=60 rpm"])):
         world = physics(load_case(RIVER / "river25.yaml", given))
-        (limit,) = (each for each in world.limits if each.name == "rotor_speed")
+        (limit,) = (each for each in world.all_limits if each.name == "rotor_speed")
         assert limit.bound == pytest.approx(rpm * np.pi / 30.0)
 
 

@@ -43,7 +43,8 @@ def free(solve):
 
 
 def limited(design, *limits):
-    return replace(design, physics=replace(design.physics, limits=limits))
+    scenario = replace(design.physics.scenarios[0], limits=limits)
+    return replace(design, physics=replace(design.physics, scenarios=(scenario,)))
 
 
 # Theory -------------------------------------------------------------------------------------------
