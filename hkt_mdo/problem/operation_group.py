@@ -184,7 +184,7 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, scenario):
-        """Return the hydrodynamics of `RotorODE` and the ODE's inputs, with units.
+        """Return the hydrodynamics of `RotorODE`, and names of the ODE's inputs.
 
         In a steady scenario a wake with memory is in equilibrium.
         """
@@ -201,8 +201,7 @@ class OperationGroup(om.Group):
             polar = physics.rotor_in(scenario).polar
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
-        units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        return options, units | {name: x for name, (x, _) in physics.law.named_gains.items()}
+        return options, [*names, *physics.law.named_gains]
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""

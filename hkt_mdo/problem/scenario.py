@@ -368,7 +368,7 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     """Add a scenario's phase to a trajectory.
 
     `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that
-    the model feeds, with their units. `refs` has the reference magnitudes, also of the states'
+    the model feeds. `refs` has the reference magnitudes, also of the states'
     rates, and `bounds` those of speed, torque and wake, by name. `start` has time, rotor_speed,
     control_torque and the states of law and wake at samples, SI units, (n_times,).
     """
@@ -387,8 +387,8 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     trajectory.add_phase(scenario.name, phase)
     span = {"initial_val": float(time[0]), "duration_val": float(time[-1] - time[0])}
     phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"], **span)
-    for name, units in parameters.items():
-        phase.add_parameter(name, opt=False, units=units, static_targets=True)
+    for name in parameters:
+        phase.add_parameter(name, opt=False, static_targets=True)
 
     def unknown(name):
         lower, upper = bounds.get(name, (None, None))
