@@ -545,9 +545,8 @@ class _Motion:
             if not np.all(flow > 0.0):
                 return None
             if path is None:
-                guess = np.repeat(start, time.size).reshape(-1, *time.shape)
-                guess[0] *= flow / flow[0, 0]
-                guess = np.moveaxis(guess, 0, -1)
+                guess = np.tile(start, (*time.shape, 1))
+                guess[..., 0] *= flow / flow[0, 0]
             else:
                 guess = path(time)
             found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])

@@ -7,6 +7,7 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.limits import LEAST, TYPICAL, DistanceFromStall, Limit, settled
 from hkt_mdo.dynamics.objectives import INTEGRALS
+from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.problem.components import AggregateComp, FormulaComp, LinearComp, LoadComp
 from hkt_mdo.problem.equilibrium import equilibrium_group
@@ -20,6 +21,7 @@ from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 
+WAKE_MOVES = 0.5, 1.6  # bounds of the wake's states, over the start's smallest and largest
 PULSE = 0.002
 """How much farther from its wake an open loop may be than its start, relatively."""
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
@@ -153,11 +155,10 @@ class OperationGroup(om.Group):
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._physics, self._start
-        bounds = setup.bounds(physics)
         trajectory, inputs = dm.Trajectory(), []
         operation = split(physics, setup.start.operation)
         for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
-            variant = physics.variant(each)
+            variant, bounds = physics.variant(each), setup.bounds(physics)
             hydrodynamics, parameters = self._hydrodynamics(each)
             generator = physics.case.generator
             options = {"hydrodynamics": hydrodynamics, "generator": generator}
@@ -172,6 +173,8 @@ class OperationGroup(om.Group):
                 continue
             if self._band:
                 begin |= self._wake_at_start(each, speed)
+                ends = {name: (np.min(begin[name]), np.max(begin[name])) for name in WAKE_STATES}
+                bounds |= {name: np.multiply(WAKE_MOVES, x) for name, x in ends.items()}
             if physics.may_pulse:
                 self._hold_wake(each, begin["wake_factor"])
             add_phase(trajectory, parameters, *about)
@@ -181,7 +184,7 @@ class OperationGroup(om.Group):
             self.promotes("traj", inputs=inputs)
 
     def _hydrodynamics(self, scenario):
-        """Return the hydrodynamics of `RotorODE` and the ODE's inputs, with units.
+        """Return the hydrodynamics of `RotorODE`, and names of the ODE's inputs.
 
         In a steady scenario a wake with memory is in equilibrium.
         """
@@ -198,8 +201,7 @@ class OperationGroup(om.Group):
             polar = physics.rotor_in(scenario).polar
             options = {"blade": setup.start.blade, "polar": polar, "coefficients": solver}
             names += ["chord", "twist"]
-        units = {name: QUANTITIES[name].unit if name in QUANTITIES else None for name in names}
-        return options, units | {name: x for name, (x, _) in physics.law.named_gains.items()}
+        return options, [*names, *physics.law.named_gains]
 
     def _add_loads(self):
         """Add the loads that limits or objective need, at the nodes of every phase."""

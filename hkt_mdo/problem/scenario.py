@@ -38,7 +38,6 @@ SAMPLES = 20  # a segment, of the independent integration and between the nodes
 FLOW_MISSED = 1e-4
 MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
-WAKE_MOVES = 0.5, 1.6  # bounds of the wake's states, over the start's smallest and largest
 LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
 
@@ -369,8 +368,8 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     """Add a scenario's phase to a trajectory.
 
     `ode_options` are those of `RotorODE` besides law and inflow; `parameters` the ODE inputs that
-    the model feeds, with their units. `refs` has the reference magnitudes, also of the states'
-    rates, and `bounds` those of speed and torque, by their names. `start` has time, rotor_speed,
+    the model feeds. `refs` has the reference magnitudes, also of the states'
+    rates, and `bounds` those of speed, torque and wake, by name. `start` has time, rotor_speed,
     control_torque and the states of law and wake at samples, SI units, (n_times,).
     """
     mesh, time = scenario.mesh, start["time"]
@@ -388,46 +387,35 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     trajectory.add_phase(scenario.name, phase)
     span = {"initial_val": float(time[0]), "duration_val": float(time[-1] - time[0])}
     phase.set_time_options(fix_initial=True, fix_duration=True, units="s", targets=["time"], **span)
-    for name, units in parameters.items():
-        phase.add_parameter(name, opt=False, units=units, static_targets=True)
+    for name in parameters:
+        phase.add_parameter(name, opt=False, static_targets=True)
 
     def unknown(name):
-        lower, upper = bounds[name]
-        return {"lower": lower, "upper": upper, "ref": refs[name]}
+        lower, upper = bounds.get(name, (None, None))
+        return {"targets": [name], "lower": lower, "upper": upper, "ref": refs[name]}
 
-    inverse, speed = law.chooses_speed, unknown("rotor_speed")
-    if inverse:
-        _add_control(phase, "rotor_speed", rate_targets=["rotor_acceleration"], **speed)
+    def add_state(name, unit, rate):
+        about = unknown(name) | {"units": unit, "defect_ref": refs[rate]}
+        phase.add_state(name, rate_source=rate, **about)
+
+    rate = "rotor_acceleration"
+    if law.chooses_speed:
+        _add_control(phase, "rotor_speed", rate_targets=[rate], **unknown("rotor_speed"))
     else:
-        phase.add_state(
-            "rotor_speed",
-            rate_source="rotor_acceleration",
-            targets=["rotor_speed"],
-            units="rad/s",
-            defect_ref=refs["rotor_acceleration"],
-            **speed,
-        )
+        add_state("rotor_speed", "rad/s", rate)
     remembers = WAKE_STATES.keys() <= start.keys()
+    at_rest = {}
     for name, (unit, _) in (law.states | (WAKE_STATES if remembers else {})).items():
-        source, ends = f"{name}_rate", {}
-        if name in WAKE_STATES:
-            low, high = np.min(start[name]), np.max(start[name])
-            ends = {"lower": WAKE_MOVES[0] * low, "upper": WAKE_MOVES[1] * high}
-        about = {"units": unit, "ref": refs[name], "defect_ref": refs[source]}
-        phase.add_state(name, rate_source=source, targets=[name], **about, **ends)
-        phase.add_boundary_constraint(source, loc="initial", equals=0.0, ref=refs[source])
+        add_state(name, unit, f"{name}_rate")
+        at_rest[f"{name}_rate"] = refs[f"{name}_rate"]
     if law.chooses_torque:
         _add_control(phase, "control_torque", **unknown("control_torque"))
-    balanced = mesh.initial_speed == "equilibrium"
-    if balanced or (mesh.initial_speed == "auto" and law.is_feedback):
+    begins = mesh.initial_speed
+    if begins == "equilibrium" or (begins == "auto" and law.is_feedback):
         # where speed is the control, its acceleration is the control's rate
-        phase.add_boundary_constraint(
-            "rotor_speed_rate" if inverse else "rotor_acceleration",
-            loc="initial",
-            equals=0.0,
-            ref=refs["rotor_acceleration"],
-            units="rad/s**2",
-        )
+        at_rest["rotor_speed_rate" if law.chooses_speed else rate] = refs[rate]
+    for name, ref in at_rest.items():
+        phase.add_boundary_constraint(name, loc="initial", equals=0.0, ref=ref)
     for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
@@ -441,7 +429,6 @@ def _add_control(phase, name, ref, **options):
     """
     phase.add_control(
         name,
-        targets=[name],
         units=QUANTITIES[name].unit,
         continuity=isinstance(phase.options["transcription"], Radau),
         rate_continuity=True,

@@ -29,9 +29,7 @@ KNOWN = {
 
 def ode_of(law, generator=LOSSLESS, **values):
     """Return the problem of an ODE that was run, after a check of the partials of all its parts."""
-    spline = {"spline": TorqueSpline(NODES)}
-    options = {"law": law, "generator": generator, "hydrodynamics": spline}
-    ode = RotorODE(num_nodes=N, inflow=SineInflow(), **options)
+    ode = RotorODE(N, SineInflow(), {"spline": TorqueSpline(NODES)}, law, generator)
     return checked(ode, 1e-9, 1e-12, **KNOWN, torque_coefficient_table=TABLE, **values)
 
 
@@ -42,8 +40,7 @@ def closed_loop():
 
 def test_friction_brakes_the_shaft_and_takes_its_power(closed_loop):
     """J dw/dt = Q - u - F: the same in the inverse shaft, whose torque is what is left."""
-    acceleration = closed_loop.get_val("rotor_acceleration")
-    problem = ode_of(OpenLoop(), RUBS, rotor_acceleration=acceleration)
+    problem = ode_of(OpenLoop(), RUBS, rotor_acceleration=closed_loop.get_val("rotor_acceleration"))
     speed, less = closed_loop.get_val("rotor_speed"), closed_loop.get_val("control_torque")
     less = less - (20.0 + 3.0 * speed)
     np.testing.assert_allclose(problem.get_val("control_torque"), less, rtol=1e-12)
@@ -51,9 +48,8 @@ def test_friction_brakes_the_shaft_and_takes_its_power(closed_loop):
 
 
 def test_acceleration_is_equation_6(closed_loop):
-    found = closed_loop.get_val("rotor_acceleration")
     left = closed_loop.get_val("hydrodynamic_torque") - closed_loop.get_val("control_torque")
-    np.testing.assert_allclose(found, left / 3.5)
+    np.testing.assert_allclose(closed_loop.get_val("rotor_acceleration"), left / 3.5)
 
 
 def test_power_is_equation_5_and_scales_with_the_swept_area(closed_loop):
@@ -93,8 +89,7 @@ def test_partials_of_direct_bem_by_central_difference(reynolds):
     for name, value in (KNOWN | {"gain_0": 7.2}).items():
         problem.set_val(name, value)
     problem.run_model()
-    name = "coefficient"
-    about = {"includes": name, "out_stream": None, "form": "central", "step": 1e-6}
+    about = {"includes": "coefficient", "out_stream": None, "form": "central", "step": 1e-6}
     data = problem.check_partials(method="fd", **about)
-    assert set(data) == {name}
+    assert set(data) == {"coefficient"}
     assert_check_partials(data, atol=1e-8, rtol=1e-6)

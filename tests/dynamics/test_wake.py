@@ -7,17 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from hkt_mdo.dynamics import simulation
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SineInflow
 from hkt_mdo.dynamics.laws import QuadraticFeedback
 from hkt_mdo.dynamics.radau import MATRIX, StageSystem
-from hkt_mdo.dynamics.simulation import (
-    LOST,
-    FeedbackTorque,
-    Plant,
-    RecordedTorque,
-    _Motion,
-    simulate,
-)
+from hkt_mdo.dynamics.simulation import FeedbackTorque, Plant, RecordedTorque, simulate
 from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.dynamics.wake import AT_ONCE, Wake
 from hkt_mdo.rotor import bem
@@ -245,10 +239,11 @@ def test_newtons_method_is_given_up_before_it_leaves_every_real_speed():
         return slope * stages, None
 
     system = StageSystem(step, np.full((1, 5, 1, 1), slope))
-    motion = _Motion(SimpleNamespace(wake=None), None, None, np.ones(1), 1, 0.0, 1.0, 1e-7)
-    vars(motion).update(_rates=rates, _system=lambda *_: system)
-    assert motion._stages(np.ones(1), step, None, None, np.ones((1, 5, 1))) is None
-    assert max(seen) < LOST
+    motion = SimpleNamespace(dense=1, tolerance=1e-7, plant=SimpleNamespace(wake=None))
+    motion._rates, motion._system = rates, lambda *_: system
+    solved = simulation._Motion._stages(motion, np.ones(1), step, None, None, np.ones((1, 5, 1)))
+    assert solved is None
+    assert max(seen) < simulation.LOST
 
 
 def test_torque_rises_with_the_speed_while_the_wake_stays(paper):

@@ -181,9 +181,8 @@ def two_flows(world, segments=6):
     """Return some physics in its own flow and in a step, of another duration and mesh."""
     step = StepInflow(before=1.2, after=1.5, time=6.0, width=1.5)
     mesh = Phase(segments=segments, duration=12.0)
-    own = world.scenarios[0]
-    other = Scenario(step, mesh, weight=0.3, name="step", limits=own.limits)
-    return replace(world, scenarios=(replace(own, weight=0.7), other))
+    other = Scenario(step, mesh, weight=0.3, name="step", limits=world.scenarios[0].limits)
+    return replace(world, scenarios=(replace(world.scenarios[0], weight=0.7), other))
 
 
 @pytest.mark.parametrize("name", VARIANTS)
