@@ -209,8 +209,7 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
 
     def run(self) -> bool:  # whether it failed, as for all drivers
         self._message = "stopped by an error"
-        nonlinear = [name for name, meta in self._cons.items() if not meta["linear"]]
-        self._rows = [*self._objs, *nonlinear]
+        self._rows = self._get_ordered_nl_responses()
         self._prepare_totals(self._rows)
         super().run()
         result = self._scipy_optimize_result
