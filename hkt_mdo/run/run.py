@@ -8,8 +8,6 @@ A run can be killed at any moment: files appear whole or not at all, `success` i
 else is written, and `resume_case` continues from the last iterate in `iterate.json`.
 """
 
-from __future__ import annotations
-
 import signal
 import sqlite3
 import time

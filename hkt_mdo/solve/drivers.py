@@ -4,8 +4,6 @@ Whichever package carries it, an optimizer stops at the same tolerance, writes n
 through the driver's `outcome`.
 """
 
-from __future__ import annotations
-
 import importlib
 import signal
 from importlib.util import find_spec

@@ -6,8 +6,6 @@ its own, and the optimizer does not change from one to the other. So the problem
 (`hkt_mdo.start.steady`) is optimized from every blade on every branch, and the best is the start.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
