@@ -265,7 +265,6 @@ def evaluated_problem(found: Findings) -> om.Problem:
     """
     physics, ratios = found.physics, found.best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(physics, Setup(found.start, ratios))
-    problem.final_setup()
     problem.run_model()
     driver = problem.driver
     responses = [*driver.get_objective_values(), *driver.get_constraint_values()]

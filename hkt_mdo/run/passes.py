@@ -125,11 +125,6 @@ class Pass:
         return self.task.physics
 
     @property
-    def is_last(self) -> bool:
-        """Whether no other pass from the same start is allowed."""
-        return self.task.passes + 1 >= MAX_PASSES
-
-    @property
     def converged(self) -> bool:
         """Whether the optimizer converged."""
         return self.result.outcome.success
@@ -202,7 +197,7 @@ def begin_again(this: Pass) -> Task | None:
     iterations that the case allows may be made. What fails then as well has failed.
     """
     last, again = this.state.last, this.task.name == "begin again"
-    if this.is_last or this.converged or last is None or again:
+    if this.converged or last is None or again:
         return None
     why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
     return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
@@ -215,8 +210,6 @@ def heavier_hub(this: Pass) -> Task | None:
     that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
     follows an instability.
     """
-    if this.is_last:
-        return None
     point, bound = this.result.point, this.task.setup.least_hub
     hub = stable_hub(this.physics, point.blade, this.memory)
     if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
@@ -233,7 +226,7 @@ def refine(this: Pass) -> Task | None:
     That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
     are held between them, or lowered at the nodes of segments that are not divided.
     """
-    if this.is_last or not this.converged or this.runs_away:
+    if not this.converged or this.runs_away:
         return None
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
@@ -293,10 +286,10 @@ FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch
 
 
 def next_task(this: Pass) -> Task | None:
-    """Return the next optimization by the first of `FOLLOW_UPS` that applies."""
+    """Return the next optimization by the first of `FOLLOW_UPS` that applies and is allowed."""
     for follow in FOLLOW_UPS:
         task = follow(this)
-        if task is not None:
+        if task is not None and task.passes < MAX_PASSES:
             return replace(task, name=follow.__name__.replace("_", " "))
     return None
 

@@ -210,12 +210,12 @@ def _extremes(finished, scenarios):
     limits |= {name: x | {"worth": worth.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
     blade = finished.result.point.blade
-    bent = [(each.rotor, each.simulated) for each in finished.verifications]
+    several = [(each.rotor, each.simulated) for each in finished.verifications]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": loads.tip_deflection(blade, bent),
+        "tip_deflection_m": loads.tip_deflection(blade, several),
         "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
 
