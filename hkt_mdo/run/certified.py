@@ -1,7 +1,5 @@
 """The certificate of a case: an upper bound for all designs within its bounds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

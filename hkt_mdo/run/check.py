@@ -166,7 +166,10 @@ def _turbine(found: Findings) -> Rows:
 
 def _stations(found: Findings) -> Rows:
     """Yield angles and Reynolds numbers of the stations; warn, or note, beyond the tables."""
-    turbine = found.physics.turbine
+    turbine, blade = found.physics.turbine, found.plant.blade
+    ratio = np.array(found.working)[:, None] * blade.r / blade.rotor_radius
+    flow = np.array([[found.slowest], [found.fastest]]) * np.cos(blade.cone)
+    met = blade.chord * flow * np.hypot(1.0, ratio) / found.case.fluid.kinematic_viscosity
     for severity, message in found.stations.messages("starting blade"):
         yield _warning("rotor.polar", message, severity)
     numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
@@ -176,7 +179,6 @@ def _stations(found: Findings) -> Rows:
     how = "at every speed"
     if found.plant.polar.follows_reynolds:
         how, (low, high) = "which follow them", np.exp(found.plant.polar.log_reynolds[[0, -1]])
-        met = found.reynolds
         off = np.any((met < 0.99 * low) | (met > 1.01 * high), axis=0)
         if np.any(off):
             places = found.stations.places(off)
@@ -187,8 +189,8 @@ def _stations(found: Findings) -> Rows:
             )
     elif numbers:
         used = turbine.reynolds_number or float(np.exp(np.mean(np.log([*numbers]))))
-        outer = found.stations.blade.r >= OUTER * found.stations.blade.r[-1]
-        usual = float(np.exp(np.mean(np.log(found.reynolds[:, outer]))))
+        outer = blade.r >= OUTER * blade.r[-1]
+        usual = float(np.exp(np.mean(np.log(met[:, outer]))))
         if not 1.0 / FAR_REYNOLDS < usual / used < FAR_REYNOLDS:
             text = f"the polars are those of Re {powers(used)}, and the outer stations have "
             text += f"{powers(usual)}: drag and stall may differ"
@@ -198,7 +200,7 @@ def _stations(found: Findings) -> Rows:
     yield Row("thickness", thickness, "%", "of the chord", 3)
     yield Row("angles of attack", np.rad2deg(found.stations.met), "deg", "along the blade", 3)
     note = f"along the blade; polars for {known}, {how}"
-    yield Row("Reynolds numbers", powers(found.reynolds), "", note)
+    yield Row("Reynolds numbers", powers(met), "", note)
 
 
 def _flow(found: Findings, flow: Flow, given: Case) -> Rows:

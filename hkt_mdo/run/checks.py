@@ -5,18 +5,20 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 """
 
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
-from operator import attrgetter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from operator import attrgetter, methodcaller
+from typing import Any
 
 import numpy as np
 
 from hkt_mdo.dynamics.generator import BEYOND, Generator
 from hkt_mdo.dynamics.limits import BETWEEN, SLOWED
-from hkt_mdo.dynamics.objectives import CapturedEnergy
+from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
+from hkt_mdo.problem.evaluation import united
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED, Scenario
@@ -32,13 +34,7 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.run import loads
 from hkt_mdo.run.certified import certified_energy
 from hkt_mdo.run.memory import stability_of
-from hkt_mdo.run.verification import (
-    Optimized,
-    Verification,
-    design_and_result,
-    simulated_objective,
-    total,
-)
+from hkt_mdo.run.verification import Optimized, Verification
 from hkt_mdo.start.find import bounding_optimum
 
 # Limits of the checks, as docs/checks.md explains them
@@ -98,6 +94,25 @@ class Checked:
             checks += [entry(name + suffix, *about) for name, *about in _of_scenario(verification)]
         return checks + [entry(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
 
+    def total(self, of: Callable[[Verification], float]) -> float:
+        """Return the weighted sum over the scenarios of something of each verification."""
+        return float(sum(each.scenario.weight * of(each) for each in self.verifications))
+
+    @cached_property
+    def quantities(self) -> dict[str, Any]:
+        """The quantities of the design and of the whole result, by their names."""
+        integrals = {x: self.total(methodcaller("objective", y)) for x, y in INTEGRALS.items()}
+        return self.verifications[0].scalars | integrals
+
+    @cached_property
+    def objective(self) -> float:
+        """The objective of the integrations, in its unit, less the price of the shaft."""
+        objective, price = self.physics.objective, self.physics.price_of(self.result.point.blade)
+        if objective.is_rate:
+            integrals = (each.objective(objective) for each in self.verifications)
+            return united(self.physics, integrals) - price
+        return float(objective.value_of(self.quantities)) - price
+
     @property
     def passed(self) -> bool:
         """Whether all checks pass."""
@@ -122,7 +137,7 @@ class Checked:
         """
         large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
         refused = sum(not check.passed for check in self.checks)
-        worth = self.physics.objective.sign * simulated_objective(self.verifications)
+        worth = self.physics.objective.sign * self.objective
         return -large, -refused, worth
 
 
@@ -135,7 +150,7 @@ def _behind_open_loop(ended):
     kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
     ceiling = max(kept, default=0.0)
     if ceiling > 0.0:
-        behind = physics.objective.behind(simulated_objective(ended.verifications), ceiling)
+        behind = physics.objective.behind(ended.objective, ceiling)
         word = "share by which the objective is below that of an open loop that keeps the limits"
         yield "behind_open_loop", behind, BEHIND_OPEN_LOOP, word
 
@@ -262,17 +277,17 @@ def _of_design(ended):
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
     if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
-        stored = total(verifications, lambda verification: _stored(physics, verification))
-        energy = max(abs(total(verifications, attrgetter("simulation.energy"))), 1e-9)
+        stored = ended.total(partial(_stored, physics))
+        energy = max(abs(ended.total(attrgetter("simulation.energy"))), 1e-9)
         word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
         yield "stored_energy", stored / energy, STORED, word
-    objective = simulated_objective(verifications)
     if not captured:
-        known = simulated_objective(tuple(each.of_model for each in verifications))
+        of_model = tuple(each.of_model for each in verifications)
+        known = replace(ended, verifications=of_model).objective
         error = abs(result.objective - known) / max(abs(known), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
     if ended.start.reference > 0.0:
-        behind = physics.objective.behind(objective, ended.start.reference)
+        behind = physics.objective.behind(ended.objective, ended.start.reference)
         word = "share by which the objective is below that at the start of the run"
         yield "energy_below_start", behind, BELOW_START, word
     for limit in physics.design_limits:
@@ -313,7 +328,7 @@ def _bounds(ended):
     physics, optimum = ended.physics, ended.optimum
     if physics.remembers:  # before the wake follows, a rotor may capture more
         return
-    energy = total(ended.verifications, attrgetter("simulation.energy"))
+    energy = ended.total(attrgetter("simulation.energy"))
     bound = energy_bound(physics, optimum)
     for name, most, word in (
         ("energy_over_bound", bound, "quasi-steady bound"),
@@ -374,8 +389,8 @@ def recovery(
 
 def _of_design_limit(ended, limit):
     """Return how far the design, or the whole result, exceeds a limit."""
-    point, whole = ended.result.point, design_and_result(ended.verifications)
-    over = limit.excess(whole | designed(ended.physics, point))
+    point = ended.result.point
+    over = limit.excess(ended.quantities | designed(ended.physics, point))
     worst, where = int(np.argmax(over)), f"the {limit.name.replace('_', ' ')}"
     if limit.place == "span" and over.size == point.blade.r.size:
         where = f"r = {point.blade.r[worst]:.3f} m"

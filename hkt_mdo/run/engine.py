@@ -5,8 +5,6 @@ gets its next call when it is done with the last one, so that a worker that dies
 which another one makes again.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import platform

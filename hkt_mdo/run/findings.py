@@ -161,7 +161,6 @@ class Findings:
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
     - `stations`: what the stations meet in `working`.
-    - `reynolds` (2, n_stations): Reynolds numbers in the slowest and the fastest flow.
     """
 
     def __init__(self, physics: Physics):
@@ -187,7 +186,6 @@ class Findings:
         self.above_rated = float(np.average(above, weights=shares))
         self._start()
         self._settle()
-        self._meet()
 
     def _start(self):
         """Set the quasi-steady operation of the starting blade."""
@@ -211,6 +209,7 @@ class Findings:
         if self.running:
             ratios = np.concatenate([x["tip_speed_ratio"] for x in self.at_start.values()])
         self.working = float(ratios.min()), float(ratios.max())
+        self.stations = Stations(self.plant.blade, self.plant.polar, self.working)
 
     def _settle(self):
         """Set speed and time constant of the starting blade in the mean flow."""
@@ -228,15 +227,6 @@ class Findings:
             loop = Loop.of(self.plant, controller, speed, flow, *(x[:1] for x in steady.states))
             self.steady_speed = float(speed[0])
             self.time_constant = float(loop.time_constant[0])
-
-    def _meet(self):
-        """Set the angles of attack and Reynolds numbers of the stations at the start, by BEM."""
-        blade, polar = self.plant.blade, self.plant.polar
-        self.stations = Stations(blade, polar, self.working)
-        ratio = np.array(self.working)[:, None] * blade.r / blade.rotor_radius
-        flow = np.array([[self.slowest], [self.fastest]]) * np.cos(blade.cone)
-        relative = blade.chord * flow * np.hypot(1.0, ratio)
-        self.reynolds = relative / self.case.fluid.kinematic_viscosity
 
     def at_best(self, flow_speed: float) -> tuple[float, float]:
         """Return speed (rad/s) and torque for the generator (N*m) at the best tip speed ratio."""
@@ -266,7 +256,6 @@ def evaluated_problem(found: Findings) -> om.Problem:
     """
     physics, ratios = found.physics, found.best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
     problem = assemble(physics, Setup(found.start, ratios))
-    problem.final_setup()
     problem.run_model()
     driver = problem.driver
     responses = [*driver.get_objective_values(), *driver.get_constraint_values()]

@@ -1,7 +1,5 @@
 """Whether the loop of a result is stable if the wake has memory, linearized along it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

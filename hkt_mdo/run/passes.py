@@ -26,7 +26,7 @@ from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import collect, solve
 from hkt_mdo.run.refine import Division, divided, division, excesses_at_nodes, lowered
 from hkt_mdo.run.state import RunState
-from hkt_mdo.run.verification import Optimized, Verification, simulated_objective, verify
+from hkt_mdo.run.verification import Optimized, Verification, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
@@ -125,11 +125,6 @@ class Pass:
         return self.task.physics
 
     @property
-    def is_last(self) -> bool:
-        """Whether no other pass from the same start is allowed."""
-        return self.task.passes + 1 >= MAX_PASSES
-
-    @property
     def converged(self) -> bool:
         """Whether the optimizer converged."""
         return self.result.outcome.success
@@ -188,8 +183,11 @@ class Pass:
     def end(self) -> Checked:
         """The result of the run if nothing follows, with its checks, by exact integrations."""
         error = self.division.error if self.converged else 0.0
-        result = replace(self.result, mesh_error=error)
-        return checked(self.state.first, self.task.start, result, self.verifications)
+        start, result = self.task.start, replace(self.result, mesh_error=error)
+        if result.objective < (1.0 - BELOW_START) * start.reference:
+            moving = _moving_reference(self.state.first, start, result)
+            start = replace(start, reference=min(start.reference, moving))
+        return Checked(start, result, self.verifications)
 
 
 def begin_again(this: Pass) -> Task | None:
@@ -199,7 +197,7 @@ def begin_again(this: Pass) -> Task | None:
     iterations that the case allows may be made. What fails then as well has failed.
     """
     last, again = this.state.last, this.task.name == "begin again"
-    if this.is_last or this.converged or last is None or again:
+    if this.converged or last is None or again:
         return None
     why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
     return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
@@ -212,8 +210,6 @@ def heavier_hub(this: Pass) -> Task | None:
     that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
     follows an instability.
     """
-    if this.is_last:
-        return None
     point, bound = this.result.point, this.task.setup.least_hub
     hub = stable_hub(this.physics, point.blade, this.memory)
     if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
@@ -230,7 +226,7 @@ def refine(this: Pass) -> Task | None:
     That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
     are held between them, or lowered at the nodes of segments that are not divided.
     """
-    if this.is_last or not this.converged or this.runs_away:
+    if not this.converged or this.runs_away:
         return None
     physics, setup, finer, reasons = this.physics, this.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
@@ -290,10 +286,10 @@ FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch
 
 
 def next_task(this: Pass) -> Task | None:
-    """Return the next optimization by the first of `FOLLOW_UPS` that applies."""
+    """Return the next optimization by the first of `FOLLOW_UPS` that applies and is allowed."""
     for follow in FOLLOW_UPS:
         task = follow(this)
-        if task is not None:
+        if task is not None and task.passes < MAX_PASSES:
             return replace(task, name=follow.__name__.replace("_", " "))
     return None
 
@@ -333,16 +329,6 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
     return max((end for end in ends if end.passed), key=lambda end: end.rank, default=ends[0])
 
 
-def checked(
-    first: Physics, start: StartingPoint, result: Optimized, verifications: tuple[Verification, ...]
-) -> Checked:
-    """Return a result with its integrations, of a run that began at a start on its first mesh."""
-    if result.objective < (1.0 - BELOW_START) * start.reference:
-        moving = _moving_reference(first, start, result)
-        start = replace(start, reference=min(start.reference, moving))
-    return Checked(start, result, verifications)
-
-
 def measured(physics: Physics, start: StartingPoint) -> StartingPoint:
     """Return a start with its objective as the measure of the optimum, where it is one.
 
@@ -369,21 +355,20 @@ def _moving_reference(physics, start, result) -> float:
     A quasi-steady start follows every gust at once, which a rotor with inertia cannot; nor may that
     come nearer to stall than a law may.
     """
-    verifications = verify(as_it_stands(physics, start, result))
+    stands = as_it_stands(physics, start, result)
+    verifications = verify(stands)
+    stops = any(each.simulation.stopped_at is not None for each in verifications)
     near = recovery(physics, verifications) if physics.law.is_feedback else ()
-    if any(value > most for _, value, most, _ in near):
+    # a law with states has other states over time than in equilibrium
+    over = [
+        np.max(limit.excess(known))
+        for each in verifications
+        for limit in each.scenario.limits
+        for known in (each.at_nodes, each.simulated)
+    ]
+    if stops or max(over) > START_EXCESS or any(value > most for _, value, most, _ in near):
         return 0.0
-    for verification in verifications:
-        limits = verification.scenario.limits
-        # a law with states has other states over time than in equilibrium
-        over = [
-            np.max(x.excess(at))
-            for x in limits
-            for at in (verification.at_nodes, verification.simulated)
-        ]
-        if verification.simulation.stopped_at is not None or max(over) > START_EXCESS:
-            return 0.0
-    return simulated_objective(verifications)
+    return Checked(start, stands, verifications).objective
 
 
 def as_it_stands(physics: Physics, point: StartingPoint, ended: Optimized) -> Optimized:
@@ -420,13 +405,12 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
         The best one, on its own mesh, and its description; empty for the end.
     """
     best, held = end, ""
-    iterate = (*state.best, "the best iterate") if state.best else None
-    for other in (iterate, (state.first, end.start, "the start")):
-        if other is None or not other[1].operation.running:
-            continue
-        physics, point, words = other
+    others = [(*state.best, "the best iterate")] if state.best else []
+    if end.start.operation.running:
+        others.append((state.first, end.start, "the start"))
+    for physics, point, words in others:
         stands = as_it_stands(physics, point, end.result)
-        known = checked(state.first, end.start, stands, verify(stands))
+        known = Pass(state, Task(end.start, physics, stands.setup), stands, exact=True).end
         if known.rank > best.rank:
             best, held = known, words
     return best, held

@@ -1,7 +1,5 @@
 """How a problem is refined: segments that are divided, and limits that are lowered at the nodes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ A run can be killed at any moment: files appear whole or not at all, `success` i
 else is written, and `resume_case` continues from the last iterate in `iterate.json`.
 """
 
-from __future__ import annotations
-
 import signal
 import sqlite3
 import time
@@ -33,7 +31,6 @@ from hkt_mdo.run.checks import explain_all
 from hkt_mdo.run.digest import digest
 from hkt_mdo.run.memory import with_memory
 from hkt_mdo.run.passes import best_of, measured, none_found, optimize
-from hkt_mdo.run.shadow_prices import shadow_prices
 from hkt_mdo.run.state import RunState, read_iterate
 from hkt_mdo.run.summary import summarize, write_tables
 from hkt_mdo.solve.driver_base import Progress
@@ -207,8 +204,7 @@ def _optimize_and_verify(state: RunState, start) -> Summary:
         why = none_found(state.first, best.start, best.checks)
         message = f"{why}; {message}" if why else message
     result = best.result
-    about = broken_limits(state.first, best.start), shadow_prices(best)
-    summary = summarize(best, message, *about)
+    summary = summarize(best, message, broken_limits(state.first, best.start))
     write_tables(state.out, best)
     if state.records:
         om.n2(result.problem, outfile=str(state.out / "n2.html"), **_SILENT)

@@ -1,7 +1,5 @@
 """The gain by one per cent more of a limit at an optimum, to first order."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 `iterate.json` has the design, gains and trajectories from which a resumed run continues.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import time

@@ -1,7 +1,7 @@
 """The files of a finished run: the summary, the tables and the blade."""
 
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib import metadata
 from operator import attrgetter, itemgetter
 from pathlib import Path
@@ -24,6 +24,7 @@ from hkt_mdo.run import year as a_year
 from hkt_mdo.run.checks import RESOLVED, Checked, designed, energy_bound, in_case
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.memory import stability, stability_of
+from hkt_mdo.run.shadow_prices import shadow_prices
 
 LEAST_WEIGHT = 1e-30
 """Of a load case, for a mean where all scenarios are load cases."""
@@ -46,12 +47,7 @@ PULSES = (
 PACKAGES = "hkt_mdo openmdao dymos numpy scipy numba casadi wisdem pyoptsparse".split()
 
 
-def summarize(
-    finished: Checked,
-    message: str = "",
-    start_breaks: Sequence[str] = (),
-    shadow_prices: Mapping[str, float] | None = None,
-) -> Summary:
+def summarize(finished: Checked, message: str = "", start_breaks: Sequence[str] = ()) -> Summary:
     """Return the summary of a finished run.
 
     Parameters
@@ -62,8 +58,6 @@ def summarize(
         Why it failed.
     start_breaks
         Names of the limits that the start exceeds, on the mesh that it was found on.
-    shadow_prices
-        Those of `hkt_mdo.run.shadow_prices`.
     """
     physics, result, start = finished.physics, finished.result, finished.start
     design, blade, outcome = _design(finished), result.point.blade, result.outcome
@@ -87,7 +81,7 @@ def summarize(
         "iterations": outcome.iterations,
         **_energies(finished),
         **design,
-        **_extremes(finished, scenarios, shadow_prices or {}),
+        **_extremes(finished, scenarios),
         "memory": memory and memory.model_dump(),
         "at_bounds": list(_at_bounds(finished)),
         "scenarios": scenarios,
@@ -120,7 +114,7 @@ def _energies(finished):
     physics, verifications = finished.physics, finished.verifications
     taken = "generator_energy", "friction_energy", "kinetic_energy_change"
     names, turning = {*ENERGIES, *taken}, _turning(verifications)
-    sums = {x: verification.total(verifications, attrgetter(f"simulation.{x}")) for x in names}
+    sums = {x: finished.total(attrgetter(f"simulation.{x}")) for x in names}
     simulated = {key: sums[name] if turning else None for name, key in ENERGIES.items()}
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
@@ -136,7 +130,7 @@ def _energies(finished):
             "kind": physics.objective.kind,
             "unit": physics.objective.unit or "",
             "value": finished.result.objective,
-            "simulated": verification.simulated_objective(verifications),
+            "simulated": finished.objective,
             "price": physics.price_of(finished.result.point.blade) or None,
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
@@ -199,27 +193,28 @@ def _at_bounds(finished):
                 yield {"name": limit.name, "end": end, "bound": scale * bound} | about
 
 
-def _extremes(finished, scenarios, shadow_prices):
+def _extremes(finished, scenarios):
     """Return limits, loads and standstill of the result: the largest of all scenarios."""
     physics, found, limits = finished.physics, {}, {}
     for name, scenario in scenarios.items():
         for load, entry in scenario["loads"].items():
             if load not in found or entry["value"] > found[load]["value"]:
                 found[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
-    whole = verification.design_and_result(finished.verifications)
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
-            limits[limit.name] = loads.of_limit(limit, whole).model_dump(exclude_unset=True)
+            entry = loads.of_limit(limit, finished.quantities)
+            limits[limit.name] = entry.model_dump(exclude_unset=True)
     over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
-    limits |= {name: x | {"worth": shadow_prices.get(name)} for name, x in over_time.items()}
+    worth = shadow_prices(finished)
+    limits |= {name: x | {"worth": worth.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
     blade = finished.result.point.blade
-    bent = [(each.rotor, each.simulated) for each in finished.verifications]
+    several = [(each.rotor, each.simulated) for each in finished.verifications]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
         "loads": found,
-        "tip_deflection_m": loads.tip_deflection(blade, bent),
+        "tip_deflection_m": loads.tip_deflection(blade, several),
         "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
 

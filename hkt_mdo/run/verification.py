@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from operator import methodcaller
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from scipy.integrate import simpson, trapezoid
 
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.limits import LEAST, SLOWED, TYPICAL, Limit, settled
-from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import (
     SLOWEST_RATIO,
     FeedbackTorque,
@@ -29,7 +27,7 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.dynamics.trajectory import trajectory_of
-from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant, united
+from hkt_mdo.problem.evaluation import loads_along, scalars, steady_plant
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import SAMPLES, Scenario
@@ -374,29 +372,3 @@ def _simulated(plant, scenario, controller, start, max_step, share=1.0) -> Simul
             raise
         whole = _simulated(plant, scenario, controller, start, max_step, shorter)
         return replace(whole, stopped_at=whole.stopped_at or error.time)
-
-
-def simulated_objective(verifications: tuple[Verification, ...]) -> float:
-    """Return the objective of the integrations, in its unit, less the price of the shaft."""
-    physics = verifications[0].physics
-    price = physics.price_of(verifications[0].plant.blade)
-    if physics.objective.is_rate:
-        integrals = (verification.objective(physics.objective) for verification in verifications)
-        return united(physics, integrals) - price
-    return float(physics.objective.value_of(design_and_result(verifications))) - price
-
-
-def design_and_result(verifications: tuple[Verification, ...]) -> dict[str, Any]:
-    """Return the quantities of the design and of the whole result, by their names."""
-    integrals = {
-        name: total(verifications, methodcaller("objective", integrand))
-        for name, integrand in INTEGRALS.items()
-    }
-    return verifications[0].scalars | integrals
-
-
-def total(verifications: tuple[Verification, ...], of) -> float:
-    """Return the weighted sum over the scenarios of something of each verification."""
-    return float(
-        sum(verification.scenario.weight * of(verification) for verification in verifications)
-    )

@@ -1,7 +1,5 @@
 """The results of a year: energy by bins of the flow speed, power curve, hours at each limit."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

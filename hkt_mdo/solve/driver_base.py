@@ -1,7 +1,5 @@
 """Base of the drivers: progress, sparse totals and the outcome, added to OpenMDAO's driver."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any

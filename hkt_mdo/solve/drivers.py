@@ -4,8 +4,6 @@ Whichever package carries it, an optimizer stops at the same tolerance, writes n
 through the driver's `outcome`.
 """
 
-from __future__ import annotations
-
 import importlib
 import signal
 from importlib.util import find_spec
@@ -209,8 +207,7 @@ class _ScipyDriver(_ReportEachEvaluation, om.ScipyOptimizeDriver):
 
     def run(self) -> bool:  # whether it failed, as for all drivers
         self._message = "stopped by an error"
-        nonlinear = [name for name, meta in self._cons.items() if not meta["linear"]]
-        self._rows = [*self._objs, *nonlinear]
+        self._rows = self._get_ordered_nl_responses()
         self._prepare_totals(self._rows)
         super().run()
         result = self._scipy_optimize_result

@@ -6,8 +6,6 @@ gradient: hundreds of iterations move nothing. What such an iterate lacks is kno
 bound it by the gap between the objective and its dual.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A case as an OpenMDAO problem at its start, and its turbine as a part of another model."""
 
-from __future__ import annotations
-
 import openmdao.api as om
 
 from hkt_mdo.case import Case

@@ -6,8 +6,6 @@ its own, and the optimizer does not change from one to the other. So the problem
 (`hkt_mdo.start.steady`) is optimized from every blade on every branch, and the best is the start.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -22,7 +20,6 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
-from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
@@ -398,16 +395,14 @@ class Search:
 
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
         """Return a blade with an open loop's schedule, by default in the flow without time."""
-        over, on = over or self.steady, branch or "overspeed"
-        speed = np.concatenate([self._tip_speed(blade, on, each) for each in over.scenarios])
-        operation = self._quasi_steady(blade, over).held(speed / blade.rotor_radius)
+        over, tip_speed = over or self.steady, []
+        for each in over.scenarios:
+            fine, flow = self._schedules.within(each, FINE), each.speeds
+            ratio = fine.ratios(blade, branch or "overspeed")
+            tip_speed.append(_smooth(flow, fine.speeds, ratio) * flow)
+        speed = np.concatenate(tip_speed) / blade.rotor_radius
+        operation = self._quasi_steady(blade, over).held(speed)
         return StartingPoint(blade, np.empty(0), operation, branch=branch)
-
-    def _tip_speed(self, blade: Blade, branch: str, scenario: Scenario) -> np.ndarray:
-        """Return the tip speed, m/s, of a schedule within a scenario's limits at its samples."""
-        fine = self._schedules.within(scenario, FINE)
-        flow = scenario.inflow.speed_at(scenario.samples)
-        return _smooth(flow, fine.speeds, fine.ratios(blade, branch)) * flow
 
     def _quasi_steady(self, blade: Blade, over: Physics | None = None) -> QuasiSteady:
         """Return the operation of a blade, by default in the whole flow."""
@@ -448,10 +443,8 @@ class Search:
         found, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
         designed = split(self.steady, point.operation)
         for (scenario, steady), (speed, _, *states) in zip(pairs, designed, strict=True):
-            flow = scenario.inflow.speed_at(scenario.samples)
-            ratio, *states = (
-                _smooth(flow, steady.speeds, x) for x in (speed / steady.speeds, *states)
-            )
+            flow, values = scenario.speeds, (speed / steady.speeds, *states)
+            ratio, *states = (_smooth(flow, steady.speeds, each) for each in values)
             found.append((ratio * flow, *states))
         speed, *states = np.concatenate(found, axis=1)
         if law.is_static:

@@ -1,7 +1,5 @@
 """The design of an earlier result as a candidate of the search for a start (`start.from`)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw

@@ -6,8 +6,6 @@ speeds of its flow, a few for each scenario (`hkt_mdo.problem.equilibrium`), wit
 law, limits and objective. It takes a second where the problem over time takes many.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -19,9 +20,9 @@ from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.findings import Stations
-from hkt_mdo.run.passes import _finer_curve, checked, none_found
+from hkt_mdo.run.passes import Pass, Task, _finer_curve, none_found
 from hkt_mdo.run.summary import summarize, write_tables
-from hkt_mdo.run.verification import SAMPLES, simulated_objective, verify
+from hkt_mdo.run.verification import SAMPLES, verify
 from hkt_mdo.sections import Quantity
 from tests.conftest import NINE
 from tests.problem import test_build
@@ -294,7 +295,8 @@ def test_one_check_refuses(request, name, whose, doctor, value, words):
 def test_a_start_too_near_stall_is_no_measure(feedback, monkeypatch, short):
     monkeypatch.setattr("hkt_mdo.run.passes.recovery", lambda *_: [("", short, 0.2, "")])
     first, start = feedback.on_first_mesh, replace(feedback.start, reference=1e9)
-    found = checked(first, start, feedback.result, feedback.verifications).start.reference
+    task = Task(start, feedback.physics, feedback.result.setup)
+    found = Pass(SimpleNamespace(first=first), task, feedback.result).end.start.reference
     assert found == pytest.approx(0.0 if short else feedback.start.reference, rel=2e-3)
 
 
@@ -317,7 +319,7 @@ def test_every_judge_is_asked(feedback, open_loop):
 
 def test_a_law_far_behind_the_open_loop_of_its_own_search_is_refused(feedback):
     """A law of many gains can follow its schedule; one that breaks a limit does not count."""
-    energy = simulated_objective(feedback.verifications)
+    energy = feedback.objective
     kept, broken = (
         StartRecord("blade as given", "", factor * energy, excess, (), law="open_loop")
         for factor, excess in ((1.5, 0.0), (3.0, 0.1))
