@@ -5,7 +5,7 @@ A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its rows on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -437,11 +437,10 @@ class ScenarioEntry(Achieved):
         yield from in_operation(self, case, self.duration_s)
 
 
-class Summary(Achieved, Mapping[str, Any]):
+class Summary(Achieved):
     """Figures of merit of a run; None for what is not known, as after an interruption.
 
-    Fields are attributes. As a mapping, a summary has the keys of `summary.json`, with lists and
-    dictionaries as JSON has them.
+    Its attributes are the keys of `summary.json`.
     """
 
     version: int | None = Field(default=None, le=VERSION)
@@ -543,15 +542,6 @@ class Summary(Achieved, Mapping[str, Any]):
         """Largest loads and values of limits, of both the larger: a limit may count more."""
         both = [*(self.loads or {}).items(), *(self.limits or {}).items()]
         return dict(sorted(both, key=lambda pair: pair[1].value or 0.0))
-
-    def __getitem__(self, key: str) -> Any:
-        return self.model_dump(exclude_unset=True)[key]
-
-    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
-        return iter(self.model_dump(exclude_unset=True))
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
 
     @classmethod
     def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> Summary:

@@ -96,11 +96,11 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     drawn = PLOTS["control_torque over time"](solution)
     limit = line_of(drawn, "generator torque limit 700 N m")
     assert list(limit.get_ydata()) == [700.0, 700.0]
-    reach = solution.summary["tip_speed_ratio"]
+    reach = solution.summary.tip_speed_ratio
     for plot in (PLOTS["power_coefficient"], PLOTS["thrust_coefficient"]):
         (span,) = plot(solution).patches
-        assert span.get_x() == reach["min"]
-        assert span.get_x() + span.get_width() == pytest.approx(reach["max"])
+        assert span.get_x() == reach.min
+        assert span.get_x() + span.get_width() == pytest.approx(reach.max)
 
 
 def line_of(ax: Axes, label: str):
