@@ -581,10 +581,13 @@ class Summary(Achieved):
 
     def tables(self, case: Case) -> dict[str, list[Row]]:
         """Return the rows by the titles of their tables."""
+        year = self.year.rows() if self.year else ()
+        limits = in_operation(self, case, case.phase.duration)
+        bent = bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
         found = {
             "Result": [*self._outcome(case)],
             "Blade and controller": [*self._design(case)],
-            "Operation, limits and loads": [*self._operation(case)],
+            "Operation, limits and loads": [*year, *limits, *bent],
             "Optimization": [*self._optimization()],
         }
         scenarios = self.scenarios or {}
@@ -730,12 +733,6 @@ class Summary(Achieved):
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
         yield from (branch.row() for branch in self.branches or ())
-
-    def _operation(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of operation, limits and loads, and of the blade's bending."""
-        yield from self.year.rows() if self.year else ()
-        yield from in_operation(self, case, case.phase.duration)
-        yield from bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
 
 
 def in_operation(of: Achieved, case: Case, duration: float | None = None) -> Iterator[Row]:
