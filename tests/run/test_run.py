@@ -206,8 +206,7 @@ def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
         alone = run_case(case, tmp_path / "alone" / name, figures=False)
         assert solution.success, solution.message
         for key in RESULTS:
-            own, other = (getattr(each.summary, key) for each in (solution, alone))
-            assert own == other, (name, key)
+            assert getattr(solution.summary, key) == getattr(alone.summary, key), (name, key)
         speeds = [each.simulation["rotor_speed_rad_s"] for each in (solution, alone)]
         np.testing.assert_array_equal(*speeds)
 
