@@ -131,7 +131,7 @@ def _scenario(solutions, scenario, reported):
             "difference_percent": percent(energy, printed["energy_J"]),
             "gap_percent": percent(energy, best),
             "gain_difference_percent": percent(summary.gain, printed.get("gain")),
-            **{key: summary[key] for key in kept},
+            **summary.model_dump(include={*kept}),
             **{f"reported_{key}": printed.get(key) for key in ("energy_J", "gap_percent", *keys)},
         }
     return rows

@@ -66,7 +66,7 @@ def main():
         pair = [found[arguments.out / optimizer / file.stem] for optimizer in optimizers]
         if any(solution is None or not solution.success for solution in pair):
             good = False
-            words = [solution.summary["message"] if solution else "not run" for solution in pair]
+            words = [solution.summary.message if solution else "not run" for solution in pair]
             table.add_row(file.stem, *words, "", "", "", "")
             continue
         first, second = (solution.summary for solution in pair)

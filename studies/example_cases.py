@@ -133,7 +133,7 @@ def main():
             if path.stat().st_size > LARGEST:
                 console.print(f"  {path.name}: {path.stat().st_size} bytes, more than {LARGEST}")
     for name, solution in solutions.items():
-        for line in (*solution.failed_checks, *solution.summary.get("notes", ())):
+        for line in (*solution.failed_checks, *(solution.summary.notes or ())):
             console.print(f"  {name}: {line}")
     if set(RUNS) <= set(solutions):
         results = {name: figures_of_merit(solutions[name]) for name in RUNS}

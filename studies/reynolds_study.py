@@ -66,16 +66,16 @@ Stations of the blade that open loop finds with local polars see Reynolds number
 def describe(solution, local=None):
     """Return the figures of a result that the tables show; `local` is its case in local polars."""
     summary = solution.summary
-    chord = np.interp(0.7, summary["r_m"] / np.max(summary["r_m"]), summary["chord_m"])
+    chord = np.interp(0.7, summary.r_m / np.max(summary.r_m), summary.chord_m)
     figures = {
         "success": "yes" if solution.success else "no",
-        "energy_J": summary["simulated_energy_J"],
-        "gain": summary["gain"],
-        "tip_speed_ratio": summary["tip_speed_ratio_at_power_coefficient_max"],
-        "power_coefficient": summary["power_coefficient_max"],
+        "energy_J": summary.simulated_energy_J,
+        "gain": summary.gain,
+        "tip_speed_ratio": summary.tip_speed_ratio_at_power_coefficient_max,
+        "power_coefficient": summary.power_coefficient_max,
         "chord_m": float(chord),
     }
-    if local is not None and summary["gain"] is not None:
+    if local is not None and summary.gain is not None:
         figures["in_local_polars_J"] = in_local_polars(solution, local)  # None if the rotor stops
     return figures
 
@@ -93,7 +93,7 @@ def in_local_polars(invariant, local):
 def reynolds_range(solution):
     """Return the smallest and the largest Reynolds number of the stations."""
     world, summary = physics(solution.case), solution.summary
-    blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
+    blade = world.blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
     ratio, flow = (np.array(solution.simulation[key]) for key in
                    ("tip_speed_ratio", "inflow_speed_m_s"))  # fmt: skip
     local = blade.r / blade.tip_radius * ratio[:, None]

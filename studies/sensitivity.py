@@ -74,9 +74,9 @@ def _shown(solution):
     summary = solution.summary
     return {
         "success": solution.success,
-        "mean_power_W": summary["simulated_energy_J"] / solution.case.phase.duration,
-        "tip_speed_ratio": summary["tip_speed_ratio_at_power_coefficient_max"],
-        "gain": summary["gain"],
+        "mean_power_W": summary.simulated_energy_J / solution.case.phase.duration,
+        "tip_speed_ratio": summary.tip_speed_ratio_at_power_coefficient_max,
+        "gain": summary.gain,
     }
 
 

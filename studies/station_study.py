@@ -112,9 +112,9 @@ def _shown(solution):
     summary = solution.summary
     return {
         "success": solution.success,
-        "energy_J": summary["simulated_energy_J"],
-        "iterations": summary["iterations"],
-        "wall_time_s": summary["wall_seconds"],
+        "energy_J": summary.simulated_energy_J,
+        "iterations": summary.iterations,
+        "wall_time_s": summary.wall_seconds,
         "roughness_of_chord": chord,
         "roughness_of_twist_deg": twist,
         "angle_of_attack_deg": [low, high],
@@ -274,15 +274,15 @@ def _limit(values):
 
 def _roughness(solution):
     """Return how far stations stand off their neighbours: chord over its largest, twist in deg."""
-    r = np.array(solution.summary["r_m"])
+    r = np.array(solution.summary.r_m)
 
     def off(values):
         values = np.array(values)
         share = (r[1:-1] - r[:-2]) / (r[2:] - r[:-2])
         return np.max(np.abs(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:]))
 
-    chord = np.array(solution.summary["chord_m"])
-    return float(off(chord) / np.max(chord)), float(off(solution.summary["twist_deg"]))
+    chord = np.array(solution.summary.chord_m)
+    return float(off(chord) / np.max(chord)), float(off(solution.summary.twist_deg))
 
 
 def _flow(solution):
@@ -291,8 +291,8 @@ def _flow(solution):
     from hkt_mdo.rotor import bem
 
     summary, world = solution.summary, physics(solution.case)
-    blade = world.blade.with_shape(summary["chord_m"], np.deg2rad(summary["twist_deg"]))
-    found = bem.sections(blade, world.rotor.polar, summary["tip_speed_ratio"]["mean"])
+    blade = world.blade.with_shape(summary.chord_m, np.deg2rad(summary.twist_deg))
+    found = bem.sections(blade, world.rotor.polar, summary.tip_speed_ratio.mean)
     angle = np.rad2deg(found.angle_of_attack)
     high = np.count_nonzero(found.axial_induction > 0.5)
     return float(angle.min()), float(angle.max()), int(high)

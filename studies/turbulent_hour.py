@@ -120,14 +120,14 @@ def main() -> None:
 def shown(solution) -> dict:
     """Return what the page shows of a result."""
     summary = solution.summary
-    checks = {check["name"]: check["value"] for check in summary["checks"]}
+    checks = {check.name: check.value for check in summary.checks}
     return {
         "success": solution.success,
         "message": str(solution.message),
-        "simulated_energy_J": summary["simulated_energy_J"],
-        "energy_bound_J": summary["energy_bound_J"],
-        "gain": summary["gain"],
-        "tip_speed_ratio": [summary["tip_speed_ratio"][end] for end in ("min", "max")],
+        "simulated_energy_J": summary.simulated_energy_J,
+        "energy_bound_J": summary.energy_bound_J,
+        "gain": summary.gain,
+        "tip_speed_ratio": [*summary.tip_speed_ratio.ends],
         "segments": solution.case.phase.segments,
         "evaluations": int(solution.convergence["evaluation"].size),
         "errors": [checks[x] for x in ("energy_error", "max_speed_error", "surrogate_error")],

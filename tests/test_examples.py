@@ -126,5 +126,5 @@ def test_cheapest_examples_are_a_success(tmp_path, name, overrides):
     solution = run_case(case, tmp_path / name, figures=False, records=False)
     assert solution.success, solution.message
     summary = solution.summary
-    assert summary["simulated_energy_J"] <= summary["energy_bound_J"]
-    assert summary["control_torque_max_Nm"] <= case.control.torque_limit * (1.0 + 1e-6)
+    assert summary.simulated_energy_J <= summary.energy_bound_J
+    assert summary.control_torque_max_Nm <= case.control.torque_limit * (1.0 + 1e-6)

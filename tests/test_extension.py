@@ -37,11 +37,11 @@ def test_a_limit_is_kept_and_reported(run, control):
     told = held.summary.limits["tip_acceleration"]
     assert (told.limit, told.unit, told.binding) == (95.0, "m/s**2", True)
     assert told.value == pytest.approx(95.0, rel=1e-3)
-    found = held.trajectory["rotor_speed_rad_s"] ** 2 * held.summary["rotor_radius_m"]
+    found = held.trajectory["rotor_speed_rad_s"] ** 2 * held.summary.rotor_radius_m
     assert np.max(found) <= 95.0 * (1.0 + 1e-6)
     assert np.max(free.trajectory["rotor_speed_rad_s"]) ** 2 * 1.4 > 99.0
-    assert held.summary["simulated_energy_J"] < free.summary["simulated_energy_J"]
-    checks = {check["name"] for check in held.summary["checks"]}
+    assert held.summary.simulated_energy_J < free.summary.simulated_energy_J
+    checks = {check.name for check in held.summary.checks}
     assert {"tip_acceleration_at_nodes", "tip_acceleration_between_nodes"} <= checks
 
 
@@ -49,17 +49,17 @@ def test_an_objective_is_maximized(run):
     plain = run()
     priced = run(objective={"kind": "priced_torque", "price": 1e-3})
     assert priced.success, priced.message
-    told = priced.summary["objective"]
+    told = priced.summary.objective
 
     def price(solution):
         torque, time = (solution.simulation[each] for each in ("control_torque_Nm", "time_s"))
         return 1e-3 * np.trapezoid(torque**2, time)
 
-    expected = priced.summary["simulated_energy_J"] - price(priced)
-    assert told["simulated"] == pytest.approx(expected, rel=1e-4)
+    expected = priced.summary.simulated_energy_J - price(priced)
+    assert told.simulated == pytest.approx(expected, rel=1e-4)
     # it gives up energy for torque, and is better by its own measure
-    assert priced.summary["energy_J"] < plain.summary["energy_J"]
-    assert told["simulated"] > plain.summary["simulated_energy_J"] - price(plain)
+    assert priced.summary.energy_J < plain.summary.energy_J
+    assert told.simulated > plain.summary.simulated_energy_J - price(plain)
 
 
 @pytest.mark.slow
@@ -69,7 +69,7 @@ def test_a_law_of_two_gains_is_at_least_as_good_as_its_parts(run):
         for law in ("mixed", "quadratic", "open_loop")
     )
     assert mixed.success, mixed.message
-    assert len(mixed.summary["gain"]) == 2
+    assert len(mixed.summary.gain) == 2
     energy, least, most = (x.summary.simulated_energy_J for x in (mixed, quadratic, open_loop))
     assert least * (1.0 - 1e-6) <= energy <= most * (1.0 + 2e-5)
 
@@ -92,16 +92,16 @@ def test_a_load_is_made_as_small_as_the_energy_allows(run):
     free = run(control="open_loop")
     least = run(control="open_loop", objective="thrust", limits=LEAST)
     assert least.success, least.message
-    assert least.summary["energy_J"] == pytest.approx(140e3, rel=1e-4)
+    assert least.summary.energy_J == pytest.approx(140e3, rel=1e-4)
 
     def impulse(solution):
         return np.trapezoid(solution.simulation["thrust_N"], solution.simulation["time_s"])
 
-    told = least.summary["objective"]
-    assert told["simulated"] == pytest.approx(impulse(least), rel=1e-4)
-    assert told["unit"] == "N*s"
+    told = least.summary.objective
+    assert told.simulated == pytest.approx(impulse(least), rel=1e-4)
+    assert told.unit == "N*s"
     # near the most energy, the last of it costs most thrust: 8 % less energy, more less thrust
-    assert impulse(least) / impulse(free) < 0.92 * 140e3 / free.summary["energy_J"]
+    assert impulse(least) / impulse(free) < 0.92 * 140e3 / free.summary.energy_J
 
 
 @pytest.mark.slow
@@ -110,16 +110,16 @@ def test_a_value_of_the_design_is_made_as_small_as_the_energy_allows(run):
     free = run()
     light = run(objective="mass", limits=LEAST)
     assert light.success, light.message
-    assert light.summary["energy_J"] >= 140e3 * (1.0 - 1e-6)
-    assert light.summary["mass_kg"] < 0.8 * free.summary["mass_kg"]
-    assert light.summary["objective"]["simulated"] == pytest.approx(light.summary["mass_kg"])
+    assert light.summary.energy_J >= 140e3 * (1.0 - 1e-6)
+    assert light.summary.mass_kg < 0.8 * free.summary.mass_kg
+    assert light.summary.objective.simulated == pytest.approx(light.summary.mass_kg)
 
 
 @pytest.mark.parametrize(
     ("limits", "value"),
     [
-        ({"mass": "2.5 kg"}, lambda summary: summary["mass_kg"] / 2.5),
-        ({"chord": "6 cm"}, lambda summary: np.max(summary["chord_m"]) / 0.06),
+        ({"mass": "2.5 kg"}, lambda summary: summary.mass_kg / 2.5),
+        ({"chord": "6 cm"}, lambda summary: np.max(summary.chord_m) / 0.06),
     ],
     ids=["design", "span"],
 )
@@ -128,7 +128,7 @@ def test_limits_of_the_design_and_along_the_span_bind(run, limits, value):
     assert held.success, held.message
     assert value(free.summary) > 1.05
     assert value(held.summary) == pytest.approx(1.0, abs=1e-5)
-    assert held.summary["energy_J"] < free.summary["energy_J"]
+    assert held.summary.energy_J < free.summary.energy_J
 
 
 @pytest.mark.slow
@@ -144,5 +144,5 @@ def test_an_aggregate_unites_scenarios(run):
     def slowest(solution):
         return min(each.simulated_energy_J for each in solution.summary.scenarios.values())
 
-    assert worst.summary["objective"]["simulated"] == pytest.approx(slowest(worst), rel=1e-6)
+    assert worst.summary.objective.simulated == pytest.approx(slowest(worst), rel=1e-6)
     assert slowest(worst) >= slowest(mean) * (1.0 - 1e-6)

@@ -24,16 +24,16 @@ def test_the_next_run_starts_from_exactly_that_blade(first, tmp_path):
     changes += [f"control.gain={first.gain!r}"]
     case = load_case(first.folder / "case.yaml", changes)
     blade = physics(case).blade
-    assert blade.r.tolist() == first.summary["r_m"]
-    assert blade.chord.tolist() == first.summary["chord_m"]
-    assert np.rad2deg(blade.twist).tolist() == first.summary["twist_deg"]
+    assert blade.r.tolist() == first.summary.r_m
+    assert blade.chord.tolist() == first.summary.chord_m
+    assert np.rad2deg(blade.twist).tolist() == first.summary.twist_deg
     again = run_case(case, tmp_path / "again", figures=False, records=False)
     assert again.success, again.message
-    assert again.summary["start_chord_m"] == first.summary["chord_m"]
-    assert again.summary["start_twist_deg"] == first.summary["twist_deg"]
-    energy = first.summary["simulated_energy_J"]
-    assert again.summary["starting_energy_J"] == pytest.approx(energy, rel=2e-5)
-    assert again.summary["simulated_energy_J"] == pytest.approx(energy, rel=1e-6)
+    assert again.summary.start_chord_m == first.summary.chord_m
+    assert again.summary.start_twist_deg == first.summary.twist_deg
+    energy = first.summary.simulated_energy_J
+    assert again.summary.starting_energy_J == pytest.approx(energy, rel=2e-5)
+    assert again.summary.simulated_energy_J == pytest.approx(energy, rel=1e-6)
 
 
 def test_a_spline_is_found_again(tmp_path):
@@ -42,6 +42,6 @@ def test_a_spline_is_found_again(tmp_path):
     first = run_case(case, tmp_path / "first", figures=False, records=False)
     assert first.success, first.message
     own = load_case(first.folder / "case.yaml", ["rotor.blade=blade.csv", "rotor.radius=1.4"])
-    blade, twist = physics(own).blade, first.summary["twist_deg"]
-    np.testing.assert_allclose(blade.chord, first.summary["chord_m"], rtol=1e-13)
+    blade, twist = physics(own).blade, first.summary.twist_deg
+    np.testing.assert_allclose(blade.chord, first.summary.chord_m, rtol=1e-13)
     np.testing.assert_allclose(np.rad2deg(blade.twist), twist, rtol=0.0, atol=1e-12)

@@ -179,7 +179,7 @@ def same_design(found, expected, rel, rel_design=None):
     assert found.success, found.message
     assert found.energy == pytest.approx(expected.energy, rel=rel)
     for key in ("chord_m", "twist_deg"):
-        here, there = (np.array(each.summary[key]) for each in (found, expected))
+        here, there = (np.array(getattr(each.summary, key)) for each in (found, expected))
         assert np.max(np.abs(here - there)) <= (rel_design or rel) * np.max(np.abs(there))
     if expected.gain is not None:
         assert found.gain == pytest.approx(expected.gain, rel=rel_design or rel)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, cached_property, wraps
-from inspect import signature
+from inspect import getmembers_static, signature
 from traceback import extract_tb
 from types import FunctionType
 from typing import Any
@@ -65,18 +65,14 @@ def guard(kind: Any, source: str) -> Any:
         What messages call the extension, where the class has no file.
     """
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or source
-    seen: set[str] = set()
-    for base in kind.__mro__:
-        if base.__module__.partition(".")[0] in ("hkt_mdo", "pydantic", "builtins", "typing"):
+    for name, value in getmembers_static(kind):
+        homes = [base.__module__.partition(".")[0] for base in kind.__mro__ if name in vars(base)]
+        if name.startswith("_") or homes[0] in ("hkt_mdo", "pydantic", "builtins", "typing"):
             continue
-        for name, value in list(vars(base).items()):
-            if name.startswith("_") or name in seen:
-                continue
-            seen.add(name)
-            if (made := _guarded(value, name, file, f"{kind.__name__}.{name}")) is not None:
-                setattr(kind, name, made)
-                if isinstance(made, cached_property):
-                    made.__set_name__(kind, name)
+        if (made := _guarded(value, name, file, f"{kind.__name__}.{name}")) is not None:
+            setattr(kind, name, made)
+            if isinstance(made, cached_property):
+                made.__set_name__(kind, name)
     return kind
 
 

@@ -127,9 +127,8 @@ class FlowScenario(_WithFlow):
                 changes |= {"name": f"{self.name}_{number + 1}", "weight": self.weight / count}
                 changes["inflow"] = _reseeded(flow, number)
             if self.spread is not None:
-                own = self.condition or case.condition, self.density or case.fluid.density
-                drawn = self.spread.drawn(*own, number)
-                changes |= dict(zip(("condition", "density"), drawn, strict=True))
+                condition, density = self.condition or case.condition, self.density
+                changes |= self.spread.drawn(condition, density or case.fluid.density, number)
             elif number and changes["inflow"] == flow:
                 problem = f"asks for {count} flows, and inflow.profile = {flow.profile} has no seed"
                 remedy = "leave realizations out, or give profile: turbulence, or a spread"

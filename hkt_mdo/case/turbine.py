@@ -260,10 +260,8 @@ class Spread(Section):
     seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
     """Seed of the draws."""
 
-    def drawn(
-        self, condition: Condition, density: float, number: int
-    ) -> tuple[Condition, float | None]:
-        """Return condition of the turbine and density of the water (kg/m**3) of a realization."""
+    def drawn(self, condition: Condition, density: float, number: int) -> dict[str, Any]:
+        """Return `condition` of the turbine and `density` of the water (kg/m**3) of a number."""
         names = "lift", "drag", "inertia", "torque_constant"
         draws = np.random.default_rng((self.seed, number)).standard_normal(len(names) + 1)
         *factors, last = np.clip(draws, -MOST_DRAW, MOST_DRAW).tolist()
@@ -271,7 +269,8 @@ class Spread(Section):
             name: getattr(condition, name) + getattr(self, name) * draw
             for name, draw in zip(names, factors, strict=True)
         }
-        return condition.model_copy(update=moved), density + self.density * last
+        condition = condition.model_copy(update=moved)
+        return {"condition": condition, "density": density + self.density * last}
 
 
 class Fluid(Section):

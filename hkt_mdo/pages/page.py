@@ -14,7 +14,7 @@ from hkt_mdo.case.kinds import Extension
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import write_files, write_new
 from hkt_mdo.pages import plotly_script, rendered
-from hkt_mdo.results.charts import labelled
+from hkt_mdo.results.charts import Labelled, labelled
 from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
@@ -56,9 +56,7 @@ def write_report(
 
 
 def write_sweep_report(
-    table: SweepTable,
-    told: Callable[[str], None] = lambda line: None,
-    extensions: Iterable[Extension] = (),
+    table: SweepTable, told: Callable[[str], None], extensions: Iterable[Extension]
 ) -> Path:
     """Write `report.html` into a sweep's folder, and the pages of its runs into theirs.
 
@@ -125,8 +123,7 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     drawn, views = panels.designs(results), panels.views(results)
     if found:
         drawn["solid"] = blade.solid(found)
-    names = [each.label or "result" for each in results]
-    told, titles = list(map(_told, order, names)), dict.fromkeys(each.name for each in order)
+    told, titles = list(map(_told, results)), dict.fromkeys(each.name for each in order)
     checks = [{limit_words(x.name): x for x in each.summary.checks or ()} for each in order]
     limits = [each.summary.at_limits(each.case) for each in order]
     headlines = [
@@ -157,9 +154,9 @@ def _page(solutions: Sequence[Solution], shared: str, script: str) -> str:
     )
 
 
-def _told(solution: Solution, name: str) -> dict[str, Any]:
+def _told(result: Labelled) -> dict[str, Any]:
     """Return what the page says of one result by itself."""
-    state = "unfinished"
+    solution, name, state = result.solution, result.label or "result", "unfinished"
     if solution.finished:
         good = solution.success and not solution.summary.breaks(solution.case)
         state = "verified" if good else "refused"

@@ -24,7 +24,7 @@ from hkt_mdo.results.panel import COLORS, GREY, QUANTITY_COLORS, Curve, Panel, S
 from hkt_mdo.results.sections import STACKING
 from hkt_mdo.results.sections import sections as sections_of
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.results.steady import BINS, Binned, binned, rated_point, steady_curve
+from hkt_mdo.results.steady import BINS, binned, rated_point, steady_curve
 from hkt_mdo.results.words import joined, limit_words, measured, plain_unit, printable
 from hkt_mdo.rotor.airfoil import Polar
 
@@ -248,9 +248,8 @@ def _power_curves(each: Labelled) -> Iterator[Curve]:
     (solution, label, index), table = each, each.table
     color, electrical = each.color("generator_power"), table["electrical_power_W"]
     if not np.allclose(electrical, table["generator_power_W"]):
-        found = binned(table["inflow_speed_m_s"], 1e-3 * electrical, solution.steady)
-        name = joined(label, "electrical power, mean")
-        yield Curve(found.speed, found.mean, name, color, index + 1)
+        speed, mean, *_ = binned(table["inflow_speed_m_s"], 1e-3 * electrical, solution.steady)
+        yield Curve(speed, mean, joined(label, "electrical power, mean"), color, index + 1)
     if (rated := rated_point(solution)) is not None:
         name = joined(label, f"rated at {rated[0]:.2f} m/s")
         x, y = np.array([rated[0]]), np.array([1e-3 * rated[1]])
@@ -329,7 +328,7 @@ def _envelope(each: Labelled, quantity: str, over: str, scale: float) -> Iterato
         yield each.curve(place, high, name, quantity, kind="band", low=low)
 
 
-def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> Binned:
+def _ranges(parts: Sequence[tuple[np.ndarray, np.ndarray]], most: int) -> np.ndarray:
     """Return the smallest and the largest of several series in classes of their abscissa."""
     x, y = (np.concatenate(each) for each in zip(*parts, strict=True))
     count = max(1, min(most, min(each.size for each, _ in parts) // 2))

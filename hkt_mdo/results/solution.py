@@ -70,7 +70,7 @@ class Solution:
     case : Case
         The case that was run, every default written out.
     summary : Summary
-        Figures of merit: attributes, or values by the keys of ``summary.json``.
+        Figures of merit, by the keys of ``summary.json``.
     tables : dict of dict
         Tables over time and along the blade by their names, by scenario.
     coefficients, convergence : dict of ndarray

@@ -1,7 +1,5 @@
 """Steady operation of a finished design, and its simulated operation by flow speed."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
@@ -12,15 +10,6 @@ FLOWS, BINS, FEWEST = 200, 30, 8
 """Flow speeds of a steady curve; classes of the flow speed, and the fewest instants of one."""
 
 
-class Binned(NamedTuple):
-    """A quantity over classes of the flow speed, (n_classes,): mean, and 90 % of the instants."""
-
-    speed: np.ndarray
-    mean: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-
-
 def binned(
     speed: np.ndarray,
     values: np.ndarray,
@@ -28,7 +17,7 @@ def binned(
     count: int = BINS,
     fewest: int = FEWEST,
     ends: tuple[float, float] = (5.0, 95.0),
-) -> Binned:
+) -> np.ndarray:
     """Return the mean and the range of 90 % of some values in classes of the flow speed.
 
     Parameters
@@ -48,18 +37,18 @@ def binned(
 
     Returns
     -------
-    Binned
-        Of the classes with at least `fewest` instants.
+    numpy.ndarray, shape (4, n_classes)
+        Mean speed, mean value, and the range, of the classes with at least `fewest` instants.
     """
     order = np.argsort(speed)
     speed, values = speed[order], values[order]
     if steady:
-        return Binned(speed, values, values, values)
+        return np.stack((speed, values, values, values))
     edges = np.searchsorted(speed, np.linspace(speed[0], speed[-1], count + 1)[1:-1])
     classes = zip(np.split(speed, edges), np.split(values, edges), strict=True)
     pairs = [(x, y) for x, y in classes if x.size >= fewest]
     rows = [(np.mean(x), np.mean(y), *np.percentile(y, ends)) for x, y in pairs]
-    return Binned(*np.reshape(rows, (-1, 4)).T)
+    return np.reshape(rows, (-1, 4)).T
 
 
 def steady_curve(solution: Solution) -> dict[str, np.ndarray]:

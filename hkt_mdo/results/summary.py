@@ -5,7 +5,7 @@ A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its rows on
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -437,11 +437,10 @@ class ScenarioEntry(Achieved):
         yield from in_operation(self, case, self.duration_s)
 
 
-class Summary(Achieved, Mapping[str, Any]):
+class Summary(Achieved):
     """Figures of merit of a run; None for what is not known, as after an interruption.
 
-    Fields are attributes. As a mapping, a summary has the keys of `summary.json`, with lists and
-    dictionaries as JSON has them.
+    Its attributes are the keys of `summary.json`.
     """
 
     version: int | None = Field(default=None, le=VERSION)
@@ -544,15 +543,6 @@ class Summary(Achieved, Mapping[str, Any]):
         both = [*(self.loads or {}).items(), *(self.limits or {}).items()]
         return dict(sorted(both, key=lambda pair: pair[1].value or 0.0))
 
-    def __getitem__(self, key: str) -> Any:
-        return self.model_dump(exclude_unset=True)[key]
-
-    def __iter__(self) -> Iterator[str]:  # type: ignore[override]
-        return iter(self.model_dump(exclude_unset=True))
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
     @classmethod
     def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> Summary:
         """Return the summary of a JSON text; InputError if it is no JSON or has a wrong value."""
@@ -591,10 +581,13 @@ class Summary(Achieved, Mapping[str, Any]):
 
     def tables(self, case: Case) -> dict[str, list[Row]]:
         """Return the rows by the titles of their tables."""
+        year = self.year.rows() if self.year else ()
+        limits = in_operation(self, case, case.phase.duration)
+        bent = bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
         found = {
             "Result": [*self._outcome(case)],
             "Blade and controller": [*self._design(case)],
-            "Operation, limits and loads": [*self._operation(case)],
+            "Operation, limits and loads": [*year, *limits, *bent],
             "Optimization": [*self._optimization()],
         }
         scenarios = self.scenarios or {}
@@ -740,12 +733,6 @@ class Summary(Achieved, Mapping[str, Any]):
             kept = next((each.strategy for each in self.starts if each.kept), "none")
             yield Row("starts", f"{len(self.starts)} tried", "", f"began with: {kept}")
         yield from (branch.row() for branch in self.branches or ())
-
-    def _operation(self, case: Case) -> Iterator[Row]:
-        """Yield the rows of operation, limits and loads, and of the blade's bending."""
-        yield from self.year.rows() if self.year else ()
-        yield from in_operation(self, case, case.phase.duration)
-        yield from bending(self.tip_deflection_m, self.tip_radius_m, self.weight_moment_Nm)
 
 
 def in_operation(of: Achieved, case: Case, duration: float | None = None) -> Iterator[Row]:

@@ -24,7 +24,12 @@ OWN = (
 )
 
 
-class Plain(FeedbackLaw):
+class Later:
+    def sizes(self, gains):
+        raise NotImplementedError("the law's own comes first")
+
+
+class Plain(FeedbackLaw, Later):
     """A law that asks for no torque."""
 
     law: Literal["plain"] = "plain"
@@ -40,8 +45,7 @@ def install(monkeypatch):
     """Return a function that installs an entry point for the time of a test."""
 
     def declare(value):
-        point = metadata.EntryPoint("my_turbines", value, ENTRY_POINTS)
-        found = {ENTRY_POINTS: [point]}
+        found = {ENTRY_POINTS: [metadata.EntryPoint("my_turbines", value, ENTRY_POINTS)]}
         monkeypatch.setattr(metadata, "entry_points", lambda group: found.get(group, []))
         _installed.cache_clear()
 
@@ -71,7 +75,7 @@ def test_a_case_names_kinds_of_an_extension(source):
 
 def test_a_case_names_a_class():
     case = load_case({"inflow": "sine", "control": "plain"}, extensions=[Plain])
-    assert case.control == Plain()
+    assert (case.control, case.control.sizes(-2.0)) == (Plain(), 2.0)
     assert case.with_overrides("rotor.radius=2").control == case.control
     assert pickle.loads(pickle.dumps(case)) == case
     assert known_kinds([Plain, Plain, FILE, FILE]).extensions == (Plain, str(FILE.resolve()))
@@ -105,8 +109,7 @@ def test_an_installed_package_that_is_broken_is_reported(install, value, told):
 
 
 ACCEL = "tip_acceleration"
-HEAD = "from typing import Annotated, ClassVar, Literal\n"
-HEAD += "from hkt_mdo import Aggregate, FeedbackLaw, Inflow, Limit, Objective, Quantity\n"
+HEAD = "from typing import Annotated, ClassVar, Literal\nfrom hkt_mdo import *\n"
 FAULTS = yaml.safe_load((FILE.parent / "no_kinds.yaml").read_text(encoding="utf-8"))
 
 

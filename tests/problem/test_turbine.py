@@ -46,9 +46,8 @@ def turbine(tmp_path):
     (tmp_path / "a.dat").write_text(AERODYN, encoding="utf-8")
 
     def build(keys):
-        case = read_case(
-            f"inflow: sine\ncontrol: linear\nrotor: {{{keys}}}", file=f"{tmp_path}/case.yaml"
-        )
+        text = f"inflow: sine\ncontrol: linear\nrotor: {{{keys}}}"
+        case = read_case(text, file=f"{tmp_path}/case.yaml")
         return build_turbine(case.rotor, case.fluid, 1.5)
 
     return build

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.folder import to_json, write_json
+from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import Summary
 from hkt_mdo.results.words import per_cent, texts
@@ -25,12 +25,11 @@ def edit(folder: Path, **changes: object) -> Solution:
     return Solution.load(folder)
 
 
-def test_what_is_written_is_read(result_folder: Path, tmp_path: Path) -> None:
+def test_what_is_written_is_read(result_folder: Path) -> None:
     data = json.loads((result_folder / "summary.json").read_text())
     summary = Solution.load(result_folder).summary
-    assert dict(summary) == data
-    write_json(tmp_path / "again.json", dict(summary))
-    assert Summary.parse((tmp_path / "again.json").read_text()) == summary
+    assert summary.model_dump(exclude_unset=True) == data
+    assert Summary.parse(to_json(data)) == summary
 
 
 def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
@@ -43,7 +42,7 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
         "chord_m": [np.float64(0.5)],
         "tip_speed_ratio": {"min": np.nan},
     }
-    assert dict(Summary.parse(to_json(values))) == {
+    assert Summary.parse(to_json(values)).model_dump(exclude_unset=True) == {
         "success": True,
         "mass_kg": 3.0,
         "surrogate_error": None,

@@ -75,7 +75,7 @@ def test_an_interrupted_run_says_so_and_is_resumed(tmp_path, undisturbed, optimi
     resumed = run.resume_case(folder, figures=False)
     assert energy(resumed) == undisturbed.summary.simulated_energy_J
     assert resumed.convergence["evaluation"].size > evaluations
-    assert resumed.summary["starts"] == undisturbed.summary["starts"]
+    assert resumed.summary.starts == undisturbed.summary.starts
     assert not (folder / "lock").exists()
 
 

@@ -55,17 +55,17 @@ def test_both_optimizers_succeed_and_agree(run, name):
 
 def test_unlimited_open_loop_reaches_the_bound_at_constant_tip_speed_ratio(run):
     summary = run("sine_oloc").summary
-    assert 0.9995 <= summary["simulated_energy_J"] / summary["energy_bound_J"] <= 1.0 + 1e-5
-    assert summary["tip_speed_ratio"]["max"] - summary["tip_speed_ratio"]["min"] < 0.1
+    assert 0.9995 <= summary.simulated_energy_J / summary.energy_bound_J <= 1.0 + 1e-5
+    assert np.diff(summary.tip_speed_ratio.ends) < 0.1
 
 
 def test_quadratic_feedback_is_open_loop_without_a_limit(run):
     """K2 = 0.5 rho pi R^5 Cp / tsr^3 at the Cp maximum of its blade."""
     summary, energy = run("sine_quadratic").summary, run("sine_oloc").summary.simulated_energy_J
     assert summary.simulated_energy_J == pytest.approx(energy, rel=2e-4)
-    ratio = summary["tip_speed_ratio_at_power_coefficient_max"]
-    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * summary["power_coefficient_max"] / ratio**3
-    assert summary["gain"] == pytest.approx(gain, rel=5e-3)
+    ratio = summary.tip_speed_ratio_at_power_coefficient_max
+    gain = 0.5 * DENSITY * np.pi * RADIUS**5 * summary.power_coefficient_max / ratio**3
+    assert summary.gain == pytest.approx(gain, rel=5e-3)
 
 
 def test_ranking_under_a_torque_limit(run):
@@ -120,7 +120,7 @@ def test_the_case_of_a_result_reruns_identically(short, tmp_path):
     assert case == short.case
     again = run_case(case, tmp_path / "again", figures=False, records=False)
     for key in RESULTS:
-        assert again.summary[key] == short.summary[key], key
+        assert getattr(again.summary, key) == getattr(short.summary, key), key
 
 
 def test_the_case_of_a_result_takes_overrides(short, tmp_path):
@@ -132,9 +132,9 @@ def test_the_case_of_a_result_takes_overrides(short, tmp_path):
     command = ["run", str(short.folder / "case.yaml"), "--out", str(tmp_path / "again")]
     assert main([*command, "--quiet", "--no-figures", "--set", override]) == 0
     found = Solution.load(tmp_path / "again")
-    assert found.summary["control_torque_max_Nm"] == pytest.approx(600.0, rel=0.01)
+    assert found.summary.control_torque_max_Nm == pytest.approx(600.0, rel=0.01)
     for key in RESULTS:
-        assert found.summary[key] == expected.summary[key], key
+        assert getattr(found.summary, key) == getattr(expected.summary, key), key
 
 
 # Runs that are no success, or none at all ---------------------------------------------------------
@@ -144,8 +144,8 @@ def test_an_unfinished_optimization_is_no_success(tmp_path):
     case = short_case("sine_limited_oloc", "driver.max_iterations=2")
     solution = run_case(case, tmp_path / "out", figures=False)
     assert not solution.success
-    assert "optimizer did not converge" in solution.summary["message"]
-    assert solution.summary["simulated_energy_J"] is not None
+    assert "optimizer did not converge" in solution.summary.message
+    assert solution.summary.simulated_energy_J is not None
 
 
 @pytest.mark.slow
@@ -206,7 +206,7 @@ def test_two_runs_at_the_same_time_are_as_alone(tmp_path):
         alone = run_case(case, tmp_path / "alone" / name, figures=False)
         assert solution.success, solution.message
         for key in RESULTS:
-            assert solution.summary[key] == alone.summary[key], (name, key)
+            assert getattr(solution.summary, key) == getattr(alone.summary, key), (name, key)
         speeds = [each.simulation["rotor_speed_rad_s"] for each in (solution, alone)]
         np.testing.assert_array_equal(*speeds)
 

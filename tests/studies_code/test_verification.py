@@ -64,12 +64,12 @@ def test_the_optimum_is_stationary(tmp_path, law):
     solution = run_case(case, tmp_path / "out", figures=False, records=False)
     design = solution.design()
     reference = study._fly(design).energy
-    assert reference == pytest.approx(solution.summary["simulated_energy_J"], rel=1e-5)
+    assert reference == pytest.approx(solution.summary.simulated_energy_J, rel=1e-5)
     changed = list(study._perturbed(design))
     assert len(changed) > 30
     for name, other in changed[::5]:
         assert study._fly(other).energy <= reference * (1.0 + 1e-5), name
-    assert solution.summary["energy_balance_error"] < 1e-6
+    assert solution.summary.energy_balance_error < 1e-6
 
 
 def test_mutilated_files_are_accepted_or_refused(tmp_path):
