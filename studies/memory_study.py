@@ -28,8 +28,6 @@ from hkt_mdo.dynamics.tracking import Tracking
 from hkt_mdo.problem import operation_group
 from hkt_mdo.results import style
 from hkt_mdo.results.solution import Solution
-from hkt_mdo.run.memory import stability
-from hkt_mdo.run.verification import SimulatedDesign
 from hkt_mdo.studies.other_flows import runs_of
 
 PAPER = (*CODESIGN, "sine_baseline_oloc")
@@ -128,7 +126,7 @@ def simulated(folders):
         if not solution.success:
             continue
         runs = runs_of(solution, "design", memory=True)
-        verdict = stability([flown_of(each.without) for each in runs])
+        verdict = solution.summary.memory
         least = verdict.least_inertia_kg_m2
         loop = (
             folder.name,
@@ -166,13 +164,6 @@ def simulated(folders):
         "thrust without and with, kN", "runs away",
     )  # fmt: skip
     return markdown_table(header, rows)
-
-
-def flown_of(run):
-    """Return a run's integration, with the quantities that are reported of it."""
-    design = run.design
-    about = design.physics.rotor, design.plant, run.simulation, design.controller
-    return SimulatedDesign(design.physics, *about)
 
 
 def the_map(reference, other, image):
