@@ -36,6 +36,7 @@ SAME = "same root"
 CC_LATER = "CCBlade: a later root with 0 < phi < 90 deg; here: the first"
 CC_NONE_EVEN = "CCBlade: no sign change (two roots), load 0; here: the first, 0 < phi < 90 deg"
 CC_NONE_BEYOND = "CCBlade: no sign change, load 0; here: phi > 90 deg"
+CC_NONE_BRAKE = "CCBlade: no sign change, load 0; here: phi < 0"
 CC_LATER_BEYOND = "CCBlade: a later root with phi > 90 deg; here: the first"
 CC_BACKWARDS = "CCBlade: a root with W < 0; here: another or none"
 BOTH_NONE = "no root in either"
@@ -200,7 +201,7 @@ def kind_of(branch, phi, phi_cc, load_cc, residual_cc, speed_cc):
     """Return what happened at one section; see the constants above."""
     failed_cc = not np.any(load_cc)
     if failed_cc:
-        return {-1: BOTH_NONE, 2: CC_NONE_BEYOND}.get(int(branch), CC_NONE_EVEN)
+        return {-1: BOTH_NONE, 2: CC_NONE_BEYOND, 3: CC_NONE_BRAKE}.get(int(branch), CC_NONE_EVEN)
     if branch >= 0 and abs(phi - phi_cc) < SAME_ANGLE:
         return SAME
     if speed_cc <= 0.0:

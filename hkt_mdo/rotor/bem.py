@@ -35,6 +35,7 @@ _SAMPLES = np.concatenate(
         np.linspace(0.5 * np.pi, np.pi - PHI_MIN, 25)[1:],
     )
 )
+_NEGATIVE_SAMPLES = -PHI_MIN - (0.5 * np.pi - PHI_MIN) * np.linspace(0.0, 1.0, 33) ** 1.5
 
 STEP = 1e-40  # of derivatives by complex step: nothing is subtracted
 FINEST = 0.004  # rad, about the spacing of a polar's knots: no interval is divided further
@@ -77,10 +78,12 @@ class Sections(NamedTuple):
         -------
         ndarray of shape (n_points, n_stations)
             0 for momentum theory (k <= 2/3), 1 for Buhl's empirical branch (k > 2/3), 2 for an
-            inflow angle beyond 90 degrees and -1 for no root, which needs a section without drag.
+            inflow angle beyond 90 degrees, 3 for a negative inflow angle (propeller brake) and -1
+            for no root.
         """
         phi, buhl = self.inflow_angle, self.axial_induction > 0.4
-        return np.select([self.relative_speed == 0.0, phi > 0.5 * np.pi, buhl], [-1, 2, 1], 0)
+        cases = [self.relative_speed == 0.0, phi < 0.0, phi > 0.5 * np.pi, buhl]
+        return np.select(cases, [-1, 3, 2, 1], 0)
 
 
 class Table(NamedTuple):
@@ -169,8 +172,9 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
     tangential_phi = tangential_a + normal
 
     inverse = 1.0 / sine
-    tip = (0.5 * blade_count * (tip_radius - r) / r) * inverse
-    hub = (0.5 * blade_count * (r - hub_radius) / hub_radius) * inverse
+    size = inverse if phi.real > 0.0 else -inverse
+    tip = (0.5 * blade_count * (tip_radius - r) / r) * size
+    hub = (0.5 * blade_count * (r - hub_radius) / hub_radius) * size
     tip_loss, log_tip = _loss_at(tip)
     hub_loss, log_hub = _loss_at(hub)
     loss = tip_loss * hub_loss
@@ -186,7 +190,9 @@ def _terms(phi, chord, twist, r, hub_radius, tip_radius, blade_count, polar):
 
     # s = sin(phi) bracket(k, F)
     bracket_loss = 0.0 * loss
-    if k.real <= 2.0 / 3.0:
+    if phi.real < 0.0:
+        bracket, bracket_k = 1.0 - k, -1.0 + 0.0 * k
+    elif k.real <= 2.0 / 3.0:
         bracket, bracket_k = 1.0 + k, 1.0 + 0.0 * k
     else:
         root = np.sqrt(2.0 * loss * k - (4.0 / 3.0 - loss) * loss)
@@ -337,9 +343,9 @@ def _root(left, right, lambda_r, station):
 
 
 @compiled(error_model="numpy")
-def _residual(knot, lambda_r):
-    """Return the angle of a knot, the residual there and its slope."""
-    return knot[0], knot[1] - knot[2] / lambda_r, knot[3] - knot[4] / lambda_r
+def _residual(point, lambda_r):
+    """Return the angle of a knot or of other terms, the residual there and its slope."""
+    return point[0], point[1] - point[2] / lambda_r, point[3] - point[4] / lambda_r
 
 
 @compiled(error_model="numpy")
@@ -352,6 +358,13 @@ def _first_root(lambda_r, knots, n_knots, station):
         low, high = _residual(knots[:, above - 1], lambda_r), _residual(knots[:, above], lambda_r)
         if low[1] < 0.0 <= high[1]:
             phi, terms = _root(low, high, lambda_r, station)
+    if terms[0][0] <= 0.0:  # no root in 0 to 180 degrees, or one with a negative relative speed
+        high = np.nan, np.nan, np.nan
+        for angle in _NEGATIVE_SAMPLES:
+            s, c, s_phi, c_phi = _terms(angle, *station)[0]
+            low, high = high, _residual((angle, s, c, s_phi, c_phi), lambda_r)
+            if low[1] * high[1] < 0.0:
+                return _root(low, high, lambda_r, station)
     return phi, terms
 
 
