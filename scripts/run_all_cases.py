@@ -70,16 +70,16 @@ def main():
             table.add_row(file.stem, *words, "", "", "", "")
             continue
         first, second = (solution.summary for solution in pair)
-        difference = second["simulated_energy_J"] / first["simulated_energy_J"] - 1.0
+        difference = second.simulated_energy_J / first.simulated_energy_J - 1.0
         good = good and abs(difference) <= AGREEMENT
         table.add_row(
             file.stem,
-            f"{first['simulated_energy_J']:.1f}",
-            f"{second['simulated_energy_J']:.1f}",
+            f"{first.simulated_energy_J:.1f}",
+            f"{second.simulated_energy_J:.1f}",
             f"{difference:+.1e}",
-            f"{first['iterations']}, {second['iterations']}",
-            "" if first["gain"] is None else f"{first['gain']:.3f}, {second['gain']:.3f}",
-            f"{first['simulated_energy_J'] / first['energy_bound_J']:.6f}",
+            f"{first.iterations}, {second.iterations}",
+            "" if first.gain is None else f"{first.gain:.3f}, {second.gain:.3f}",
+            f"{first.simulated_energy_J / first.energy_bound_J:.6f}",
         )
     console.print(table)
     sys.exit(0 if good else 3)

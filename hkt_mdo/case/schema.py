@@ -138,8 +138,9 @@ class FlowScenario(_WithFlow):
 
 
 def _reseeded(inflow: Any, number: int) -> Any:
-    """Return a flow whose seed, or those of its parts, are larger by a number."""
+    """Return the flow of another number: its seed, or those of its parts, are larger."""
     if isinstance(inflow, SumInflow):
+        number *= sum(hasattr(part, "seed") for part in inflow.parts)  # no two share a part
         parts = tuple(_reseeded(part, number) for part in inflow.parts)
         return inflow.model_copy(update={"parts": parts})
     known = hasattr(inflow, "seed")
@@ -513,7 +514,10 @@ def read_case(
     check_files: bool = True,
     extensions: Iterable[Extension] = (),
 ) -> Case:
-    """Make a case of YAML text as if it stood in a file; the rest is as in `load_case`."""
+    """Make a case of YAML text as if it stood in `file`, which need not exist; see `load_case`.
+
+    Messages name the file; relative paths begin at its folder, and a case without a name has its.
+    """
     data = parse(text, file)
     if data is None:
         remedy = "give at least inflow: {profile: ...} and control: {law: ...}"

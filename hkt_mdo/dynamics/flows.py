@@ -408,6 +408,12 @@ class SumInflow(Inflow):
     messages = _of_parts("messages", partial(sum, start=()))
     last_time = _of_parts("last_time", min)
 
+    def flaws(self) -> Flaws:
+        seeds = [part.seed for part in self.parts if hasattr(part, "seed")]
+        if len({*seeds}) < len(seeds):
+            problem = "has random parts of the same seed, which are one flow"
+            yield "parts", problem, "give each its own seed"
+
     @property
     def mean_speed(self):
         return self.parts[0].mean_speed

@@ -140,11 +140,13 @@ class Sections(Outer):
     def files(self, design: Design) -> dict[str, bytes]:
         remarks, blade, found = self.remarks(design), design.blade, {}
         both = self.stations(design, blade.r), self.plane(design, blade.r)
+        across = both[1][..., 1]  # over the upper side and back: opposite points are equally far
+        thickness = np.max(across - across[:, ::-1], axis=1) / blade.chord
         for n, points in enumerate(np.concatenate(both, axis=-1)):
             own = (
                 f"station {n + 1} of {blade.r.size}: r = {blade.r[n]:.9g} m, chord = "
                 f"{blade.chord[n]:.9g} m, twist = {np.rad2deg(blade.twist[n]):.9g} deg, "
-                f"thickness = {design.thickness[n]:.6g} of the chord, before the trailing edge "
+                f"thickness = {thickness[n]:.6g} of the chord, before the trailing edge "
                 "is thickened",
                 "chordwise_m: along the chord towards the trailing edge; across_m: towards the "
                 "suction side; both from the blade's axis",

@@ -155,10 +155,10 @@ class OperationGroup(om.Group):
     def _add_phases(self):
         """Add one phase a scenario, at its start, and promote what feeds them."""
         physics, setup = self._physics, self._start
-        trajectory, inputs = dm.Trajectory(), []
+        trajectory, inputs, designed = dm.Trajectory(), [], setup.bounds(physics)
         operation = split(physics, setup.start.operation)
         for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
-            variant, bounds = physics.variant(each), setup.bounds(physics)
+            variant, bounds = physics.variant(each), dict(designed)
             hydrodynamics, parameters = self._hydrodynamics(each)
             generator = physics.case.generator
             options = {"hydrodynamics": hydrodynamics, "generator": generator}

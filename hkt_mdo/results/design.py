@@ -1,4 +1,4 @@
-"""The design of a result as objects: blade, polars, control law, turbine; and its simulation.
+"""The design of a result as objects: blade, control law, turbine; and its simulation.
 
 Nothing else in this package needs the rotor, its files or the optimization's modules.
 """

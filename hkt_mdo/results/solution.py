@@ -200,7 +200,7 @@ class Solution:
         return len(entries) == 1 and entries[0].steady
 
     def design(self) -> Design:
-        """Return blade, polars, outlines, law and turbine of the result, as objects.
+        """Return blade, law, and turbine with polars and outlines of the result, as objects.
 
         Returns
         -------

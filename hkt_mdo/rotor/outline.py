@@ -228,8 +228,8 @@ def _sides_at(at, x, y):
 
     Where a side turns back in x, the part that goes on towards the trailing edge is taken.
     """
-    nose, sides = int(np.argmin(x)), []
-    for side in (slice(nose, None, -1), slice(nose, None)):
+    noses, sides = np.flatnonzero(x == np.min(x)), []  # several where it is flat
+    for side in (slice(noses[0], None, -1), slice(noses[-1], None)):
         on = np.concatenate(([True], x[side][1:] > np.maximum.accumulate(x[side])[:-1]))
         sides.append(np.interp(at, x[side][on], y[side][on]))
     return sides

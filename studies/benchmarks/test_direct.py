@@ -37,10 +37,10 @@ def test_direct_and_curve_agree(benchmark, full, tmp_path):
         rows.append(
             {
                 "case": path.stem,
-                "curve": curve["simulated_energy_J"],
-                "direct": direct["simulated_energy_J"],
-                "seconds": [curve["wall_seconds"], direct["wall_seconds"]],
-                "success": [curve["success"], direct["success"]],
+                "curve": curve.simulated_energy_J,
+                "direct": direct.simulated_energy_J,
+                "seconds": [curve.wall_seconds, direct.wall_seconds],
+                "success": [curve.success, direct.success],
             }
         )
     benchmark.extra_info["rows"] = rows

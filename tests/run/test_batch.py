@@ -75,8 +75,8 @@ def test_a_finished_result_is_reused_and_a_changed_case_is_run_again(batch):
     assert again[folder / "own"].case.limits.tip_acceleration.bound == 100.0
     assert (folder / "first" / "summary.json").read_bytes() == first
     before, after = (each[folder / "second"].summary for each in (found, again))
-    assert after["control_torque_max_Nm"] <= 500.0 * (1.0 + 1e-6)
-    assert after["simulated_energy_J"] < before["simulated_energy_J"]
+    assert after.control_torque_max_Nm <= 500.0 * (1.0 + 1e-6)
+    assert after.simulated_energy_J < before.simulated_energy_J
 
 
 @pytest.fixture
