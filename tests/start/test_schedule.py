@@ -98,7 +98,7 @@ def test_loads_are_kept_by_direct_blade_element_momentum(limit, value):
     assert found.excess < 1e-4
     # a schedule may jump from one side of the largest torque to the other, and sections may stall
     assert all(over < 4e-3 for over, _ in excesses(case, found).values())
-    (bound,) = (each for each in case.limits if each.name == limit)
+    (bound,) = (each for each in case.scenarios[0].limits if each.name == limit)
     (known,) = on_start(case, found)
     # the norm that stands for the largest value along the blade is up to one per cent above it
     assert -0.01 < np.max(bound.excess(known)) < 4e-3
