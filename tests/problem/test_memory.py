@@ -95,8 +95,7 @@ def test_the_wake_of_an_induction_beyond_its_table_is_near_the_table():
     table = tables["wake_induction_table"]
     ratio, slope = band.wake_ratio(table, np.array([0.0, table[0], table[20], table[-1], 3.0]))
     np.testing.assert_allclose(ratio[1:4], [6.0, 8.0, 10.0], atol=1e-9)
-    assert 5.5 < ratio[0] < 6.0
-    assert 10.0 < ratio[-1] < 10.5
+    np.testing.assert_allclose(ratio[[0, -1]], [5.75, 10.25], atol=0.25)
     assert np.all(slope >= 0.0)
     assert tables["torque_coefficient_band"].size == 41 * FACTORS.size
     assert band.direction == 1.0

@@ -34,11 +34,6 @@ scenarios:
 """
 
 
-def data_of(text: str) -> dict:
-    """Return what the charts of a page are drawn from."""
-    return json.loads(re.findall(r'<script[^>]* id="data"[^>]*>(.*?)</script>', text, re.DOTALL)[0])
-
-
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory) -> list[Path]:
     """Two invented results, of which checks refused the second one, with a tag in its message."""
@@ -111,7 +106,8 @@ def test_what_a_case_models_is_not_missing(changes, words, told):
 
 
 def test_charts_hold_the_numbers_of_the_tables(texts, folders):
-    data = data_of(texts["one"])
+    found = re.findall(r'<script[^>]* id="data"[^>]*>(.*?)</script>', texts["one"], re.DOTALL)
+    data = json.loads(found[0])
     (view,) = data["views"].values()
     table = Solution.load(folders[0]).simulation
     lines = {x["yaxis"]: x for x in view["time"]["data"]}
