@@ -66,12 +66,9 @@ def guard(kind: Any, source: str) -> Any:
     """
     file = getattr(sys.modules.get(kind.__module__), "__file__", None) or source
     for name, value in getmembers_static(kind):
-        homes = [base.__module__.partition(".")[0] for base in kind.__mro__ if name in vars(base)]
-        if (
-            name.startswith("_")
-            or not homes
-            or homes[0] in ("hkt_mdo", "pydantic", "builtins", "typing")
-        ):
+        places = (base.__module__ for base in kind.__mro__ if name in vars(base))
+        home = next(places, "builtins").partition(".")[0]  # none: an attribute of its metaclass
+        if name.startswith("_") or home in ("hkt_mdo", "pydantic", "builtins", "typing"):
             continue
         if (made := _guarded(value, name, file, f"{kind.__name__}.{name}")) is not None:
             setattr(kind, name, made)

@@ -114,6 +114,8 @@ class StageSystem:
     def _own(self, miss, some=ALL):
         """Return the change of some steps' stages with the values at their begins as they are."""
         (_, s, n, c, m), steps = self._shape, len(miss)
+        if not m:  # products of nothing would take as long as the one that is needed
+            return (self._inverse[some] @ miss.reshape(steps, s * n, 1)).reshape(miss.shape)
         dense, chain = miss[..., :n], miss[..., n:].reshape(steps, s, c, m)
         chain = self._chain[some] @ chain.transpose(0, 3, 2, 1).reshape(steps, m, c * s, 1)
         known = dense.reshape(steps, s * n, 1) + self._of_last(chain, some)
