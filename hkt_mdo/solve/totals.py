@@ -10,6 +10,7 @@ import numpy as np
 import openmdao.api as om
 from openmdao.core.driver import Driver
 from openmdao.jacobians import jacobian as om_jacobian
+from openmdao.matrices.coo_matrix import COOMatrix
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
@@ -36,13 +37,15 @@ class SparseTotals:
 
     def __init__(self, driver: Driver, responses: Sequence[str]) -> None:
         self._model = driver._problem().model
-        self._jacobian = om_jacobian.CSRJacobian(self._model)
+        self._jacobian = om_jacobian.SplitJacobian(COOMatrix, self._model)
         partials = self._jacobian.get_dr_do_matrix()
+        self._by_row = np.argsort(partials.row, kind="stable")
+        counts = np.bincount(partials.row, minlength=partials.shape[0])
+        chain = np.concatenate(([0], np.cumsum(counts))), partials.col[self._by_row]
 
         design = list(driver._designvars.items())
         functions = [(name, driver._responses[name]) for name in responses]
         seeds, rows = self._positions(design), self._positions(functions)
-        chain = partials.indptr, partials.indices
         graph = csr_matrix((np.ones(partials.nnz), *chain[::-1]), partials.shape)
         needed = np.isfinite(dijkstra(graph, indices=rows, unweighted=True, min_only=True))
         needed[seeds] = False
@@ -76,7 +79,7 @@ class SparseTotals:
         self._model.run_linearize(sub_do_ln=False)
         self._jacobian._update(self._model)
         order, indptr, indices, first, last, columns = self._structure
-        partials = self._jacobian.get_dr_do_matrix().data
+        partials = self._jacobian.get_dr_do_matrix().data[self._by_row]
         values = _substitute(order, indptr, indices, partials, first, last, columns)
         totals = self.pattern.copy()
         totals.data = values[self._chosen] * self._entry_scalers

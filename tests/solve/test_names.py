@@ -9,7 +9,7 @@ import numpy as np
 import openmdao.api as om
 import pytest
 from dymos.transcriptions.grid_data import GaussLobattoGrid
-from openmdao.jacobians.jacobian import CSRJacobian
+from openmdao.jacobians.jacobian import SplitJacobian
 
 from hkt_mdo.case import load_case
 from hkt_mdo.solve import totals
@@ -54,7 +54,7 @@ def test_models(problem):
     assert not missing(model, "_clear_iprint _outputs _owns_approx_jac _relevance")
     assert not missing(model._outputs, "get_range")
     assert not missing(model._relevance, "nonlinear_active")
-    assert not missing(CSRJacobian, "_update get_dr_do_matrix")
+    assert not missing(SplitJacobian, "_update get_dr_do_matrix")
 
 
 def test_transcriptions():
@@ -67,7 +67,7 @@ def test_transcriptions():
 def test_a_renamed_name_is_no_silent_loss_of_speed(problem, monkeypatch):
     """Without sparse totals a run would go on, many times slower."""
     monkeypatch.setattr(totals, "om_jacobian", object())
-    with pytest.raises(AttributeError, match="CSRJacobian"):
+    with pytest.raises(AttributeError, match="SplitJacobian"):
         problem.driver._prepare_totals(list(problem.driver._responses))
 
 
