@@ -21,8 +21,14 @@ from hkt_mdo.results.solution import Solution
 
 
 def drawn_by(make, *what, of=charts.by_scenario):
-    """Return what draws a panel of results on axes."""
-    return lambda found, ax=None: style.draw(make(of(charts.labelled(found)), *what), ax)
+    """Return what draws a panel of results on axes of its own."""
+    return lambda found: drawn(make(of(charts.labelled(found)), *what))
+
+
+def drawn(panel):
+    ax = style.draw(panel, Figure(figsize=(6.2, 3.9)).subplots())
+    style.legend([ax])
+    return ax
 
 
 def of_whole(make, *what):
@@ -49,9 +55,7 @@ FIGURES = ("blade", "coefficients", "operation", "power_curve", "limits", "loads
 
 
 def legend_texts(ax: Axes) -> list[str]:
-    """Return a legend's labels, of the axes or their twin."""
-    legends = [axes.get_legend() for axes in ax.figure.axes]
-    return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
+    return [text.get_text() for text in ax.get_legend().get_texts()]
 
 
 @pytest.fixture
@@ -66,7 +70,7 @@ def both(solution: Solution, linear_result_folder: Path) -> list[Solution]:
 
 @pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
 def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
-    """In axes of its own or in given ones, with units and names, and without global changes."""
+    """With units and names, and without global changes."""
     before = dict(mpl.rcParams)
     ax = plot(both[0])
     assert ax.lines
@@ -74,8 +78,7 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     assert ax.get_xlabel().endswith(")") or plot in (PLOTS["sections"], PLOTS["limits"])
     assert ax.get_ylabel().endswith(")")
     if plot is not PLOTS["limits"]:  # of which the other result has none
-        ax = Figure().subplots()
-        assert plot(both, ax) is ax
+        ax = plot(both)
         ax.figure.canvas.draw()
         names = " ".join(legend_texts(ax))
         assert "sine_quadratic" in names
@@ -93,8 +96,8 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     nodes = line_of(PLOTS["rotor_speed over time"](solution), "collocation nodes")
     rpm = 30.0 / np.pi * solution.trajectory["rotor_speed_rad_s"]
     np.testing.assert_allclose(nodes.get_ydata(), rpm, rtol=1e-14)
-    drawn = PLOTS["control_torque over time"](solution)
-    limit = line_of(drawn, "generator torque limit 700 N m")
+    shown = PLOTS["control_torque over time"](solution)
+    limit = line_of(shown, "generator torque limit 700 N m")
     assert list(limit.get_ydata()) == [700.0, 700.0]
     reach = solution.summary.tip_speed_ratio
     for plot in (PLOTS["power_coefficient"], PLOTS["thrust_coefficient"]):
@@ -166,8 +169,8 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
     longer = steady.steady_curve(replace(solution, case=stopped))
     assert longer["inflow_speed_m_s"][-1] == 2.5
-    drawn = PLOTS["generator_power over flow"](replace(solution, case=stopped))
-    assert "cut-out 2.5 m/s" in legend_texts(drawn)
+    shown = PLOTS["generator_power over flow"](replace(solution, case=stopped))
+    assert "cut-out 2.5 m/s" in legend_texts(shown)
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
 
@@ -185,8 +188,8 @@ def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solutio
 def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
     x, y = np.array([1.0, 2.0]), np.ones(2)
     bars = [Curve(x, y, f"run {index}", COLORS[index], index, "bar") for index in (1, 3)]
-    drawn = style.draw(Panel("energy", "speed", bars))
-    centres = [each.get_x() + 0.5 * each.get_width() for each in drawn.patches]
+    patches = drawn(Panel("energy", "speed", bars)).patches
+    centres = [each.get_x() + 0.5 * each.get_width() for each in patches]
     assert centres == pytest.approx([0.75, 1.75, 1.25, 2.25])
 
 
