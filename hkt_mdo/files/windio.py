@@ -14,7 +14,7 @@ import yaml
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
 from hkt_mdo.files.outline import checked_outline
-from hkt_mdo.files.polar_table import ENDS_EQUAL, PolarTable, polar_table
+from hkt_mdo.files.polar_table import CIRCLE_EDGE, PolarTable, polar_table
 from hkt_mdo.files.table import Column, array_columns
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
@@ -23,11 +23,6 @@ DIAMETER_OFF = 0.02
 
 DIAMETER_ROUNDED = 1e-6
 """How far it may be without a message, relatively: files round."""
-
-# Files round: a full circle of angles to ±3.14 rad, and the coefficients at its two ends.
-_CIRCLE_ROUNDED = math.radians(0.1)  # how far an end may be short of half a turn, rad
-_ANGLE_ROUNDED = 1e-3  # how far it may be beyond, over half a turn
-_ENDS_ROUNDED = 0.01  # difference of the coefficients at both ends that is rounding
 
 _MOST_RADIANS = 3.2
 """Angles that all lie within this are most likely radians, also where degrees are expected."""
@@ -296,13 +291,13 @@ class _Turbine:
                 continue
             grid, column = _curve(curve)
             radians = version.radian * grid.values
-            beyond = np.abs(radians) > np.pi * (1.0 + _ANGLE_ROUNDED)
+            beyond = np.abs(np.rad2deg(radians)) > 180.0 + CIRCLE_EDGE
             grid.refuse(beyond, "lies beyond the full circle", version.angles)
             if version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
                 problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
                 remedy = "windIO 2 counts them in degrees: convert them if they are radians"
                 raise curve.get("grid").refuse(problem, remedy)
-            curves[name] = np.clip(radians, -np.pi, np.pi), column.values
+            curves[name] = radians, column.values
         grids = [grid for grid, _ in curves.values()]
         alpha = np.unique(np.concatenate(grids))
         low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
@@ -314,28 +309,11 @@ class _Turbine:
             note = "coefficients on different grids are joined linearly"
             self.messages.append(f"{section}: {note}")
         values = {name: np.interp(alpha, *curve) for name, curve in curves.items()}
-        alpha = self.closed(alpha, values, section)
         number = place.find("re")
         reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
         arrays = {"alpha_rad": alpha} | dict(zip(("cl", "cd", "cm"), values.values(), strict=False))
         columns = array_columns(place.file, place.shown, **arrays)
         return polar_table(columns, reynolds, place.shown)
-
-    def closed(self, alpha: np.ndarray, values: dict[str, np.ndarray], section: str) -> np.ndarray:
-        """Close a full circle whose angles, or whose coefficients at both ends, are rounded."""
-        short = np.pi - np.abs(alpha[[0, -1]])
-        if np.any(short >= _CIRCLE_ROUNDED):
-            return alpha
-        if np.any(short > 0.0):
-            alpha = np.concatenate(([-np.pi], alpha[1:-1], [np.pi]))
-            self.messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
-        for name, numbers in values.items():
-            first, last = numbers[0], numbers[-1]
-            if ENDS_EQUAL < abs(last - first) < _ENDS_ROUNDED:
-                numbers[[0, -1]] = 0.5 * (first + last)
-                ends = f"{section}: {name} = {first:.4g} and {last:.4g} at ±180 degrees"
-                self.messages.append(f"{ends}, which are one angle: their mean is taken")
-        return alpha
 
 
 def _configuration(entry: Place) -> str | None:
