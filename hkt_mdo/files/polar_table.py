@@ -234,7 +234,7 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
         problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
-        if in_degrees and np.max(np.abs(angle)) <= np.pi:
+        if in_degrees and np.max(np.abs(angle)) < 1.01 * np.pi:  # files round
             other = " or name the column alpha_rad" * given.name.endswith("alpha_deg")
             remedy = f"if these are radians, convert them{other}; {remedy}"
     else:

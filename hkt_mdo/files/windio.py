@@ -24,9 +24,6 @@ DIAMETER_OFF = 0.02
 DIAMETER_ROUNDED = 1e-6
 """How far it may be without a message, relatively: files round."""
 
-_MOST_RADIANS = 3.2
-"""Angles that all lie within this are most likely radians, also where degrees are expected."""
-
 _STRUCTURES = ("internal_structure_2d_fem", "internal_structure", "structure")
 
 
@@ -282,22 +279,16 @@ class _Turbine:
         return [polar for entry in entries for polar in entry.get("re_sets").items()]
 
     def polar(self, place: Place, section: str) -> PolarTable:
-        """Return one polar, its coefficients on one grid of angles of attack, rad."""
-        version, moment = self.version, self.version.coefficients[-1]
+        """Return one polar, its coefficients on one grid of angles of attack."""
+        version = self.version
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for name in version.coefficients:
-            curve = place.find(name) if name == moment else place.get(name)
-            if curve is None:
-                continue
-            grid, column = _curve(curve)
-            radians = version.radian * grid.values
-            beyond = np.abs(np.rad2deg(radians)) > 180.0 + CIRCLE_EDGE
-            grid.refuse(beyond, "lies beyond the full circle", version.angles)
-            if version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
-                problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
-                remedy = "windIO 2 counts them in degrees: convert them if they are radians"
-                raise curve.get("grid").refuse(problem, remedy)
-            curves[name] = radians, column.values
+        for name, key in zip(("cl", "cd", "cm"), version.coefficients, strict=True):
+            curve = place.find(key) if name == "cm" else place.get(key)
+            if curve is not None:
+                grid, column = _curve(curve)
+                beyond = np.abs(np.rad2deg(version.radian * grid.values)) > 180.0 + CIRCLE_EDGE
+                grid.refuse(beyond, "lies beyond the full circle", version.angles)
+                curves[name] = grid.values, column.values
         grids = [grid for grid, _ in curves.values()]
         alpha = np.unique(np.concatenate(grids))
         low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
@@ -308,10 +299,10 @@ class _Turbine:
         if any(grid.size != alpha.size for grid in grids):
             note = "coefficients on different grids are joined linearly"
             self.messages.append(f"{section}: {note}")
-        values = {name: np.interp(alpha, *curve) for name, curve in curves.items()}
+        arrays = {"alpha" if version.number == 2 else "alpha_rad": alpha}
+        arrays |= {name: np.interp(alpha, *curve) for name, curve in curves.items()}
         number = place.find("re")
         reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
-        arrays = {"alpha_rad": alpha} | dict(zip(("cl", "cd", "cm"), values.values(), strict=False))
         columns = array_columns(place.file, place.shown, **arrays)
         return polar_table(columns, reynolds, place.shown)
 
