@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -146,6 +147,36 @@ def polar_table(
         f"{file}, {where}" if where else str(file),
         tuple(messages),
     )
+
+
+def in_order(tables: list[PolarTable], file: object, of: str = "") -> tuple[PolarTable, ...]:
+    """Return the polars of a section by rising Reynolds number.
+
+    Parameters
+    ----------
+    tables : list of PolarTable
+        One at least.
+    file, of : object, str
+        Where they come from, and of what they are, such as `` of thick``, for messages.
+
+    Returns
+    -------
+    tuple of PolarTable
+        The same.
+
+    Raises
+    ------
+    InputError
+        If two have the same number, or one of several has none.
+    """
+    found = sorted(tables, key=lambda table: table.reynolds or 0.0)
+    for one, other in pairwise(found):
+        if one.reynolds in (None, other.reynolds):
+            problem = "is missing" if one.reynolds is None else "is that of two tables"
+            remedy = "give one table for each Reynolds number"
+            key = f"Reynolds number{of}"
+            raise InputError(problem, remedy, file=file, key=key, value=one.reynolds)
+    return tuple(found)
 
 
 def polar_of_rows(

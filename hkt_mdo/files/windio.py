@@ -14,7 +14,7 @@ import yaml
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
 from hkt_mdo.files.outline import checked_outline
-from hkt_mdo.files.polar_table import CIRCLE_EDGE, PolarTable, polar_table
+from hkt_mdo.files.polar_table import CIRCLE_EDGE, PolarTable, in_order, polar_table
 from hkt_mdo.files.table import Column, array_columns
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
@@ -247,16 +247,9 @@ class _Turbine:
         thickness = thick and min(thick.number(0.0, 1.0 + 1e-6, "it is over the chord"), 1.0)
         coordinates = airfoil.find("coordinates")
         outline = checked_outline(*coordinates.pair("x", "y")) if coordinates else ()
-        polars: dict[float, PolarTable] = {}
-        for place in self.polar_places(airfoil, name, configuration):
-            table = self.polar(place, name)
-            reynolds = table.reynolds or 0.0
-            if reynolds in polars:
-                problem = f"is the second polar of {name} at one Reynolds number"
-                raise place.refuse(problem, "keep one, or tag them with different configurations")
-            polars[reynolds] = table
-        by_reynolds = tuple(polars[reynolds] for reynolds in sorted(polars))
-        return SectionTable(name, thickness, by_reynolds, outline)
+        places = self.polar_places(airfoil, name, configuration)
+        polars = in_order([self.polar(x, name) for x in places], airfoil.file, f" of {name}")
+        return SectionTable(name, thickness, polars, outline)
 
     def polar_places(self, airfoil: Place, name: str, configuration: str | None) -> list[Place]:
         """Return where the polars of a configuration are, of the first if none is given."""
