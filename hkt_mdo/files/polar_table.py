@@ -157,7 +157,7 @@ def in_order(tables: list[PolarTable], file: object, of: str = "") -> tuple[Pola
     tables : list of PolarTable
         One at least.
     file, of : object, str
-        Where they come from, and of what they are, such as `` of thick``, for messages.
+        The file, and what follows "Reynolds number" in a message, such as `` of thick``.
 
     Returns
     -------

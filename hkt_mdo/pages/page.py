@@ -13,7 +13,7 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import write_files, write_new
+from hkt_mdo.files.table import file_state, write_files, write_new
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import Labelled, labelled
 from hkt_mdo.results.nesting import ranked, remarks
@@ -89,12 +89,10 @@ def write_sweep_report(
     script = plotly_script()
     runs = [str(run) for run in table.columns["run"]]
     for number, run in enumerate(runs, start=1):
-        folder = table.folder / run
-        page, result = folder / "report.html", folder / "summary.json"
-        if not run or not result.is_file():
-            continue
-        if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
-            solution = Solution.load(folder, extensions=extensions)
+        page = table.folder / run / "report.html"
+        written, result = file_state(page), file_state(page.with_name("summary.json"))
+        if run and result and (written is None or written < result):
+            solution = Solution.load(page.parent, extensions=extensions)
             write_report([solution], page, shared="../../plotly.js")
             told(f"{number} of {len(runs)}: {page}")
     drawn = sweep_charts(table)
