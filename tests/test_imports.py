@@ -28,7 +28,7 @@ ALLOWED = {
     "start": {"case", "dynamics", "errors", "problem", "quantities", "results", "rotor", "solve"},
     "run": {
         *("case", "dynamics", "errors", "files", "problem", "quantities", "results", "rotor"),
-        *("solve", "start"),
+        *("sections", "solve", "start"),
     },
     "exports": {
         *("case", "dynamics", "errors", "files", "messages", "problem", "quantities", "results"),
