@@ -423,3 +423,29 @@ def parts_of(annotation: Any) -> Iterator[Any]:
         yield annotation
     for each in get_args(annotation):
         yield from parts_of(each)
+
+
+def leaves(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, Any, str]]:
+    """Yield the values in a section, and in the sections and lists in it.
+
+    Parameters
+    ----------
+    value : Section or Any
+        A section, a list, or any other value.
+    key, unit : str
+        Its dotted key, and its unit.
+
+    Yields
+    ------
+    key, value, unit : tuple of (str, Any, str)
+        Dotted key, such as ``rotor.chord[2]``, value, and unit, empty where there is none.
+    """
+    if isinstance(value, Section):
+        for name, field in type(value).model_fields.items():
+            own = f"{key}.{field.alias or name}".lstrip(".")
+            yield from leaves(getattr(value, name), own, type(value).unit_of(name))
+    elif isinstance(value, list | tuple):
+        for number, each in enumerate(value):
+            yield from leaves(each, f"{key}[{number}]", unit)
+    else:
+        yield key, value, unit

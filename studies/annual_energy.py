@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 import page_data
 from matplotlib.figure import Figure
+from study_plots import line
 
 from hkt_mdo import Limit, load_case, run_case
 from hkt_mdo.dynamics.simulation import Plant
@@ -212,7 +213,7 @@ def draw(solutions, path: Path) -> None:
     axes = figure.subplots(2, 2)
     axes[0, 0].plot(known["speed_m_s"], known["power_kW"], ":", color="0.3", label="HARP_Opt's own")
     for index, (key, name) in enumerate(names.items()):
-        look, solution = style.line(index), solutions[key]
+        look, solution = line(index), solutions[key]
         year, blade = solution.year, solution.blade
         speed = year["inflow_speed_m_s"]
         axes[0, 0].plot(speed, 1e-3 * year["captured_power_W"], label=name, **look)
@@ -222,7 +223,7 @@ def draw(solutions, path: Path) -> None:
     words = [("inflow speed (m/s)", "power (kW)"), ("inflow speed (m/s)", "energy a year (MW h)")]
     words += [("radius (m)", "chord (m)"), ("radius (m)", "twist (deg)")]
     for ax, (x, y) in zip(axes.ravel(), words, strict=True):
-        style.finish(ax, x, y)
+        style.legend([style.finish(ax, x, y)])
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
 

@@ -309,11 +309,9 @@ def panels(solutions, *draws):
     axes = figure.subplots((len(draws) + 1) // 2, 2).ravel()
     for draw, ax in zip(draws, axes, strict=True):
         draw(solutions, ax)
-        if ax is not axes[0] and ax.get_legend():
-            ax.get_legend().remove()
-    handles = axes[0].get_legend().legend_handles  # without what is told beside its line
-    axes[0].get_legend().remove()
-    figure.legend(handles=handles, loc="outside upper center", ncols=4, fontsize=8, frameon=False)
+    look = {"ncols": 4, "fontsize": 8, "frameon": False}
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", **look)
     return figure
 
 
@@ -332,7 +330,7 @@ def over(column, label, *, scale=1.0, hours=False, across=None, ends=None):
             data = solution.simulation
             x = data[across or "time_s"] / (3600.0 if hours else 1.0)
             part = slice(None) if ends is None else (x >= ends[0]) & (x <= ends[1])
-            ax.plot(x[part], scale * data[column][part], label=solution.name, **style.line(index))
+            ax.plot(x[part], scale * data[column][part], label=solution.name, **plots.line(index))
         words = "inflow speed (m/s)" if across else "time (h)" if hours else "time (s)"
         style.finish(ax, words, label)
 

@@ -27,7 +27,6 @@ for plot, ax in zip(
 ):
     plot(solutions, ax)
     handles, labels = ax.get_legend_handles_labels()
-    ax.get_legend().remove()
     if ax is axes[0, 0]:
         told = {"fontsize": 10, "frameon": False, "ncols": 4, "loc": "outside upper center"}
         title = "Energy captured in 60 s of a sinusoidal flow, torque limited to 700 N m"

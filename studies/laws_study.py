@@ -25,6 +25,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.evaluation import loads_along, scalars
 from hkt_mdo.results import style
 from hkt_mdo.results.folder import write_json
+from hkt_mdo.results.panel import COLORS
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.engine import in_processes
 from hkt_mdo.studies.uncertainty import Sensor, noisy_runs
@@ -611,7 +612,7 @@ def panel(ax, found, limit, foot=""):
     for i, flow in enumerate(flows):
         lost = [below(found, flow, limit, law) for law in asked]
         lost = np.array([np.nan if each is None else max(-each, 1.3 * LEAST) for each in lost])
-        look = style.bar(i)
+        look = {"color": COLORS[i], "hatch": style.HATCHES[i], "edgecolor": "white"}
         left = place + (i + 0.5 - 0.5 * len(flows)) * width
         ax.bar(left, lost, 0.9 * width, label=flow, **look)
         known = [(flow, limit, law, "designed") in found for law in asked]

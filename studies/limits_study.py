@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import page_data
 from study_common import NINE, markdown_table, percent, run_nested, with_blade
+from study_plots import line
 
 from hkt_mdo.case import load_case
 from hkt_mdo.results import style
@@ -373,7 +374,7 @@ def front(ax, found, part):
     """Draw the energy, kJ, over the limits of one front."""
     unit, values = FRONTS[part]
     energies = [energy(found[f"{part}/{name}"]) or np.nan for name in values]
-    look = style.line(0) | style.marker(0, 4.0)
+    look = line(0) | {"marker": "o", "markersize": 4.0}
     ax.plot([*values.values()], energies, label="open loop, verified", **look)
     look = style.REFERENCE | {"linestyle": "-.", "label": "without this limit"}
     ax.axhline(energy(found["free/oloc"]), **look)

@@ -23,8 +23,5 @@ rotor.imshow(imread(io.BytesIO(picture(rotors))))
 rotor.set_axis_off()
 style.draw(charts.over_flow(results, "generator_power"), power)
 style.draw(charts.over_flow(results, "control_torque"), torque)
-for ax in (power, torque):
-    if ax.get_legend() is not None:
-        ax.get_legend().remove()
 image.parent.mkdir(parents=True, exist_ok=True)
 figure.savefig(image, dpi=120, facecolor="white")

@@ -1,29 +1,31 @@
 """Plots of results on axes, for the figures of the studies.
 
-Each `plot_...` takes one solution or several and, optionally, the axes to draw on (of a new figure
-by default), and returns the axes.
+Each `plot_...` takes one solution or several and the axes to draw on, and returns these.
 """
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from matplotlib.axes import Axes
 
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.charts import Solutions
-from hkt_mdo.results.panel import Panel
+from hkt_mdo.results.panel import COLORS, Panel
 
 
-def _of_design(
-    make: Callable[..., Panel], what: str, solutions: Solutions, ax: Axes | None = None
-) -> Axes:
+def line(index: int) -> dict[str, Any]:
+    """Return colour and line style of a solution: they differ in grey, too."""
+    look = {"color": COLORS[index % len(COLORS)], "linewidth": 1.5}
+    return look | {"linestyle": style.LINES[index % len(style.LINES)]}
+
+
+def _of_design(make: Callable[..., Panel], what: str, solutions: Solutions, ax: Axes) -> Axes:
     """Draw a panel of results as a whole."""
     return style.draw(make(charts.labelled(solutions), what), ax)
 
 
-def _of_scenarios(
-    make: Callable[..., Panel], what: str, solutions: Solutions, ax: Axes | None = None
-) -> Axes:
+def _of_scenarios(make: Callable[..., Panel], what: str, solutions: Solutions, ax: Axes) -> Axes:
     """Draw a panel of the scenarios of results."""
     return style.draw(make(charts.by_scenario(charts.labelled(solutions)), what), ax)
 

@@ -24,11 +24,11 @@ ALLOWED = {
     "dynamics": {"errors", "files", "messages", "quantities", "rotor", "sections"},
     "case": {"dynamics", "errors", "files", "messages", "quantities", "sections"},
     "results": {"case", "dynamics", "errors", "files", "problem", "quantities", "rotor"},
-    "problem": {"case", "dynamics", "errors", "files", "quantities", "rotor", "solve"},
+    "problem": {"case", "dynamics", "errors", "files", "quantities", "rotor", "sections", "solve"},
     "start": {"case", "dynamics", "errors", "problem", "quantities", "results", "rotor", "solve"},
     "run": {
         *("case", "dynamics", "errors", "files", "problem", "quantities", "results", "rotor"),
-        *("solve", "start"),
+        *("sections", "solve", "start"),
     },
     "exports": {
         *("case", "dynamics", "errors", "files", "messages", "problem", "quantities", "results"),

@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, get_args, get_type_hints
+from typing import Annotated, get_args
 
 import typer
 
@@ -42,7 +42,6 @@ _PANELS = {
 def _documented(command: Callable[..., None]) -> str:
     """Return the help of a command, its docstring; the parameters there are that of its options."""
     text, _, parameters = inspect.cleandoc(command.__doc__ or "").partition("\n\nParameters\n")
-    command.__annotations__ = get_type_hints(command, include_extras=True)
     for name, told in re.findall(r"^(\w+)\n((?:    .*\n?)+)", parameters, re.MULTILINE):
         get_args(command.__annotations__[name])[1].help = " ".join(told.split())
     return re.sub(r"(?<!\n)\n(?!\n)", " ", text)  # a line end within a paragraph is a blank

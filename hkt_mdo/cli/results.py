@@ -1,7 +1,5 @@
 """The commands that work on results: show, plot, report, compare, simulate, export."""
 
-from __future__ import annotations
-
 from math import inf
 from pathlib import Path
 from typing import Annotated

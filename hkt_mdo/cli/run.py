@@ -1,7 +1,5 @@
 """The commands that optimize: run a case or several, and a sweep."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time
@@ -99,7 +97,7 @@ def run(
 
 
 def _run_one(
-    case: Case, out: Path | None, force: bool | None, quiet: bool, how: dict[str, Any]
+    case: "Case", out: Path | None, force: bool | None, quiet: bool, how: dict[str, Any]
 ) -> None:
     """Run a case into a folder, or with `force` None continue its run there; tell what came out."""
     from hkt_mdo.files.table import file_state
@@ -215,7 +213,7 @@ class _Live(Progress):
 
 
 def _run_several(
-    cases: list[Case], out: Path, jobs: int | None, force: bool, quiet: bool, how: dict[str, Any]
+    cases: "list[Case]", out: Path, jobs: int | None, force: bool, quiet: bool, how: dict[str, Any]
 ) -> None:
     """Run several cases into folders of their names; tell each that ends."""
     from hkt_mdo.results.folder import check_folder

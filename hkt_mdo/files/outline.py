@@ -85,9 +85,7 @@ def read_outline(source: str | Path) -> tuple[np.ndarray, np.ndarray]:
         points = _read_pairs(lines, path)
     else:
         points = _read_aerodyn(lines[begin:], path)
-    x, y = points.values()
-    _check(x, y)
-    return x.values, y.values
+    return checked_outline(*points.values())
 
 
 def _read_pairs(lines: list[tuple[int, str]], path: Path) -> dict[str, Column]:
@@ -149,8 +147,24 @@ def _read_aerodyn(lines: list[tuple[int, str]], path: Path) -> dict[str, Column]
     return {name: column.at(order) for name, column in columns.items()}
 
 
-def _check(along: Column, across: Column) -> None:
-    """Refuse points that are no closed section."""
+def checked_outline(along: Column, across: Column) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of an outline; refuse those that are no closed section.
+
+    Parameters
+    ----------
+    along, across : Column
+        Coordinates over the chord, from the trailing edge over the upper side round to it.
+
+    Returns
+    -------
+    x, y : numpy.ndarray, shape (n_points,)
+        The same.
+
+    Raises
+    ------
+    InputError
+        With the first point that is wrong, and a remedy.
+    """
     x, y, places = along.values, across.values, np.arange(along.values.size)
 
     def refuse(wrong: bool, problem: str, remedy: str, point: int) -> None:
@@ -175,6 +189,7 @@ def _check(along: Column, across: Column) -> None:
     outside = not AREA_RANGE[0] <= area <= AREA_RANGE[1]
     encloses = f"the outline from here encloses {area:.4g} chord²"
     refuse(outside, f"{encloses}, which is not the area of a section", _ORDER, 0)
+    return x, y
 
 
 def _first_crossing(x: np.ndarray, y: np.ndarray) -> list[tuple[int, int]]:

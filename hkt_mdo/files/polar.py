@@ -9,7 +9,7 @@ import numpy as np
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.aerodyn import OLD_COUNT, read_airfoil, read_old_airfoil
-from hkt_mdo.files.polar_table import SURFACES, PolarTable, polar_of_rows, read_reynolds
+from hkt_mdo.files.polar_table import SURFACES, PolarTable, in_order, polar_of_rows, read_reynolds
 from hkt_mdo.files.shipped import POLAR_FAMILIES, locate
 from hkt_mdo.files.table import Csv, line_error, numbered_lines, read_text
 
@@ -57,12 +57,7 @@ def read_polars(source: str | Path) -> tuple[PolarTable, ...]:
             tables = {polar: _read_file(locate(polar, "polar"))[0] for polar in chosen}
             return tuple(replace(table, reynolds=polars[key]) for key, table in tables.items())
     path = locate(source, "polar")
-    tables = sorted(_read_file(path), key=lambda table: table.reynolds or 0.0)
-    for reynolds, following in pairwise(table.reynolds for table in tables):
-        if reynolds == following:
-            problem, remedy = "is that of two tables", "give one table for each Reynolds number"
-            raise InputError(problem, remedy, file=path, key="Reynolds number", value=reynolds)
-    return tuple(tables)
+    return in_order(_read_file(path), path)
 
 
 def _read_file(path: Path) -> list[PolarTable]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,16 +33,16 @@ SURFACES = "cpmin_upper", "cpmin_lower"
 ANGLES = "alpha_deg", "alpha_rad", "alpha"
 """Names of a column of angles of attack, the first of which counts; without a unit in degrees."""
 
-_CIRCLE_EDGE = 1e-3
-"""How far an end of a full circle may be from 180 deg, deg; files write 3.1416 rad."""
+CIRCLE_EDGE = 0.1
+"""How far an end of a full circle may be from 180 deg, deg; files write 3.14 rad."""
 
 _COEFFICIENTS = "cl", "cd", "cm", "cpmin", *SURFACES
 
 _SYMMETRIC = {"cl": 0.005, "cd": 0.05, "cm": 0.005}
 """How far rows at opposite angles of a symmetric section may differ; drag relatively."""
 
-ENDS_EQUAL = 1e-6
-"""How far coefficients at -180 and 180 deg, which are one angle, may differ."""
+ENDS_EQUAL, ENDS_ROUNDED = 1e-6, 0.01
+"""How far coefficients at -180 and 180 deg, which are one angle, may differ; and with a message."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,8 @@ def polar_table(
 
     A row that repeats the one before is left out. Rows of a symmetric section that begin between -5
     and 0 degrees are mirrored: lift and moment change their sign with the angle, drag does not. A
-    section counts as symmetric if that is so of the rows that have a counterpart.
+    section counts as symmetric if that is so of the rows that have a counterpart. A full circle
+    whose angles or coefficients at both ends are rounded is closed.
 
     Parameters
     ----------
@@ -99,9 +101,9 @@ def polar_table(
     InputError
         If there are fewer than 8 rows (two suffice where all are equal, as a cylinder's), angles do
         not increase strictly or cover neither -5 to 12 degrees within ±90 nor the full circle, the
-        ends of a full circle differ, drag is not positive, lift falls, pressure is nowhere below 0
-        though not 0 throughout, one surface's comes without the other's, or a number is beyond
-        what sections have.
+        ends of a full circle differ by more than rounding, drag is not positive, lift falls,
+        pressure is nowhere below 0 though not 0 throughout, one surface's comes without the
+        other's, or a number is beyond what sections have.
     """
     messages = []
     unit = next(name for name in ANGLES if name in columns)
@@ -118,12 +120,18 @@ def polar_table(
         shown = f"{first if in_degrees else np.rad2deg(first):.4g}"
         messages.append(f"{file}: symmetric section, mirrored below {shown} degrees")
         table = _mirrored(table)
-    lift, drag, moment = table["cl"], table["cd"], table.get("cm")
-    constant = not np.ptp(lift.values) and not np.ptp(drag.values)
+    constant = not np.ptp(table["cl"].values) and not np.ptp(table["cd"].values)
     radians, circle = _angles(table["alpha"], in_degrees, constant)
+    if circle:
+        ends, half = table["alpha"].values[[0, -1]], 180.0 if in_degrees else np.pi
+        if not np.allclose(np.abs(ends), half, rtol=1e-5, atol=0.0):
+            note = f"angles of attack from {ends[0]:.6g} to {ends[1]:.6g} count as a full circle"
+            messages.append(f"{file}: {note}")
+        table |= {x: _closed(table[x], messages) for x in ("cl", "cd", "cm") if x in table}
+    lift, drag, moment = table["cl"], table["cd"], table.get("cm")
     for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
         if column is not None:
-            _check_coefficient(name, column, circle)
+            _check_coefficient(name, column)
     below, above = np.interp(np.deg2rad([-ATTACHED, ATTACHED]), radians, lift.values)
     problem = f"falls from -{ATTACHED:g} to {ATTACHED:g} degrees, where the lift of sections rises"
     falls = (np.abs(radians) < np.deg2rad(ATTACHED)) & (above < below - LEAST_FALL)
@@ -139,6 +147,36 @@ def polar_table(
         f"{file}, {where}" if where else str(file),
         tuple(messages),
     )
+
+
+def in_order(tables: list[PolarTable], file: object, of: str = "") -> tuple[PolarTable, ...]:
+    """Return the polars of a section by rising Reynolds number.
+
+    Parameters
+    ----------
+    tables : list of PolarTable
+        One at least.
+    file, of : object, str
+        The file, and what follows "Reynolds number" in a message, such as `` of thick``.
+
+    Returns
+    -------
+    tuple of PolarTable
+        The same.
+
+    Raises
+    ------
+    InputError
+        If two have the same number, or one of several has none.
+    """
+    found = sorted(tables, key=lambda table: table.reynolds or 0.0)
+    for one, other in pairwise(found):
+        if one.reynolds in (None, other.reynolds):
+            problem = "is missing" if one.reynolds is None else "is that of two tables"
+            remedy = "give one table for each Reynolds number"
+            key = f"Reynolds number{of}"
+            raise InputError(problem, remedy, file=file, key=key, value=one.reynolds)
+    return tuple(found)
 
 
 def polar_of_rows(
@@ -212,9 +250,9 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
     angle = given.values if in_degrees else np.rad2deg(given.values)
     remedy = "angles of attack run from -180 to 180 degrees"
     remedy += "" if in_degrees else "; if these are degrees, name the column alpha_deg"
-    given.refuse(np.abs(angle) > 180.0 + _CIRCLE_EDGE, "lies beyond the full circle", remedy)
+    given.refuse(np.abs(angle) > 180.0 + CIRCLE_EDGE, "lies beyond the full circle", remedy)
     first, last = angle[0], angle[-1]
-    circle = bool(first <= -180 + _CIRCLE_EDGE and last >= 180 - _CIRCLE_EDGE)
+    circle = bool(first <= -180 + CIRCLE_EDGE and last >= 180 - CIRCLE_EDGE)
     radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
     if circle:
         radians[0], radians[-1] = -np.pi, np.pi
@@ -227,7 +265,7 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
         problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
-        if in_degrees and np.max(np.abs(angle)) <= np.pi:
+        if in_degrees and np.max(np.abs(angle)) < 1.01 * np.pi:  # files round
             other = " or name the column alpha_rad" * given.name.endswith("alpha_deg")
             remedy = f"if these are radians, convert them{other}; {remedy}"
     else:
@@ -236,14 +274,23 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
     raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
 
 
-def _check_coefficient(name: str, column: Column, circle: bool) -> None:
-    """Refuse a circle that does not close, drag that is not positive, and absurd coefficients."""
+def _closed(column: Column, messages: list[str]) -> Column:
+    """Return a coefficient that is the same at both ends of a full circle, but for rounding."""
+    values = column.values.copy()
+    first, end = values[0], np.arange(values.size) == values.size - 1
+    problem = f"differs from {first:g} at -180 degrees"
+    remedy = "-180 and 180 degrees are one angle: give both rows the same coefficients"
+    column.refuse(end & (np.abs(values - first) >= ENDS_ROUNDED), problem, remedy)
+    if abs(values[-1] - first) > ENDS_EQUAL:
+        ends = f"{column.file}: {column.name} = {first:.4g} and {values[-1]:.4g} at ±180 degrees"
+        messages.append(f"{ends}, which are one angle: their mean is taken")
+        values[[0, -1]] = 0.5 * (first + values[-1])
+    return replace(column, values=values)
+
+
+def _check_coefficient(name: str, column: Column) -> None:
+    """Refuse drag that is not positive, and absurd coefficients."""
     values = column.values
-    if circle:
-        last = np.arange(values.size) == values.size - 1
-        problem = f"differs from {values[0]:g} at -180 degrees"
-        remedy = "-180 and 180 degrees are one angle: give both rows the same coefficients"
-        column.refuse(last & (np.abs(values - values[0]) > ENDS_EQUAL), problem, remedy)
     if name == "drag":
         ends = "; for a hub or tip without load, name the section beside it in the blade's file"
         remedy = "correct the row" + ends * (not np.any(values))

@@ -244,19 +244,14 @@ class Columns:
             if key not in self.axes and getattr(options, key) is not None:
                 problem = f"is given for a record without {what}"
                 raise options.refuse(key, problem, "leave it out", self.file)
-        time = self.time
         if self.dated and options.time_unit is not None:
             problem = f"holds dates, and time_unit is {options.time_unit}"
             raise self.refuse_column(0, problem, "leave time_unit out")
-        if not self.dated:
-            scale = TIME_UNITS[self._unit(0, options)]
-            # a value that overflows is refused later, with its row
-            with np.errstate(over="ignore"):
-                time = (time - time[:1]) * scale
-            # times may be counted from year 0, in minutes and longer units from before
-            if scale <= 1.0 and np.any(np.abs(self.time[:1]) * scale > 10.0 * LONGEST):
-                problem = f"begins at {self.time[0] * scale:.6g} s, more than 3000 years"
-                raise self.refuse_column(0, problem, "correct its unit, such as time_ms")
+        scale = 1.0 if self.dated else TIME_UNITS[self._unit(0, options)]
+        # times may be counted from year 0, in minutes and longer units from before
+        if scale <= 1.0 and np.any(np.abs(self.time[:1]) * scale > 10.0 * LONGEST):
+            problem = f"begins at {self.time[0] * scale:.6g} s, more than 3000 years"
+            raise self.refuse_column(0, problem, "correct its unit, such as time_ms")
         unit, area = self._unit(1, options), options.area
         if (unit in DISCHARGE_UNITS) != (area is not None):
             problem = f"is a speed in {unit}, and area is given for a discharge"
@@ -270,8 +265,8 @@ class Columns:
         if area is not None:
             note = f"discharge in {unit} over the area of {area:g} m2 is the speed"
         messages = self.messages if unit == "m/s" else (*self.messages, note)
-        with np.errstate(over="ignore"):
-            speed = self.speed * factor
+        with np.errstate(over="ignore"):  # what overflows is refused later, with its row
+            time, speed = (self.time - self.time[:1]) * scale, self.speed * factor
         parts = None if self.parts is None else self.parts * factor
         return replace(self, time=time, speed=speed, parts=parts, messages=messages)
 

@@ -131,7 +131,6 @@ def nearest_names(name: str, kind: str) -> str:
 # Cases -------------------------------------------------------------------------------------------
 
 _PACKAGE = Path(__file__).parents[1]
-_CASES = ".", "examples", "limits"
 
 
 def shipped_cases() -> Path:
@@ -160,12 +159,10 @@ def find_case(path: str | Path) -> Path:
     pathlib.Path
         The shipped case if there is one of that name, else `path`.
     """
-    path = Path(path)
-    name = path.relative_to("cases") if path.parts[:1] == ("cases",) else path
-    if name.parent.as_posix() in _CASES and not path.is_file():
-        inside = _CASES if name == path and name.parent == Path() else (name.parent,)
-        for folder in (shipped_cases() / each for each in inside):
-            for file in (name.name, f"{name.name}.yaml"):
-                if file.endswith(".yaml") and (folder / file).is_file():
-                    return folder / file
+    path, folder = Path(path), shipped_cases()
+    name = f"{path.as_posix().removesuffix('.yaml')}.yaml"
+    for file in folder.rglob("*.yaml"):
+        inside = file.relative_to(folder).as_posix()
+        if name in (file.name, inside, f"cases/{inside}") and not path.is_file():
+            return file
     return path

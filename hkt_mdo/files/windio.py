@@ -13,7 +13,8 @@ import yaml
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.blade_table import EDGE, BladeTable, SectionTable, check_rows
-from hkt_mdo.files.polar_table import ENDS_EQUAL, PolarTable, polar_table
+from hkt_mdo.files.outline import checked_outline
+from hkt_mdo.files.polar_table import CIRCLE_EDGE, PolarTable, in_order, polar_table
 from hkt_mdo.files.table import Column, array_columns
 from hkt_mdo.files.yaml_text import Place, compose, places_column
 
@@ -22,14 +23,6 @@ DIAMETER_OFF = 0.02
 
 DIAMETER_ROUNDED = 1e-6
 """How far it may be without a message, relatively: files round."""
-
-# Files round: a full circle of angles to ±3.14 rad, and the coefficients at its two ends.
-_CIRCLE_ROUNDED = math.radians(0.1)  # how far an end may be short of half a turn, rad
-_ANGLE_ROUNDED = 1e-3  # how far it may be beyond, over half a turn
-_ENDS_ROUNDED = 0.01  # difference of the coefficients at both ends that is rounding
-
-_MOST_RADIANS = 3.2
-"""Angles that all lie within this are most likely radians, also where degrees are expected."""
 
 _STRUCTURES = ("internal_structure_2d_fem", "internal_structure", "structure")
 
@@ -253,17 +246,10 @@ class _Turbine:
         thick = airfoil.find(self.version.thickness)
         thickness = thick and min(thick.number(0.0, 1.0 + 1e-6, "it is over the chord"), 1.0)
         coordinates = airfoil.find("coordinates")
-        outline = coordinates.pair("x", "y") if coordinates else ()
-        polars: dict[float, PolarTable] = {}
-        for place in self.polar_places(airfoil, name, configuration):
-            table = self.polar(place, name)
-            reynolds = table.reynolds or 0.0
-            if reynolds in polars:
-                problem = f"is the second polar of {name} at one Reynolds number"
-                raise place.refuse(problem, "keep one, or tag them with different configurations")
-            polars[reynolds] = table
-        by_reynolds = tuple(polars[reynolds] for reynolds in sorted(polars))
-        return SectionTable(name, thickness, by_reynolds, tuple(x.values for x in outline))
+        outline = checked_outline(*coordinates.pair("x", "y")) if coordinates else ()
+        places = self.polar_places(airfoil, name, configuration)
+        polars = in_order([self.polar(x, name) for x in places], airfoil.file, f" of {name}")
+        return SectionTable(name, thickness, polars, outline)
 
     def polar_places(self, airfoil: Place, name: str, configuration: str | None) -> list[Place]:
         """Return where the polars of a configuration are, of the first if none is given."""
@@ -286,22 +272,16 @@ class _Turbine:
         return [polar for entry in entries for polar in entry.get("re_sets").items()]
 
     def polar(self, place: Place, section: str) -> PolarTable:
-        """Return one polar, its coefficients on one grid of angles of attack, rad."""
-        version, moment = self.version, self.version.coefficients[-1]
+        """Return one polar, its coefficients on one grid of angles of attack."""
+        version = self.version
         curves: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        for name in version.coefficients:
-            curve = place.find(name) if name == moment else place.get(name)
-            if curve is None:
-                continue
-            grid, column = _curve(curve)
-            radians = version.radian * grid.values
-            beyond = np.abs(radians) > np.pi * (1.0 + _ANGLE_ROUNDED)
-            grid.refuse(beyond, "lies beyond the full circle", version.angles)
-            if version.number == 2 and np.max(np.abs(grid.values)) < _MOST_RADIANS:
-                problem = f"has angles from {grid.values[0]:g} to {grid.values[-1]:g} degrees"
-                remedy = "windIO 2 counts them in degrees: convert them if they are radians"
-                raise curve.get("grid").refuse(problem, remedy)
-            curves[name] = np.clip(radians, -np.pi, np.pi), column.values
+        for name, key in zip(("cl", "cd", "cm"), version.coefficients, strict=True):
+            curve = place.find(key) if name == "cm" else place.get(key)
+            if curve is not None:
+                grid, column = _curve(curve)
+                beyond = np.abs(np.rad2deg(version.radian * grid.values)) > 180.0 + CIRCLE_EDGE
+                grid.refuse(beyond, "lies beyond the full circle", version.angles)
+                curves[name] = grid.values, column.values
         grids = [grid for grid, _ in curves.values()]
         alpha = np.unique(np.concatenate(grids))
         low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
@@ -312,29 +292,12 @@ class _Turbine:
         if any(grid.size != alpha.size for grid in grids):
             note = "coefficients on different grids are joined linearly"
             self.messages.append(f"{section}: {note}")
-        values = {name: np.interp(alpha, *curve) for name, curve in curves.items()}
-        alpha = self.closed(alpha, values, section)
+        arrays = {"alpha" if version.number == 2 else "alpha_rad": alpha}
+        arrays |= {name: np.interp(alpha, *curve) for name, curve in curves.items()}
         number = place.find("re")
         reynolds = number and number.number(0.0, 1e12, "give it as a plain number")
-        arrays = {"alpha_rad": alpha} | dict(zip(("cl", "cd", "cm"), values.values(), strict=False))
         columns = array_columns(place.file, place.shown, **arrays)
         return polar_table(columns, reynolds, place.shown)
-
-    def closed(self, alpha: np.ndarray, values: dict[str, np.ndarray], section: str) -> np.ndarray:
-        """Close a full circle whose angles, or whose coefficients at both ends, are rounded."""
-        short = np.pi - np.abs(alpha[[0, -1]])
-        if np.any(short >= _CIRCLE_ROUNDED):
-            return alpha
-        if np.any(short > 0.0):
-            alpha = np.concatenate(([-np.pi], alpha[1:-1], [np.pi]))
-            self.messages.append("polars: angles of attack of ±3.14 rad are taken as half a turn")
-        for name, numbers in values.items():
-            first, last = numbers[0], numbers[-1]
-            if ENDS_EQUAL < abs(last - first) < _ENDS_ROUNDED:
-                numbers[[0, -1]] = 0.5 * (first + last)
-                ends = f"{section}: {name} = {first:.4g} and {last:.4g} at ±180 degrees"
-                self.messages.append(f"{ends}, which are one angle: their mean is taken")
-        return alpha
 
 
 def _configuration(entry: Place) -> str | None:

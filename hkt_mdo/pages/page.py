@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,15 +13,15 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.errors import InputError
-from hkt_mdo.files.table import write_files, write_new
+from hkt_mdo.files.table import file_state, write_files, write_new
 from hkt_mdo.pages import plotly_script, rendered
 from hkt_mdo.results.charts import Labelled, labelled
 from hkt_mdo.results.nesting import ranked, remarks
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.steady import rated_point
 from hkt_mdo.results.sweep import SweepTable
-from hkt_mdo.results.words import Row, aligned, limit_words, measured, texts
-from hkt_mdo.sections import Section
+from hkt_mdo.results.words import Row, aligned, joined, limit_words, measured, texts
+from hkt_mdo.sections import leaves
 
 
 def write_report(
@@ -88,12 +89,10 @@ def write_sweep_report(
     script = plotly_script()
     runs = [str(run) for run in table.columns["run"]]
     for number, run in enumerate(runs, start=1):
-        folder = table.folder / run
-        page, result = folder / "report.html", folder / "summary.json"
-        if not run or not result.is_file():
-            continue
-        if not page.is_file() or page.stat().st_mtime < result.stat().st_mtime:
-            solution = Solution.load(folder, extensions=extensions)
+        page = table.folder / run / "report.html"
+        written, result = file_state(page), file_state(page.with_name("summary.json"))
+        if run and result and (written is None or written < result):
+            solution = Solution.load(page.parent, extensions=extensions)
             write_report([solution], page, shared="../../plotly.js")
             told(f"{number} of {len(runs)}: {page}")
     drawn = sweep_charts(table)
@@ -194,24 +193,20 @@ def _headline(solution: Solution) -> Iterator[Row]:
 
 def _differences(cases: Sequence[Case]) -> list[tuple[str, list[str]]]:
     """Return the keys in which cases differ, with the value of each case in people's units."""
-    rows = aligned([dict(_flat(case)) for case in cases])
+    rows = aligned([_values(case) for case in cases])
     different = [row for row in rows if len(set(row[1])) > 1 and row[0] != "name"]
     return [(key, [value or "-" for value in values]) for key, values in different]
 
 
-def _flat(value: Any, key: str = "", unit: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the dotted keys of a section and of the sections in it, with their values as texts."""
-    if isinstance(value, Section):
-        for name in type(value).model_fields:
-            own, dotted = type(value).unit_of(name), f"{key}.{name}".lstrip(".")
-            yield from _flat(getattr(value, name), dotted, own)
-    elif isinstance(value, list | tuple) and any(isinstance(each, Section) for each in value):
-        for number, each in enumerate(value):
-            yield from _flat(each, f"{key}[{number}]")
-    elif value is not None and value != ():
-        several = value if isinstance(value, list | tuple) else [value]
-        words = (measured(x, unit, 10) if isinstance(x, float) else str(x) for x in several)
-        yield key, ", ".join(words)
+def _values(case: Case) -> dict[str, str]:
+    """Return the values of a case as texts by their dotted keys, those of a list in one text."""
+    found: dict[str, str] = {}
+    for key, value, unit in leaves(case):
+        if value is not None:
+            text = measured(value, unit, 10) if isinstance(value, float) else str(value)
+            key = re.sub(r"\[\d+\]$", "", key)
+            found[key] = joined(found.get(key, ""), text)
+    return found
 
 
 def not_modelled(case: Case) -> list[str]:

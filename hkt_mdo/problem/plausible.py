@@ -3,11 +3,11 @@
 import re
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
-from typing import Any
 
 from hkt_mdo.case import Case
 from hkt_mdo.files.shipped import PLAUSIBLE
 from hkt_mdo.quantities import RATES
+from hkt_mdo.sections import leaves
 
 PER_CENT = 99.0, 101.0  # sum of weights in per cent
 
@@ -40,11 +40,10 @@ def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
     str
         A warning.
     """
-    given, first = case.model_dump(), case.scenarios[0].inflow if case.scenarios else None
-    flow = given.pop("inflow")
-    if case.inflow != first:  # which a case without a flow of its own takes
-        given["resource" if case.inflow.steady else "inflow"] = flow
-    numbers = {key: value for key, value in leaves(given) if isinstance(value, int | float)}
+    given = [*leaves(case.model_copy(update={"inflow": None}))]
+    if not case.scenarios or case.inflow != case.scenarios[0].inflow:  # else it is not given
+        given += leaves(case.inflow, "resource" if case.inflow.steady else "inflow")
+    numbers = {key: value for key, value, _ in given if isinstance(value, int | float)}
     yield from implausible(numbers | derived)
     weights = [each.weight for each in case.scenarios if each.weight]
     low, high = PER_CENT
@@ -58,15 +57,3 @@ def doubts(case: Case, derived: Mapping[str, float]) -> Iterator[str]:
             "control.unknown = torque may end several per cent below the best under "
             "limits.torque_rate: give control.unknown: speed"
         )
-
-
-def leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the values in a section and in the sections in it, by their keys."""
-    if isinstance(value, dict):
-        for name, each in value.items():
-            yield from leaves(each, f"{key}.{name}".lstrip("."))
-    elif isinstance(value, list | tuple):
-        for number, each in enumerate(value):
-            yield from leaves(each, f"{key}[{number}]")
-    else:
-        yield key, value

@@ -72,9 +72,8 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
     case, curve, gain = solution.case, solution.coefficients, solution.gain
     law = case.control.applied(case.condition.torque_constant)
     radius, table = solution.summary.rotor_radius_m, solution.simulation or solution.trajectory
-    if not isinstance(law, FeedbackLaw) or law.states or not (curve and table and radius):
-        return {}
-    if gain is None:
+    known = curve and table and radius and gain is not None
+    if not isinstance(law, FeedbackLaw) or law.states or not known:
         return {}
     ratio, most = curve["tip_speed_ratio"], law.cut_out or np.max(table["inflow_speed_m_s"])
     flow = most * np.linspace(1.0 / FLOWS, 1.0, FLOWS)[:, None]

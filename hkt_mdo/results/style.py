@@ -18,7 +18,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import write_new
-from hkt_mdo.results.panel import COLORS, Curve, Panel
+from hkt_mdo.results.panel import Curve, Panel
 
 LINES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)), ":", (0, (8, 2)))
 HATCHES = ("", "//", "..", "xx", "--", "oo")
@@ -59,8 +59,6 @@ def figure_of(
         ax.sharex(sharing[0])
     for plot, ax in zip(plots, panels, strict=True):
         plot(ax)
-        if (own := ax.get_legend()) is not None:
-            own.remove()
     for ax in sharing[:-1]:
         ax.set_xlabel("")
         ax.tick_params(labelbottom=False)
@@ -88,26 +86,8 @@ def figure_of_panels(panels: Sequence[Panel], width: float, height: float, title
     return figure_of(width, BESIDES + height * len(plots), plots, share, title)
 
 
-def line(index: int) -> dict[str, Any]:
-    """Return colour and line style of a solution: they differ in grey, too."""
-    look = {"color": COLORS[index % len(COLORS)], "linestyle": LINES[index % len(LINES)]}
-    return look | {"linewidth": 1.5}
-
-
-def marker(index: int, size: float = 6.0) -> dict[str, Any]:
-    """Return the marker of a solution."""
-    return {"marker": MARKERS[index % len(MARKERS)], "markersize": size}
-
-
-def bar(index: int) -> dict[str, Any]:
-    """Return colour and hatch of a solution's bars: they differ in grey, too."""
-    look = {"color": COLORS[index % len(COLORS)], "hatch": HATCHES[index % len(HATCHES)]}
-    return look | {"edgecolor": "white"}
-
-
-def draw(panel: Panel, ax: Axes | None = None) -> Axes:
-    """Draw a panel on axes, by default of a new figure, and return them."""
-    ax = ax or figure_of(6.2, 3.9, [lambda ax: ax]).axes[0]
+def draw(panel: Panel, ax: Axes) -> Axes:
+    """Draw a panel on axes, without a legend, and return them."""
     if panel.log:
         ax.set_yscale("log")
         ax.yaxis.set_major_formatter("{x:.0e}")
@@ -153,23 +133,26 @@ def legend_name(name: str) -> str:
 
 def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:
     """Draw a curve; bars of the results with these indices stand one beside the other."""
-    index, label = curve.index or 0, legend_name(curve.name)
+    index, label, color = curve.index or 0, legend_name(curve.name), curve.color
     if curve.kind == "runs":
-        look = {"color": curve.color} if curve.shade is None else {"c": curve.shade, "s": 60}
+        look = {"color": color} if curve.shade is None else {"c": curve.shade, "s": 60}
         ax.scatter(curve.x, curve.y, marker=MARKERS[index], label=label, **look)
     elif curve.kind == "band":
-        look = {"color": curve.color, "alpha": 0.2, "linewidth": 0}
+        look = {"color": color, "alpha": 0.2, "linewidth": 0}
         ax.fill_between(curve.x, curve.low, curve.y, label=label, **look)
     elif curve.kind == "bar":
         step = min(np.diff(curve.x), default=0.5) / len(ranks)
-        at, look = curve.x + step * (ranks.index(index) - 0.5 * (len(ranks) - 1)), bar(index)
-        look["color"] = curve.color
+        at = curve.x + step * (ranks.index(index) - 0.5 * (len(ranks) - 1))
+        look = {"color": color, "hatch": HATCHES[index % len(HATCHES)], "edgecolor": "white"}
         ax.bar(at, curve.y, width=0.9 * step, label=label, **look)
     else:
-        look = line(index) if curve.index is not None else REFERENCE | {"linestyle": ":"}
-        look |= {"color": curve.color, "label": label}
+        look = {"linestyle": LINES[index % len(LINES)], "linewidth": 1.5}
+        if curve.index is None:
+            look = REFERENCE | {"linestyle": ":"}
+        look |= {"color": color, "label": label}
         if curve.kind != "line":
-            look |= marker(index, 4.0 if curve.kind == "marked" else 5.0)
+            size = 4.0 if curve.kind == "marked" else 5.0
+            look |= {"marker": MARKERS[index % len(MARKERS)], "markersize": size}
             look |= {"markevery": max(1, curve.x.size // MOST_MARKERS)}
         if curve.kind == "points":
             look |= {"linestyle": "none", "markerfacecolor": "none"}
@@ -187,7 +170,7 @@ def _draw_level(ax: Axes, value: float, label: str, left: bool) -> None:
 
 
 def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
-    """Label the axes, draw a grid, and a legend above."""
+    """Label the axes and draw a grid."""
     ax.set_xlabel(x_label, fontsize=FONT_SIZE)
     ax.set_ylabel(y_label, fontsize=FONT_SIZE)
     ax.tick_params(labelsize=FONT_SIZE)
@@ -195,7 +178,6 @@ def finish(ax: Axes, x_label: str, y_label: str) -> Axes:
         ax.ticklabel_format(axis="y", useOffset=False)
     ax.grid(True, color="0.88", linewidth=0.6)
     ax.set_axisbelow(True)
-    legend([ax])
     return ax
 
 

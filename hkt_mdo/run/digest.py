@@ -7,7 +7,7 @@ from hashlib import file_digest, sha256
 from pathlib import Path
 
 from hkt_mdo.case import Case
-from hkt_mdo.problem.plausible import leaves
+from hkt_mdo.sections import leaves
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -17,8 +17,8 @@ def digest(case: Case) -> str:
 
     Its paths are absolute.
     """
-    total, given = sha256(of_package()), leaves(case.model_dump(mode="json"))
-    paths = (Path(value) for _, value in given if isinstance(value, str))
+    total = sha256(of_package())
+    paths = (Path(value) for _, value, _ in leaves(case) if isinstance(value, str))
     files = sorted(path for path in paths if path.is_absolute() and path.is_file())
     for path in (*_extensions(case), *files):
         total.update(_of_file(path))

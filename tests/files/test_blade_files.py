@@ -190,7 +190,7 @@ def test_windio_says_more_than_rows(put):
     assert table.section_position == (("thick", 0.175), ("thin", table.tip_radius))
     thick, thin = table.sections
     assert (thick.name, thick.thickness, thin.name, thin.thickness) == ("thick", 0.24, "thin", 0.12)
-    assert [values.size for values in thick.outline] == [5, 5]
+    assert [values.size for values in thick.outline] == [11, 11]
     assert not thin.outline
     (polar,) = thick.polars
     assert polar.full_circle

@@ -263,6 +263,9 @@ def test_a_table_up_to_right_angles_is_extended(put):
 def test_ends_of_a_full_circle_are_one_angle(put):
     with pytest.raises(InputError, match=r"line 74, column cl = .*differs.*one angle"):
         read_polars(put("section.dat", circle_text(gap=0.01)))
+    rounded = circle_text(gap=0.004).replace("-180,", "-179.92,")
+    ((alpha, lift),) = ((x.alpha, x.lift) for x in read_polars(put("section.dat", rounded)))
+    assert [*alpha[[0, -1]], *lift[[0, -1]]] == pytest.approx([-np.pi, np.pi, 0.002, 0.002])
 
 
 def test_cylinder_needs_but_its_ends(put):

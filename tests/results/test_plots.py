@@ -21,8 +21,8 @@ from hkt_mdo.results.solution import Solution
 
 
 def drawn_by(make, *what, of=charts.by_scenario):
-    """Return what draws a panel of results on axes."""
-    return lambda found, ax=None: style.draw(make(of(charts.labelled(found)), *what), ax)
+    """Return what draws a panel of results on axes of its own."""
+    return lambda found: style.draw(make(of(charts.labelled(found)), *what), Figure().subplots())
 
 
 def of_whole(make, *what):
@@ -48,12 +48,6 @@ PLOTS = {
 FIGURES = ("blade", "coefficients", "operation", "power_curve", "limits", "loads", "convergence")
 
 
-def legend_texts(ax: Axes) -> list[str]:
-    """Return a legend's labels, of the axes or their twin."""
-    legends = [axes.get_legend() for axes in ax.figure.axes]
-    return [text.get_text() for legend in legends if legend for text in legend.get_texts()]
-
-
 @pytest.fixture
 def solution(result_folder: Path) -> Solution:
     return Solution.load(result_folder)
@@ -66,7 +60,7 @@ def both(solution: Solution, linear_result_folder: Path) -> list[Solution]:
 
 @pytest.mark.parametrize("plot", PLOTS.values(), ids=PLOTS)
 def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
-    """In axes of its own or in given ones, with units and names, and without global changes."""
+    """With units and names, and without global changes."""
     before = dict(mpl.rcParams)
     ax = plot(both[0])
     assert ax.lines
@@ -74,12 +68,10 @@ def test_plot_draws_one_several_and_nothing(plot, both, result_folder) -> None:
     assert ax.get_xlabel().endswith(")") or plot in (PLOTS["sections"], PLOTS["limits"])
     assert ax.get_ylabel().endswith(")")
     if plot is not PLOTS["limits"]:  # of which the other result has none
-        ax = Figure().subplots()
-        assert plot(both, ax) is ax
+        ax = plot(both)
         ax.figure.canvas.draw()
-        names = " ".join(legend_texts(ax))
-        assert "sine_quadratic" in names
-        assert "sine_linear" in names
+        names = " ".join(ax.get_legend_handles_labels()[1])
+        assert all(name in names for name in ("sine_quadratic", "sine_linear"))
     for path in result_folder.glob("*.csv"):
         path.unlink()
     (result_folder / "summary.json").write_text('{"success": false}')
@@ -93,8 +85,8 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     nodes = line_of(PLOTS["rotor_speed over time"](solution), "collocation nodes")
     rpm = 30.0 / np.pi * solution.trajectory["rotor_speed_rad_s"]
     np.testing.assert_allclose(nodes.get_ydata(), rpm, rtol=1e-14)
-    drawn = PLOTS["control_torque over time"](solution)
-    limit = line_of(drawn, "generator torque limit 700 N m")
+    shown = PLOTS["control_torque over time"](solution)
+    limit = line_of(shown, "generator torque limit 700 N m")
     assert list(limit.get_ydata()) == [700.0, 700.0]
     reach = solution.summary.tip_speed_ratio
     for plot in (PLOTS["power_coefficient"], PLOTS["thrust_coefficient"]):
@@ -166,8 +158,8 @@ def test_the_steady_curve_balances_the_torques(solution: Solution) -> None:
     stopped = solution.case.model_copy(update={"control": law.model_copy(update={"cut_out": 2.5})})
     longer = steady.steady_curve(replace(solution, case=stopped))
     assert longer["inflow_speed_m_s"][-1] == 2.5
-    drawn = PLOTS["generator_power over flow"](replace(solution, case=stopped))
-    assert "cut-out 2.5 m/s" in legend_texts(drawn)
+    shown = PLOTS["generator_power over flow"](replace(solution, case=stopped))
+    assert "cut-out 2.5 m/s" in shown.get_legend_handles_labels()[1]
     open_loop = solution.case.model_copy(update={"control": OpenLoop(law="open_loop")})
     assert steady.steady_curve(replace(solution, case=open_loop)) == {}
 
@@ -185,8 +177,8 @@ def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solutio
 def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
     x, y = np.array([1.0, 2.0]), np.ones(2)
     bars = [Curve(x, y, f"run {index}", COLORS[index], index, "bar") for index in (1, 3)]
-    drawn = style.draw(Panel("energy", "speed", bars))
-    centres = [each.get_x() + 0.5 * each.get_width() for each in drawn.patches]
+    patches = style.draw(Panel("energy", "speed", bars), Figure().subplots()).patches
+    centres = [each.get_x() + 0.5 * each.get_width() for each in patches]
     assert centres == pytest.approx([0.75, 1.75, 1.25, 2.25])
 
 
@@ -197,7 +189,7 @@ def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Pa
     flow, power = steady.rated_point(solution)
     assert 1.4 < flow < 1.46
     assert power == pytest.approx(bound, rel=0.02)
-    labels = legend_texts(PLOTS["generator_power over flow"](solution))
+    _, labels = PLOTS["generator_power over flow"](solution).get_legend_handles_labels()
     assert f"rated at {flow:.2f} m/s" in labels
 
 
@@ -228,6 +220,8 @@ def test_figures_are_of_what_there_is(both, tmp_path, missing, names) -> None:
     assert [path.name for path in written] == [f"{name}.png" for name in names]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
     assert tuple(figures([one, other])) == names
+    (legend,) = filter(None, (ax.get_legend() for ax in figures([one, other])["blade"].axes))
+    assert "sine_linear" in [text.get_text() for text in legend.get_texts()]
     assert figure_of(other, "limits") is None  # it has none
 
 
