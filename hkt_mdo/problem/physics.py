@@ -266,7 +266,6 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     computable = not polar.follows_reynolds and all(each.suction is not None for each in polars)
     return RotorModel(
         polar=polar,
-        section_area=turbine.section_area,
         hub_inertia=case.rotor.hub_inertia,
         water_density=case.fluid.density,
         structure=turbine.structure,
