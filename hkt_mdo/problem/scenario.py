@@ -398,9 +398,16 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
         about = unknown(name) | {"units": unit, "defect_ref": refs[rate]}
         phase.add_state(name, rate_source=rate, **about)
 
+    def add_control(name, **options):
+        # value and rate are continuous; with the Radau transcription the last value of a segment is
+        # extrapolated, and Dymos has to make it equal to the first of the next one
+        options |= unknown(name) | {"units": QUANTITIES[name].unit, "rate_continuity": True}
+        continuity = mesh.transcription == "radau"
+        phase.add_control(name, continuity=continuity, rate_continuity_ref=refs[name], **options)
+
     rate = "rotor_acceleration"
     if law.chooses_speed:
-        _add_control(phase, "rotor_speed", rate_targets=[rate], **unknown("rotor_speed"))
+        add_control("rotor_speed", rate_targets=[rate])
     else:
         add_state("rotor_speed", "rad/s", rate)
     remembers = WAKE_STATES.keys() <= start.keys()
@@ -409,7 +416,7 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
         add_state(name, unit, f"{name}_rate")
         at_rest[f"{name}_rate"] = refs[f"{name}_rate"]
     if law.chooses_torque:
-        _add_control(phase, "control_torque", **unknown("control_torque"))
+        add_control("control_torque")
     begins = mesh.initial_speed
     if begins == "equilibrium" or (begins == "auto" and law.is_feedback):
         # where speed is the control, its acceleration is the control's rate
@@ -419,20 +426,3 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
-
-
-def _add_control(phase, name, ref, **options):
-    """Add a control whose value and rate are continuous.
-
-    With the Radau transcription the last value of a segment is extrapolated, so that Dymos has to
-    make it equal to the first of the next one; with the other one it is the same unknown.
-    """
-    phase.add_control(
-        name,
-        units=QUANTITIES[name].unit,
-        continuity=isinstance(phase.options["transcription"], Radau),
-        rate_continuity=True,
-        rate_continuity_ref=ref,
-        ref=ref,
-        **options,
-    )
