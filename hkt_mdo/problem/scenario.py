@@ -394,26 +394,24 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
         lower, upper = bounds.get(name, (None, None))
         return {"targets": [name], "lower": lower, "upper": upper, "ref": refs[name]}
 
-    def add_state(name, unit, rate):
-        about = unknown(name) | {"units": unit, "defect_ref": refs[rate]}
-        phase.add_state(name, rate_source=rate, **about)
+    def add_state(name, rate):
+        phase.add_state(name, rate_source=rate, defect_ref=refs[rate], **unknown(name))
 
     def add_control(name, **options):
         # value and rate are continuous; with the Radau transcription the last value of a segment is
         # extrapolated, and Dymos has to make it equal to the first of the next one
-        options |= unknown(name) | {"units": QUANTITIES[name].unit, "rate_continuity": True}
-        continuity = mesh.transcription == "radau"
-        phase.add_control(name, continuity=continuity, rate_continuity_ref=refs[name], **options)
+        options |= unknown(name) | {"continuity": mesh.transcription == "radau"}
+        phase.add_control(name, rate_continuity=True, rate_continuity_ref=refs[name], **options)
 
     rate = "rotor_acceleration"
     if law.chooses_speed:
         add_control("rotor_speed", rate_targets=[rate])
     else:
-        add_state("rotor_speed", "rad/s", rate)
-    remembers = WAKE_STATES.keys() <= start.keys()
+        add_state("rotor_speed", rate)
+    remembers = WAKE_STATES[0] in start
     at_rest = {}
-    for name, (unit, _) in (law.states | (WAKE_STATES if remembers else {})).items():
-        add_state(name, unit, f"{name}_rate")
+    for name in (*law.states, *WAKE_STATES * remembers):
+        add_state(name, f"{name}_rate")
         at_rest[f"{name}_rate"] = refs[f"{name}_rate"]
     if law.chooses_torque:
         add_control("control_torque")
