@@ -379,7 +379,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = Outline(*each.outline) if each.outline else None
-            shape = rotor.outline or (rotor.blade if outline else "")
+            shape = rotor.blade if outline else rotor.outline or ""
             parts = PolarFamily.from_tables(each.polars), outline, each.thickness, None
             named[each.name] = *parts, each.name, shape, each.name
         several = sorted({name for pair in table.section or () for name in pair[:2]})

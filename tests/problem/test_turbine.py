@@ -194,6 +194,8 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
     (tmp_path / "t.yaml").write_text(low, encoding="utf-8")
     single = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
     assert "rotor.reynolds_number = 3e+06 chooses no polar" in str(single.messages)
+    named = turbine("blade: t.yaml, station_count: 5, outline: naca4415")  # of one that has none
+    assert [x.shape for x in named.sections] == [x.shape or "naca4415" for x in single.sections]
 
 
 @pytest.mark.parametrize(
