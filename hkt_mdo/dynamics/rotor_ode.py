@@ -7,7 +7,7 @@ from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
 from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor.band import FACTORS, Band
-from hkt_mdo.rotor.components import refuse_complex_step
+from hkt_mdo.rotor.components import refuse_complex_step, refuse_values
 from hkt_mdo.rotor.scales import torque_scale
 
 WAKE_STATES = "reduced_velocity", "induced_velocity"
@@ -185,14 +185,12 @@ class CoefficientComp(NodeComp):
 
     def _solve(self, inputs, derivatives):
         """Return the `Coefficients` of the blade, flow and tip speed ratio of the inputs."""
-        ratio = inputs["tip_speed_ratio"]
-        if np.any(ratio <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
-            raise om.AnalysisError("the rotor turns backwards")
         refuse_complex_step(self)
+        refuse_values(inputs)  # of a trial of the optimizer, which then takes a shorter step
         blade = self.blade.with_rotor_radius(inputs["rotor_radius"][0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
         polar = self.polar.in_flow(inputs["inflow_speed"])
-        return self.coefficients(blade, polar, ratio, derivatives)
+        return self.coefficients(blade, polar, inputs["tip_speed_ratio"], derivatives)
 
     def compute(self, inputs, outputs):
         outputs["torque_coefficient"] = self._solve(inputs, derivatives=False).torque
