@@ -38,6 +38,7 @@ SAMPLES = 20  # a segment, of the independent integration and between the nodes
 FLOW_MISSED = 1e-4
 MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
+OWN = (None, None)  # turbine of a scenario in the case's own water and condition
 LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
 
@@ -48,9 +49,9 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
-    `limits` are those that hold in it over time. `density` (kg/m**3) and
-    `condition` are those of water and turbine in it, None: the case's.
-    Intervals of one scenario, between which the machine stands still, have the same `group`.
+    `limits` are those that hold in it over time. `turbine` has the density of the water (kg/m**3)
+    and the condition of the turbine in it, None: the case's; scenarios with the same ones share one
+    physics. Intervals of one scenario, between which the machine stands still, have one `group`.
     """
 
     inflow: Inflow
@@ -60,13 +61,7 @@ class Scenario:
     edges: np.ndarray = None  # type: ignore[assignment]
     limits: tuple[Limit, ...] = ()
     interval_of: str = ""
-    density: float | None = None
-    condition: Condition | None = None
-
-    @property
-    def turbine(self) -> tuple[float | None, Condition | None]:
-        """Water and condition of the turbine; scenarios with the same ones share one physics."""
-        return self.density, self.condition
+    turbine: tuple[float | None, Condition | None] = OWN
 
     steady: ClassVar[bool] = False
     """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
