@@ -1,7 +1,5 @@
 """Formulas of named quantities, and their derivatives by complex step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, ClassVar
 

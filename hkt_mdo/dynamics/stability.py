@@ -11,8 +11,6 @@ k0 the slope of the torque by the speed in an unchanged wake, c_j the slope that
 j adds in the end. With the controller's U(s), the loop has J s = G(s) - U(s).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

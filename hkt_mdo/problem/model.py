@@ -1,7 +1,5 @@
 """What a case describes, as the values that the optimization and the checks work with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """The operation of a rotor as an OpenMDAO group: phases, loads, limits and integrals."""
 
-from __future__ import annotations
-
 import numpy as np
 import openmdao.api as om
 

@@ -1,7 +1,5 @@
 """Reading a case: its turbine, flow, control law, limits and objective as values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache

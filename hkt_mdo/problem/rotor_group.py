@@ -1,7 +1,5 @@
 """The rotor of a case in steady operation, as a part of another OpenMDAO model."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The start of one optimization, and how far it may go from there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
