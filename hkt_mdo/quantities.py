@@ -5,8 +5,6 @@ that names one looks it up here: units, column headers, where it is in the OpenM
 a limit or an objective of one's own may take.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
