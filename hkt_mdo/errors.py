@@ -1,7 +1,5 @@
 """The error of bad input, which the user can correct, and interrupts that compiled code hides."""
 
-from __future__ import annotations
-
 import difflib
 import reprlib
 import signal

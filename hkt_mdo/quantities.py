@@ -5,8 +5,6 @@ that names one looks it up here: units, column headers, where it is in the OpenM
 a limit or an objective of one's own may take.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -55,23 +53,31 @@ class Described:
         """
         return column_of(self.name, self.unit)
 
-    @property
-    def meta(self) -> dict[str, str | None]:
-        """Units and description, as OpenMDAO's `add_input` takes them.
 
-        Returns
-        -------
-        dict
-            With the keys units and desc.
-        """
-        return {"units": self.unit, "desc": self.text}
-
-
-QUANTITIES: dict[str, Described] = {
-    name: Described(name, **keys)
-    for name, keys in yaml.safe_load(Path(__file__).with_suffix(".yaml").read_text("utf-8")).items()
-}
+_NAMED, _OTHERS = yaml.safe_load_all(Path(__file__).with_suffix(".yaml").read_text("utf-8"))
+QUANTITIES = {name: Described(name, **keys) for name, keys in _NAMED.items()}
 """Every quantity by its name, as ``quantities.yaml`` beside this module describes them."""
+
+
+def meta_of(name: str) -> dict[str, str | None]:
+    """Return units and description of a variable of the model, for OpenMDAO's `add_input`.
+
+    Parameters
+    ----------
+    name : str
+        A quantity, another variable that ``quantities.yaml`` describes, or the table or band of a
+        load or a coefficient, such as ``thrust_table``.
+
+    Returns
+    -------
+    dict
+        With the keys units and desc.
+    """
+    if name in QUANTITIES:
+        return {"units": QUANTITIES[name].unit, "desc": QUANTITIES[name].text}
+    load = QUANTITIES.get(name.rpartition("_")[0])
+    text = f"{name.replace('_', ' ')} of the blade"
+    return _OTHERS.get(name) or {"units": load and load.per_pressure, "desc": text}
 
 
 def names(over: str = "", source: str = "") -> tuple[str, ...]:

@@ -1,7 +1,5 @@
 """Parts of every section of a case: quantities with units, and errors of bad values."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import math

@@ -52,7 +52,7 @@ def of_blade(solution):
     blade, world = design.blade, design.physics
     r, hub, density = blade.edges, blade.hub_radius, world.density
     chord, twist = (np.interp(r, blade.r, each) for each in (blade.chord, blade.twist))
-    area = np.broadcast_to(world.rotor.section_area, blade.r.shape)
+    area = np.broadcast_to(world.rotor.structure.section_area, blade.r.shape)
     area = np.interp(r, blade.r, area) * chord**2
     excess = world.case.rotor.blade_material.density - density
     speed, flow = solution.simulation["rotor_speed_rad_s"], solution.simulation["inflow_speed_m_s"]

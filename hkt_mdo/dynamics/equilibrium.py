@@ -1,7 +1,5 @@
 """The equilibria of a rotor under a feedback law in steady flows, by the torque of its plant."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -5,8 +5,6 @@ A profile is its keys in a case's section `inflow` together with its formula. Fo
 of your own is a subclass of `Inflow` (docs/dev/architecture.md).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 from numbers import Real

@@ -1,7 +1,5 @@
 """Formulas of named quantities, and their derivatives by complex step."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, ClassVar
 
@@ -79,8 +77,8 @@ class Formula(Section):
         return bool(set(names) & set(self.inputs))
 
     def value_of(self, quantities: Any) -> Any:
-        """Return the value from a mapping that holds its inputs, maybe among other quantities."""
-        return self.value(**{name: quantities[name] for name in self.inputs})
+        """Return what it computes from a mapping that has its inputs, maybe among others."""
+        return self.function(**{name: quantities[name] for name in self.inputs})
 
     def partial(self, name: str, quantities: Mapping[str, Any]) -> np.ndarray:
         """Return the value's derivative by an input, by complex step.

@@ -1,7 +1,5 @@
 """Constituents of a tidal current from a record, by harmonic analysis: linear least squares."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Unlike a record that is run over time (`hkt_mdo.dynamics.records`), gaps are lef
 stand still and turn, and nothing is low-passed.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -60,8 +60,7 @@ class Objective(Formula):
 
     def rate_of(self, quantities: Any) -> np.ndarray:
         """Return the rate, shape (n_times,), from a trajectory and what is known of the design."""
-        rate = self.rate(**{name: quantities[name] for name in self.inputs})
-        return rate * np.ones(np.shape(quantities["time"]))
+        return self.value_of(quantities) * np.ones(np.shape(quantities["time"]))
 
     def behind(self, objective: float, reference: float) -> float:
         """Return by which share of a reference an objective is worse; negative if it is better."""

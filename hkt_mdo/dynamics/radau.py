@@ -4,8 +4,6 @@ Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8. All
 of time are solved together by Newton's method, on arrays.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.polynomial import Legendre
 from scipy.interpolate import PPoly

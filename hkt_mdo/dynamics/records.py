@@ -4,8 +4,6 @@ A record of a flow in which no turbine could work is refused with file, place an
 repaired unless an option says so, and every repair is named in `Record.messages`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -5,27 +5,13 @@ import openmdao.api as om
 
 from hkt_mdo.dynamics.formulas import STEP
 from hkt_mdo.dynamics.wake import AT_ONCE, slow_time
-from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor.band import FACTORS, Band
-from hkt_mdo.rotor.components import refuse_complex_step
+from hkt_mdo.rotor.components import refuse_complex_step, refuse_values
 from hkt_mdo.rotor.scales import torque_scale
 
-_INNER = {
-    "rotor_acceleration": ("rad/s**2", "rate of the rotor's angular speed"),
-    "torque_coefficient": (None, "Q / (0.5 rho V^2 pi R^3)"),
-    "torque_coefficient_table": (None, "torque coefficient at the nodes of the curve"),
-    "wake_ratio": (None, "tip speed ratio of the wake"),
-    "wake_factor": (None, "tip speed ratio of the rotor over that of the wake"),
-    "wake_induction": (None, "mean axial induction in equilibrium"),
-    "place_induction": (None, "axial induction in equilibrium at one place"),
-}
-"""Unit and description of what the equation has besides the quantities of the registry."""
-
-WAKE_STATES = {
-    "reduced_velocity": ("m/s", "state of the slow filter of the wake's mean axial velocity"),
-    "induced_velocity": ("m/s", "mean axial velocity that the wake induces"),
-}
-"""Unit and description of the states of a wake with memory, by their names."""
+WAKE_STATES = "reduced_velocity", "induced_velocity"
+"""States of a wake with memory."""
 
 
 class RotorODE(om.Group):
@@ -72,13 +58,12 @@ class NodeComp(om.ExplicitComponent):
     initial value there, the others are arrays over the nodes.
     `tables` names the table, of a `size`, on which an output depends, too; `basis(**inputs)` is its
     derivative by that. `formula(**inputs)` returns the outputs by name and must accept complex
-    numbers: the other derivatives are taken by complex step. `described` has the unit and
-    description of what is no quantity of the registry; `<name>_rate` is the rate of a state. What
-    else the formula needs are attributes, given by name.
+    numbers: the other derivatives are taken by complex step. What else the formula needs are
+    attributes, given by name.
     """
 
     fixed = dict.fromkeys(("rotor_radius", "density", "inertia"), 1.0)
-    tables, described = {}, _INNER | WAKE_STATES
+    tables = {}  # noqa: RUF012
 
     def __init__(self, num_nodes, **known):
         super().__init__()
@@ -96,16 +81,12 @@ class NodeComp(om.ExplicitComponent):
             self.add_input(name, **about, **self._meta(name))
         for name in self.needs:
             self.add_output(name, **known, **self._meta(name))
-        for name, table in self.tables.items():
-            units = QUANTITIES[name].per_pressure if name in QUANTITIES else None
-            self.add_input(table, shape=self.size, units=units, tags=static)
+        for table in self.tables.values():
+            self.add_input(table, shape=self.size, tags=static, **self._meta(table))
 
     def _meta(self, name):
-        state, known = name.removesuffix("_rate"), self.described
-        if state not in known:
-            return QUANTITIES[name].meta
-        unit, text = known[state]
-        return {"units": unit if name == state else f"{unit}/s", "desc": text}
+        """Return units and description of an input or output."""
+        return meta_of(name)
 
     def setup_partials(self):
         rows = np.arange(self.num_nodes)
@@ -204,14 +185,12 @@ class CoefficientComp(NodeComp):
 
     def _solve(self, inputs, derivatives):
         """Return the `Coefficients` of the blade, flow and tip speed ratio of the inputs."""
-        ratio = inputs["tip_speed_ratio"]
-        if np.any(ratio <= 0.0):  # at a trial of the optimizer, which then takes a shorter step
-            raise om.AnalysisError("the rotor turns backwards")
         refuse_complex_step(self)
+        refuse_values(inputs)  # of a trial of the optimizer, which then takes a shorter step
         blade = self.blade.with_rotor_radius(inputs["rotor_radius"][0])
         blade = blade.with_shape(inputs["chord"], inputs["twist"])
         polar = self.polar.in_flow(inputs["inflow_speed"])
-        return self.coefficients(blade, polar, ratio, derivatives)
+        return self.coefficients(blade, polar, inputs["tip_speed_ratio"], derivatives)
 
     def compute(self, inputs, outputs):
         outputs["torque_coefficient"] = self._solve(inputs, derivatives=False).torque
@@ -287,7 +266,6 @@ class FeedbackComp(NodeComp):
     """
 
     fixed = property(lambda self: dict.fromkeys(self.law.named_gains, 1.0))
-    described = property(lambda self: self.law.named_gains | self.law.states)
 
     @property
     def needs(self):
@@ -295,6 +273,13 @@ class FeedbackComp(NodeComp):
         states, given = self.law.states, [*self.law.states, *self.fixed]
         rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in states}
         return {"control_torque": ("rotor_speed", *given)} | rates
+
+    def _meta(self, name):
+        state, known = name.removesuffix("_rate"), self.law.named_gains | self.law.states
+        if state not in known:
+            return meta_of(name)
+        unit, text = known[state]
+        return {"units": unit if name == state else f"{unit}/s", "desc": text}
 
     def formula(self, rotor_speed, inflow_speed=None, **given):
         law = self.law

@@ -1,7 +1,5 @@
 """Flows through samples: a measured record, and turbulence that is made of waves."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Annotated, Literal
 

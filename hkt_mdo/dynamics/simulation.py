@@ -265,9 +265,8 @@ class Simulation:
         Gives the rotor's speed, rad/s, at any times of the run.
     states : ndarray, shape (n_states, n_times)
         The states of the control law.
-    wake_at : callable
-        Gives the state of the wake's filters at any times, (n_times, n_filters), with no columns
-        where the wake has no memory.
+    filters : ndarray, shape (n_times, n_filters)
+        The state of the wake's filters, with no columns where the wake has no memory.
     """
 
     time: np.ndarray
@@ -283,7 +282,7 @@ class Simulation:
     stopped_at: float | None
     speed_at: Callable
     states: np.ndarray
-    wake_at: Callable
+    filters: np.ndarray
 
 
 class IntegrationError(InputError):
@@ -375,7 +374,7 @@ def simulate(
         end if stopped else None,
         lambda at: path(np.minimum(at, end))[..., 0],
         np.array(states),
-        lambda at: path(np.minimum(at, end))[..., dense:],
+        values[:, dense:],
     )
 
 

@@ -11,9 +11,7 @@ k0 the slope of the torque by the speed in an unchanged wake, c_j the slope that
 j adds in the end. With the controller's U(s), the loop has J s = G(s) - U(s).
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,8 +75,9 @@ class Loop:
         answers = answers.reshape(n, 2, -1).sum(axis=1)  # of the axial and the tangential velocity
         return cls(frozen, answers, *wake.times(flow, at_place), law, plant.inertia)
 
-    def matrix(self, inertia: float) -> np.ndarray:
-        """Return the matrix of the motion with an inertia, kg*m**2, (n, size, size).
+    @property
+    def matrix(self) -> np.ndarray:
+        """Matrix of the motion, (n, size, size).
 
         Its values are the rotor's speed, the law's states, the slow filter, which all stations
         share, and the fast filters.
@@ -86,9 +85,9 @@ class Loop:
         (n, dense, _), stations = self.law.shape, self.answers.shape[1]
         found = np.zeros((n, dense + 1 + stations, dense + 1 + stations))
         found[:, :dense, :dense] = self.law
-        found[:, 0, :dense] *= -1.0 / inertia
-        found[:, 0, 0] += self.frozen / inertia
-        found[:, 0, dense + 1 :] = self.answers / inertia
+        found[:, 0, :dense] *= -1.0 / self.inertia
+        found[:, 0, 0] += self.frozen / self.inertia
+        found[:, 0, dense + 1 :] = self.answers / self.inertia
         found[:, dense, 0] = (1.0 - AT_ONCE) / self.slow[:, 0]
         found[:, dense, dense] = -1.0 / self.slow[:, 0]
         fast, chain = np.arange(dense + 1, dense + 1 + stations), 1.0 / self.fast
@@ -99,13 +98,13 @@ class Loop:
     @property
     def growth(self) -> np.ndarray:
         """Largest real part of the loop's eigenvalues, 1/s, (n,); it is stable below 0."""
-        return self._growth(self.inertia)
+        return np.linalg.eigvals(self.matrix).real.max(axis=1)
 
     @property
     def rotor(self) -> np.ndarray:
         """Matrix of rotor and controller alone, in an unchanged wake, (n, 1 + n_states, …)."""
         dense = self.law.shape[1]
-        return self.matrix(self.inertia)[:, :dense, :dense]
+        return self.matrix[:, :dense, :dense]
 
     @property
     def frozen_growth(self) -> np.ndarray:
@@ -120,9 +119,6 @@ class Loop:
         equilibrium is unstable.
         """
         return -1.0 / self.rotor[:, 0, 0]
-
-    def _growth(self, inertia):
-        return np.linalg.eigvals(self.matrix(inertia)).real.max(axis=1)
 
     @property
     def least_inertia(self) -> np.ndarray:
@@ -142,8 +138,8 @@ class Loop:
         share = real[:, :-1] / np.where(crossed, real[:, :-1] - real[:, 1:], 1.0)
         at = imaginary[:, :-1] + share * np.diff(imaginary, axis=1)
         least = np.max(np.where(crossed, at, 0.0), axis=1, initial=0.0)
-        heavy = HEAVY * max(self.inertia, float(np.max(least)))
-        return np.where(self._growth(heavy) < 0.0, least, np.inf)
+        heavy = replace(self, inertia=HEAVY * max(self.inertia, float(np.max(least))))
+        return np.where(heavy.growth < 0.0, least, np.inf)
 
     def _controller(self, s):
         """Return the generator torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""

@@ -9,8 +9,6 @@ This is the reduced form of y + tau1 y' = q + k tau1 q', z + tau2 z' = y, with x
 needs no rate of q. The sections see the velocity z, and their forces follow from it by the polars.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

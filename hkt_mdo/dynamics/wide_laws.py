@@ -1,7 +1,5 @@
 """Laws for the whole range of the flow: static, of several gains (docs/controllers.md)."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np

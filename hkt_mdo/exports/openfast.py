@@ -149,13 +149,9 @@ def _elastodyn_rows(design: Design) -> np.ndarray:
     def fine(values):
         return np.interp(at, np.arange(places), np.broadcast_to(values, places))
 
-    area = turbine.section_area
-    area = np.broadcast_to(area(blade.thickness) if callable(area) else area, blade.r.shape)
-    r, chord, twist, area = (
-        fine(weights @ each) for each in (blade.r, blade.chord, blade.twist, area)
-    )
-    moments = structure.xx, structure.yy
-    stiffness = [structure.modulus * fine(moment) * chord**4 for moment in moments]
+    r, chord, twist = (fine(weights @ each) for each in (blade.r, blade.chord, blade.twist))
+    area, *moments = map(fine, (structure.area, structure.xx, structure.yy))
+    stiffness = [structure.modulus * moment * chord**4 for moment in moments]
     r = np.concatenate(([blade.hub_radius], r, [blade.tip_radius]))
     columns = np.rad2deg(twist), structure.density * area * chord**2, *stiffness
     return np.column_stack(((r - r[0]) / (r[-1] - r[0]), *map(extended_to_ends, columns)))

@@ -21,7 +21,7 @@ from hkt_mdo.problem.operation_group import OperationGroup, named
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
-from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor.band import ALONG
 from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
@@ -196,11 +196,8 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         hub = np.clip(blade.hub_inertia, *bounds["hub_inertia"])
         given.append(("hub_inertia", hub, physics.rotor.mass_and_inertia(blade)[1]))
     given += zip(law.named_gains, start.gains, law.sizes(start.gains), strict=True)
-    others = {"hub_inertia": ("kg*m**2", "inertia of all that turns besides the blades")}
-    others |= law.named_gains
     for name, value, ref in given:
-        quantity = QUANTITIES.get(name.removesuffix("_control"))
-        units, text = (quantity.unit, quantity.text) if quantity else others[name]
+        units, text = law.named_gains.get(name) or meta_of(name.removesuffix("_control")).values()
         if name in bounds:
             low, high = bounds[name]
             model.add_design_var(name, lower=low, upper=high, ref=ref, units=units)
@@ -209,11 +206,11 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         (designed if name in bounds else kept)[name] = about
     for scenario in physics.scenarios:
         name = named("density", physics.variant(scenario))
-        kept[name] = {"val": physics.rotor_in(scenario).water_density, **QUANTITIES["density"].meta}
-    kept["density"] = {"val": physics.density, **QUANTITIES["density"].meta}
+        kept[name] = meta_of("density") | {"val": physics.rotor_in(scenario).water_density}
+    kept["density"] = meta_of("density") | {"val": physics.density}
     if "thickness" not in control and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
-        kept["thickness"] = {"val": given, **QUANTITIES["thickness"].meta}
+        kept["thickness"] = meta_of("thickness") | {"val": given}
     return designed, kept
 
 

@@ -7,7 +7,7 @@ from scipy.sparse import csr_array
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.dynamics.formulas import STEP, Formula
 from hkt_mdo.dynamics.rotor_ode import CurveComp
-from hkt_mdo.quantities import QUANTITIES, names
+from hkt_mdo.quantities import meta_of, names
 
 _NONE = np.empty(0)
 _NUMBERS = {*names(over="design"), *names(over="result")}
@@ -74,8 +74,7 @@ class FormulaComp(om.ExplicitComponent):
                 shape = size if name in formula.series else 1
                 self.add_input(name, shape=shape, units=units, desc=text)
             else:  # along the span, or of a curve, the shape is the source's
-                meta = QUANTITIES[name].meta if name in QUANTITIES else {}
-                self.add_input(name, shape_by_conn=name not in _NUMBERS, **meta)
+                self.add_input(name, shape_by_conn=name not in _NUMBERS, **meta_of(name))
         unit = formula.function_unit
         self.add_output("value", shape=size, units=unit, desc=type(formula).__doc__)
 

@@ -1,7 +1,5 @@
 """Limits that no design can keep or that are next to zero, and limits without effect."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -5,8 +5,6 @@ generator's torque balances that of the flow. Under a static law it is the law's
 rotor in motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """What a case describes, as the values that the optimization and the checks work with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,14 +10,12 @@ from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit
 from hkt_mdo.dynamics.objectives import CapturedEnergy, ElectricalEnergy, Objective
-from hkt_mdo.problem.scenario import Scenario
+from hkt_mdo.problem.scenario import OWN, Scenario
 from hkt_mdo.problem.turbine import Turbine
 from hkt_mdo.quantities import LOADS, STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.rotor.shape import Shape
-
-OWN = (None, None)  # `Scenario.turbine` in the case's own water and condition
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +57,8 @@ class Physics:
 
     def law_in(self, scenario: Scenario) -> Law:
         """Return the control law with the torque constant that the generator has in a scenario."""
-        if scenario.condition is None:
-            return self.law
-        return self.law.applied(scenario.condition.torque_constant)
+        _, condition = scenario.turbine
+        return self.law if condition is None else self.law.applied(condition.torque_constant)
 
     def variant(self, scenario: Scenario) -> str:
         """Return the ending of the names in the model of quantities of a scenario's own rotor."""

@@ -1,7 +1,5 @@
 """The time in which a turbine operates: a scenario for each interval below the cut-out speed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

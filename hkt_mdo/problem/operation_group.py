@@ -1,7 +1,5 @@
 """The operation of a rotor as an OpenMDAO group: phases, loads, limits and integrals."""
 
-from __future__ import annotations
-
 import numpy as np
 import openmdao.api as om
 
@@ -15,7 +13,7 @@ from hkt_mdo.problem.evaluation import on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario, add_phase, dm
 from hkt_mdo.problem.setup import Setup
-from hkt_mdo.quantities import QUANTITIES, RATES
+from hkt_mdo.quantities import RATES, meta_of
 from hkt_mdo.rotor.band import Band
 from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.scales import torque_scale
@@ -65,7 +63,7 @@ class OperationGroup(om.Group):
         self._add_rates()
         for name, integrand in INTEGRALS.items():
             weights = {x.name: [x.weight * x.node_weights] for x in self._physics.scenarios}
-            self._add_integral(f"integral_{name}", integrand, weights, name, QUANTITIES[name].meta)
+            self._add_integral(f"integral_{name}", integrand, weights, name, meta_of(name))
         self._hold_limits()
         for scenario in self._physics.scenarios:
             if scenario.closed:
@@ -256,7 +254,7 @@ class OperationGroup(om.Group):
         """Add the rate of the generator torque, if it is asked for, at the nodes of every phase."""
         asked, rate = any(map(self._physics.asks_for, RATES)), "torque_rate"
         for each in self._physics.scenarios if asked else ():
-            about = "control_torque", each.differentiation, rate, QUANTITIES[rate].meta
+            about = "control_torque", each.differentiation, rate, meta_of(rate)
             self._add_linear(f"rates_{each.name}", each, *about)
 
     def _close_cycle(self, scenario):
@@ -268,7 +266,7 @@ class OperationGroup(om.Group):
 
     def _add_linear(self, name, scenario, quantity, matrix, result, meta):
         """Add a matrix times a quantity at the nodes of a scenario; `meta` is of the result."""
-        given = QUANTITIES[quantity].unit
+        given = meta_of(quantity)["units"]
         self.add_subsystem(name, LinearComp({quantity: matrix}, given, result, meta))
         self.connect(scenario.source(quantity), f"{name}.{quantity}")
 

@@ -1,7 +1,5 @@
 """Reading a case: its turbine, flow, control law, limits and objective as values."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -22,10 +20,10 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_rotor
 from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
 from hkt_mdo.problem.equilibrium import SteadyScenario, refuse_slow
-from hkt_mdo.problem.model import OWN, Physics
+from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation import in_operation
 from hkt_mdo.problem.plausible import doubts
-from hkt_mdo.problem.scenario import MOST_SEGMENTS, Scenario
+from hkt_mdo.problem.scenario import MOST_SEGMENTS, OWN, Scenario
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.quantities import LOADS, RATES
 from hkt_mdo.rotor.blade import Blade
@@ -105,7 +103,7 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
         return _scenarios(case)
     found, total = [], sum(each.weight for each in case.scenarios)
     for own in case.scenarios:
-        about = {"name": own.name, "density": own.density, "condition": own.condition}
+        about = {"name": own.name, "turbine": (own.density, own.condition)}
         about["weight"] = own.weight / total * case.phase.duration / own.duration
         found += _scenarios(case.of_scenario(own.name), steady=own.steady, **about)
     return found
@@ -128,7 +126,7 @@ def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
     if getattr(inflow, "reversed_speeds", None) is not None:
         condition = case.condition.model_copy(update={"polar": inflow.reversed_polar})
         about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
-        about |= {"condition": condition, "backwards": True}
+        about |= {"turbine": (found[0].turbine[0], condition), "backwards": True}
         found.append(SteadyScenario.of(inflow, mesh, **about))
     return [each.below(case.control.cut_out) for each in found]
 
@@ -266,7 +264,6 @@ def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     computable = not polar.follows_reynolds and all(each.suction is not None for each in polars)
     return RotorModel(
         polar=polar,
-        section_area=turbine.section_area,
         hub_inertia=case.rotor.hub_inertia,
         water_density=case.fluid.density,
         structure=turbine.structure,

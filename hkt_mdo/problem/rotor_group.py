@@ -1,7 +1,5 @@
 """The rotor of a case in steady operation, as a part of another OpenMDAO model."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -10,7 +8,7 @@ import openmdao.api as om
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.components import BladeGroup, refuse_values
 
@@ -96,7 +94,7 @@ class RotorGroup(om.Group):
             "density": world.density,
         }
         for name in {given, "inflow_speed", "rotor_radius", "density"}:
-            self.set_input_defaults(name, start[name], units=QUANTITIES[name].unit)
+            self.set_input_defaults(name, start[name], units=meta_of(name)["units"])
         (found,) = _POINTS.keys() - {given}
         points = _formulas({found: _POINTS[found]}, start)
         self.add_subsystem("operating_points", points, promotes=["*"])
@@ -115,12 +113,9 @@ def _formulas(formulas, start):
     """Return a component of formulas, by output, of inputs with their values at the start."""
     variables = {}
     for output, formula in formulas.items():
-        about = QUANTITIES[output].meta if output in QUANTITIES else {}
-        variables[output] = about | {"shape": start["inflow_speed"].shape}
+        variables[output] = meta_of(output) | {"shape": start["inflow_speed"].shape}
         for name in start.keys() & set(re.findall(r"\w+", formula)):
-            load = QUANTITIES.get(name.removesuffix("_table"))
-            units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
-            variables[name] = {"val": start[name], "units": units}
+            variables[name] = meta_of(name) | {"val": start[name]}
     text = [f"{output} = {formula}" for output, formula in formulas.items()]
     return _Formulas(text, has_diag_partials=True, **variables)
 

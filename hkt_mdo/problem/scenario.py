@@ -38,6 +38,7 @@ SAMPLES = 20  # a segment, of the independent integration and between the nodes
 FLOW_MISSED = 1e-4
 MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
+OWN = (None, None)  # turbine of a scenario in the case's own water and condition
 LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
 
@@ -48,9 +49,9 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
-    `limits` are those that hold in it over time. `density` (kg/m**3) and
-    `condition` are those of water and turbine in it, None: the case's.
-    Intervals of one scenario, between which the machine stands still, have the same `group`.
+    `limits` are those that hold in it over time. `turbine` has the density of the water (kg/m**3)
+    and the condition of the turbine in it, None: the case's; scenarios with the same ones share one
+    physics. Intervals of one scenario, between which the machine stands still, have one `group`.
     """
 
     inflow: Inflow
@@ -60,13 +61,7 @@ class Scenario:
     edges: np.ndarray = None  # type: ignore[assignment]
     limits: tuple[Limit, ...] = ()
     interval_of: str = ""
-    density: float | None = None
-    condition: Condition | None = None
-
-    @property
-    def turbine(self) -> tuple[float | None, Condition | None]:
-        """Water and condition of the turbine; scenarios with the same ones share one physics."""
-        return self.density, self.condition
+    turbine: tuple[float | None, Condition | None] = OWN
 
     steady: ClassVar[bool] = False
     """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
@@ -394,22 +389,27 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
         lower, upper = bounds.get(name, (None, None))
         return {"targets": [name], "lower": lower, "upper": upper, "ref": refs[name]}
 
-    def add_state(name, unit, rate):
-        about = unknown(name) | {"units": unit, "defect_ref": refs[rate]}
-        phase.add_state(name, rate_source=rate, **about)
+    def add_state(name, rate):
+        phase.add_state(name, rate_source=rate, defect_ref=refs[rate], **unknown(name))
+
+    def add_control(name, **options):
+        # value and rate are continuous; with the Radau transcription the last value of a segment is
+        # extrapolated, and Dymos has to make it equal to the first of the next one
+        options |= unknown(name) | {"continuity": mesh.transcription == "radau"}
+        phase.add_control(name, rate_continuity=True, rate_continuity_ref=refs[name], **options)
 
     rate = "rotor_acceleration"
     if law.chooses_speed:
-        _add_control(phase, "rotor_speed", rate_targets=[rate], **unknown("rotor_speed"))
+        add_control("rotor_speed", rate_targets=[rate])
     else:
-        add_state("rotor_speed", "rad/s", rate)
-    remembers = WAKE_STATES.keys() <= start.keys()
+        add_state("rotor_speed", rate)
+    remembers = WAKE_STATES[0] in start
     at_rest = {}
-    for name, (unit, _) in (law.states | (WAKE_STATES if remembers else {})).items():
-        add_state(name, unit, f"{name}_rate")
+    for name in (*law.states, *WAKE_STATES * remembers):
+        add_state(name, f"{name}_rate")
         at_rest[f"{name}_rate"] = refs[f"{name}_rate"]
     if law.chooses_torque:
-        _add_control(phase, "control_torque", **unknown("control_torque"))
+        add_control("control_torque")
     begins = mesh.initial_speed
     if begins == "equilibrium" or (begins == "auto" and law.is_feedback):
         # where speed is the control, its acceleration is the control's rate
@@ -419,20 +419,3 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
-
-
-def _add_control(phase, name, ref, **options):
-    """Add a control whose value and rate are continuous.
-
-    With the Radau transcription the last value of a segment is extrapolated, so that Dymos has to
-    make it equal to the first of the next one; with the other one it is the same unknown.
-    """
-    phase.add_control(
-        name,
-        units=QUANTITIES[name].unit,
-        continuity=isinstance(phase.options["transcription"], Radau),
-        rate_continuity=True,
-        rate_continuity_ref=ref,
-        ref=ref,
-        **options,
-    )

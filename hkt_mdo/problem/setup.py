@@ -1,7 +1,5 @@
 """The start of one optimization, and how far it may go from there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -142,12 +140,9 @@ def _coefficients(physics, blade, ratios):
     Those of the sections in every scenario, which may be fouled or reversed. The torque decides the
     energy; a load only how far its limit is kept.
     """
-    found = {}
-    for each in physics.scenarios:
-        own = each.condition or physics.case.condition
-        found.setdefault((own.lift, own.drag, own.polar), physics.rotor_in(each))
     error = {"torque_coefficient": 0.05 * physics.case.hydrodynamics.tolerance}
-    for rotor in found.values():
+    rotors = map(physics.rotor_in, physics.scenarios)
+    for rotor in {each.polar: each for each in rotors}.values():
         tables = rotor.tables(blade, ratios, ["torque_coefficient", *physics.load_names])
         for name, table in tables.items():
             yield table.values, error.get(name, LOAD_ERROR)

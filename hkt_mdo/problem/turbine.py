@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from hkt_mdo.case import Design, Fluid, Rotor
 from hkt_mdo.errors import InputError
@@ -34,15 +34,13 @@ ROUNDED = 1e-3  # by which a bound may exceed the sections' thickness, which fil
 class Turbine(NamedTuple):
     """The turbine of a section `rotor`; arrays, and tuples of polars, are over the stations.
 
-    Where the thickness is designed, polar, section_area and structure are functions of it.
+    Where the thickness is designed, polar and structure are functions of it.
     """
 
     blade: Blade
     polar: Polars
-    section_area: np.ndarray | CubicSpline
-    """Area of the section's material over chord squared: of one, or of each station."""
     thickness: np.ndarray
-    """Largest thickness over chord, of the same."""
+    """Largest thickness over chord: of one section, or of each station."""
     structure: Structure | StructureByThickness
     messages: tuple[str, ...]
     """What was converted, extrapolated or left out."""
@@ -150,14 +148,15 @@ def build_turbine(
     rotor, chosen = _with_reynolds(rotor, named)
     if design is not None and design.thickness_points:
         sections, blended, blends = list(_in_order(named).values()), (), ()
-        polar, area, structure = _by_thickness(rotor, design, sections)
+        polar, structure = _by_thickness(rotor, design, sections)
         thickness = np.clip(_starting_thickness(rotor, table, named), *polar.bounds)
         blade = replace(blade, thickness=thickness)
     else:
         sections, blended, blends = _sections(rotor, table, named)
-        areas = [x.area or material_section(x.outline, x.wall)[0] for x in sections]
-        sections = [x._replace(area=own) for x, own in zip(sections, areas, strict=True)]
-        area, thickness = np.array(areas), np.array([each.thickness for each in sections])
+        sections = [
+            x._replace(area=x.area or material_section(x.outline, x.wall)[0]) for x in sections
+        ]
+        thickness = np.array([each.thickness for each in sections])
         families = [each.polars for each in sections]
         if rotor.reynolds == "local":
             polar = LocalReynolds.of(families, flow_speed, fluid.kinematic_viscosity)
@@ -169,7 +168,7 @@ def build_turbine(
         structure = _structure(rotor, sections)
     outlines = tuple(each.outline for each in sections)
     walls = tuple(0.5 if each.wall is None else each.wall for each in sections)
-    about = polar, area, thickness, structure, (*read, *messages, *notes, *chosen, *blended)
+    about = polar, thickness, structure, (*read, *messages, *notes, *chosen, *blended)
     known = tuple(named.values()), rotor.reynolds_number, table.doubts, reach
     return Turbine(blade, *about, outlines, walls, blends, *known)
 
@@ -296,7 +295,7 @@ def _of_thickness(rotor, thickness, section) -> tuple[list[_Section], tuple[str,
 
 
 def _by_thickness(rotor, design, sections):
-    """Return polars, area and structure over the thickness of sections from thin to thick."""
+    """Return polars and structure over the thickness of sections from thin to thick."""
     if len(sections) < 2:
         problem, remedy = "needs several sections, of different thickness", "give rotor.sections"
         raise InputError(problem, remedy, key="design.thickness_points")
@@ -313,9 +312,7 @@ def _by_thickness(rotor, design, sections):
         raise InputError(problem, remedy, key="design.thickness_bounds", value=list(bounds))
     bounds = tuple(float(each) for each in np.clip(bounds, low, high))
     polars = [_invariant(each.polars, rotor.reynolds_number) for each in sections]
-    structure, area = _structure(rotor, sections, thickness), [each.area for each in sections]
-    area = structure.area if None in area else over_thickness(thickness, area)
-    return ByThickness.of(thickness, polars, bounds), area, structure
+    return ByThickness.of(thickness, polars, bounds), _structure(rotor, sections, thickness)
 
 
 def _starting_thickness(rotor, table, named) -> np.ndarray:
@@ -331,14 +328,14 @@ def _starting_thickness(rotor, table, named) -> np.ndarray:
 def _structure(rotor, sections, thickness=None) -> Structure | StructureByThickness:
     """Return the structure of the blade's section, or of those of its stations or thicknesses.
 
-    Solid sections have the area of their outline, which is blended between stations; hollow or
-    given ones that of the mass, over chord squared, which is linear between stations.
+    The area over chord squared is linear between stations; where it is None, it follows from
+    outline and wall.
     """
-    material, hollow = rotor.blade_material, sections[0].wall is not None
-    walls, given = [each.wall for each in sections] if hollow else None, None
-    if hollow or sections[0].moments or any(each.area is not None for each in rotor.sections):
-        numbers = [(each.area, *(each.moments or ())) for each in sections]
-        given = numbers if sections[0].area is not None else None
+    material, walls, given = rotor.blade_material, None, None
+    if sections[0].wall is not None:
+        walls = [each.wall for each in sections]
+    if sections[0].area is not None:
+        given = [(each.area, *(each.moments or ())) for each in sections]
     outlines = [each.outline for each in sections]
     about = outlines, material.density, material.modulus, walls, given
     return Structure.of(*about) if thickness is None else StructureByThickness.of(thickness, *about)
@@ -382,7 +379,7 @@ def _named_sections(rotor, table) -> tuple[dict[str, _Section], tuple[str, ...]]
     if not named and rotor.polar is None:
         for each in table.sections:
             outline = Outline(*each.outline) if each.outline else None
-            shape = rotor.outline or (rotor.blade if outline else "")
+            shape = rotor.blade if outline else rotor.outline or ""
             parts = PolarFamily.from_tables(each.polars), outline, each.thickness, None
             named[each.name] = *parts, each.name, shape, each.name
         several = sorted({name for pair in table.section or () for name in pair[:2]})

@@ -188,10 +188,10 @@ class Band:
         inside = np.clip(induction, rising[0], rising[-1])
         ratio = np.interp(inside, rising, nodes)
         least = 1e-2 * (rising[-1] - rising[0]) / np.ptp(nodes)
+        pieces = self.spline.pieces(table)
         for _ in range(8):
-            value, slope = self.spline.values(table, ratio)
-            slope = np.maximum(slope, least)
-            ratio = np.clip(ratio - (value - inside) / slope, nodes[0], nodes[-1])
+            slope = np.maximum(pieces(ratio, 1), least)
+            ratio = np.clip(ratio - (pieces(ratio) - inside) / slope, nodes[0], nodes[-1])
         room = BEYOND * np.ptp(self.nodes)
         turned = np.tanh((induction - inside) / (slope * room))
         return ratio + room * turned, self.direction * (1.0 - turned**2) / slope

@@ -690,15 +690,14 @@ def _torque_derivatives(blade, polar, points, gradient):
     """Return the torque's slopes as `Table` has them, and those by the Reynolds number."""
     by_ratio, by_chord, by_twist, by_followed = gradient * torque_weights(blade)
     by_radius = -(by_chord @ blade.chord) / blade.rotor_radius
-    if not polar.follows_reynolds:
-        slopes = np.sum(by_ratio, axis=1), by_chord, by_twist, by_followed, by_radius
-        return slopes, np.zeros(points.size)
-    # chord and tip speed ratio change the Reynolds number too; the radius does not
-    squared = (points[:, None] * blade.r / blade.rotor_radius) ** 2
-    by_ratio = by_ratio + by_followed * squared / (1.0 + squared) / points[:, None]
-    by_chord = by_chord + by_followed / blade.chord
-    slopes = np.sum(by_ratio, axis=1), by_chord, by_twist, 0.0 * by_chord, by_radius
-    return slopes, np.sum(by_followed, axis=1)
+    by_reynolds = np.zeros(points.size)
+    if polar.follows_reynolds:
+        # chord and tip speed ratio change the Reynolds number too; the radius does not
+        squared = (points[:, None] * blade.r / blade.rotor_radius) ** 2
+        by_ratio = by_ratio + by_followed * squared / (1.0 + squared) / points[:, None]
+        by_chord = by_chord + by_followed / blade.chord
+        by_reynolds, by_followed = np.sum(by_followed, axis=1), 0.0 * by_followed
+    return (np.sum(by_ratio, axis=1), by_chord, by_twist, by_followed, by_radius), by_reynolds
 
 
 def _points(tip_speed_ratio):

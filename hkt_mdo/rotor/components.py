@@ -6,7 +6,7 @@ import numpy as np
 import openmdao.api as om
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.quantities import QUANTITIES
+from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.model import RotorModel
@@ -95,13 +95,13 @@ class ShapeComp(om.ExplicitComponent):
     def setup(self):
         shape = self._shape
         for name, offset in shape.offsets.items():
-            self.add_output(name, shape=offset.shape, **QUANTITIES[name].meta)
+            self.add_output(name, shape=offset.shape, **meta_of(name))
         for name, basis in shape.bases.items():
             control, (rows, cols) = f"{name}_control", np.nonzero(basis)
-            meta = QUANTITIES[name].meta | {"desc": f"control points of the {name}"}
+            meta = meta_of(name) | {"desc": f"control points of the {name}"}
             self.add_input(control, shape=basis.shape[1], **meta)
             self.declare_partials(name, control, rows=rows, cols=cols, val=basis[rows, cols])
-        self.add_input("rotor_radius", **QUANTITIES["rotor_radius"].meta)
+        self.add_input("rotor_radius", **meta_of("rotor_radius"))
         if not shape.designs_chord:
             by_radius = shape.offsets["chord"] / shape.blade.rotor_radius
             self.declare_partials("chord", "rotor_radius", val=by_radius[:, None])
@@ -133,7 +133,7 @@ class BladeComp(om.ExplicitComponent):
     def setup(self):
         for name in self._inputs_of_blade:
             value = getattr(self._blade, name)
-            self.add_input(name, val=value, **QUANTITIES[name].meta)
+            self.add_input(name, val=value, **meta_of(name))
 
 
 class TablesComp(BladeComp):
@@ -171,10 +171,7 @@ class TablesComp(BladeComp):
         if self._vary:
             self.add_input("tip_speed_ratio", val=self._nodes, desc="Omega R / V of the disc")
         for name, table in self._solve(self._blade, self._nodes).items():
-            load = QUANTITIES.get(name.rpartition("_")[0])
-            units = QUANTITIES[name].unit if name in QUANTITIES else load and load.per_pressure
-            text = f"{name.replace('_', ' ')} of the blade"
-            self.add_output(name, shape=table.values.shape, units=units, desc=text)
+            self.add_output(name, shape=table.values.shape, **meta_of(name))
             self.declare_partials(name, self._inputs_of_blade)
             if self._vary:
                 self.declare_partials(name, "tip_speed_ratio", rows=rows, cols=rows)
@@ -222,10 +219,9 @@ class InertiaComp(BladeComp):
     def setup(self):
         super().setup()
         for name in ("mass", "inertia", "blade_area"):
-            self.add_output(name, **QUANTITIES[name].meta)
+            self.add_output(name, **meta_of(name))
         if (hub := self._blade.hub_inertia) is not None:
-            text = "inertia of all that is not a blade"
-            self.add_input("hub_inertia", val=hub, units="kg*m**2", desc=text)
+            self.add_input("hub_inertia", val=hub, **meta_of("hub_inertia"))
         self.declare_partials("*", "*")
 
     def _evaluate(self, inputs, **moved):

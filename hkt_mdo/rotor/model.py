@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from hkt_mdo.rotor import bem, ccblade, steady_optimum
 from hkt_mdo.rotor.inertia import RotorMass, mass_and_inertia, water_inertia
@@ -23,9 +22,6 @@ class RotorModel(LoadModel):
     ----------
     polar, structure, water_density, depth, margin
         See `LoadModel`.
-    section_area : float or ndarray of shape (n_stations,) or CubicSpline
-        Area of a section's material over chord squared: one, one a station, or a function of the
-        thickness over chord.
     hub_inertia : float
         Inertia about the rotor's axis of all that is not a blade (kg*m**2), where a blade does not
         have its own, which is designed.
@@ -40,7 +36,6 @@ class RotorModel(LoadModel):
         Solver of `coefficients`, one of `SOLVERS`; all else is computed by `hkt_mdo.rotor.bem`.
     """
 
-    section_area: float | np.ndarray | CubicSpline
     hub_inertia: float = 0.0
     inertia_factor: float = 1.0
     added_inertia: str = "none"
@@ -118,8 +113,8 @@ class RotorModel(LoadModel):
             The mass is that of the blades, the inertia that of blades, hub and water times the
             factor.
         """
-        hub = self.hub_of(blade)
-        mass, inertia = mass_and_inertia(blade, self.section_area, self.structure.density, hub)
+        hub, material = self.hub_of(blade), self.structure
+        mass, inertia = mass_and_inertia(blade, material.section_area, material.density, hub)
         if self.added_inertia != "none":
             inertia = inertia + self.water_inertias(blade)[self.added_inertia]
         return RotorMass(mass, inertia * self.inertia_factor)

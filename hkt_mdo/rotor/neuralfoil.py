@@ -1,7 +1,5 @@
 """Polars of an outline by NeuralFoil, networks that were trained on XFOIL (Sharpe 2024)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -95,6 +95,19 @@ class Structure:
         numbers, points = _tabulated(between, walls, given)
         return cls(*numbers.T, points, float(density), modulus, n if n > 1 else None)
 
+    @property
+    def section_area(self):
+        """Area over chord squared of every station, of which the mass is made.
+
+        Returns
+        -------
+        ndarray of shape (n_stations or 1,)
+            Linear between the stations.
+        """
+        if self.n_stations is None:
+            return self.area
+        return self.area[:: (self.area.size - 1) // (self.n_stations - 1)]
+
     def at(self, _thickness=None):
         """Return the structure of places, and its rate by the thickness, which is not designed.
 
@@ -232,7 +245,7 @@ class StructureByThickness:
         table = np.hstack((numbers, points.reshape(at.size, -1)))
         return cls(thickness, CubicSpline(at, table), float(density), modulus)
 
-    def area(self, thickness, order=0):
+    def section_area(self, thickness, order=0):
         """Return the area over chord squared of a thickness, or its rate by it.
 
         Parameters

@@ -56,25 +56,6 @@ class TorqueSpline:
         """
         return partial(self._at, self.pieces(table))
 
-    def values(self, table, tip_speed_ratio):
-        """Return the spline's values and slopes for a table, without the matrices.
-
-        Parameters
-        ----------
-        table : ndarray of shape (n_nodes,)
-            Coefficients at the nodes.
-        tip_speed_ratio : ndarray of shape (n_points,)
-            Omega R / V of the disc.
-
-        Returns
-        -------
-        values, slopes : ndarray of shape (n_points,)
-            Coefficients, and their slopes by the tip speed ratio.
-        """
-        pieces = self.pieces(table)
-        inside = np.clip(tip_speed_ratio, self.nodes[0], self.nodes[-1])
-        return self._at(pieces, tip_speed_ratio), pieces(inside, 1)
-
     def pieces(self, table):
         """Return the cubics of a table between its nodes.
 

@@ -316,8 +316,7 @@ def _of_tables(band, result):
     yield "wake_in_tables", outside, 0.0, word
     table = result.problem.get_val("wake_induction_table")
     ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
-    _, slopes = TorqueSpline(nodes).values(table, ratios)
-    slopes *= band.direction
+    slopes = band.direction * TorqueSpline(nodes).pieces(table)(ratios, 1)
     worst = int(np.argmin(slopes))
     word = f"slope of the mean induction against its direction, at ratio {ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word

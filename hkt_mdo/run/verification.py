@@ -106,7 +106,7 @@ class SimulatedDesign:
         run, wake = self.simulation, self.plant.wake
         if wake is None:
             return None
-        return wake.sections(run.rotor_speed, run.inflow_speed, run.wake_at(run.time))
+        return wake.sections(run.rotor_speed, run.inflow_speed, run.filters)
 
     @property
     def integrated(self) -> dict[str, np.ndarray]:
@@ -292,7 +292,7 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
     found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
-    return Simulation(*found, lambda _: speed, rest, lambda _: none), controller
+    return Simulation(*found, lambda _: speed, rest, none), controller
 
 
 def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:

@@ -59,7 +59,7 @@ def _in_speeds(scenario) -> SteadyScenario:
     times = np.maximum(times, LEAST_SHARE * np.sum(scenario.sample_weights))
     ends = np.append(0.0, np.cumsum(times))
     curve = DurationCurve(speeds=tuple(speeds), ends=tuple(ends))
-    kept = "mesh", "weight", "name", "limits", "interval_of", "density", "condition"
+    kept = "mesh", "weight", "name", "limits", "interval_of", "turbine"
     about = {name: getattr(scenario, name) for name in kept}
     return SteadyScenario(curve, resource=curve, **about)
 

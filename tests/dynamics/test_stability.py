@@ -71,7 +71,7 @@ def test_growth_is_that_of_the_whole_system(plant, name):
     ]
     values = np.linalg.eigvals(np.array(whole).T)
     loop = Loop.of(plant, controller, SPEED, FLOW, *rest)
-    own = np.linalg.eigvals(loop.matrix(plant.inertia)[0])
+    own = np.linalg.eigvals(loop.matrix[0])
     off = np.min(np.abs(own[:, None] - values), axis=1) / np.abs(own)
     assert np.max(off) < 1e-3  # the loop has those of the whole system but for pure filters
     slowest = -1.0 / plant.wake.tau1

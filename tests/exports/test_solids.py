@@ -79,7 +79,7 @@ def slice_at(body, blade, r):
 
 def volume_of(design):
     """Return the integral of the section area of a blade, m³."""
-    mass = mass_and_inertia(design.blade, design.turbine.section_area, 1.0).mass
+    mass = mass_and_inertia(design.blade, design.turbine.structure.section_area, 1.0).mass
     return mass / design.blade.blade_count
 
 

@@ -58,7 +58,7 @@ def test_a_wall_of_half_the_thickness_is_solid():
     solid = plant()
     for wall in (0.5, 0.5 * Outline.from_file("naca4415").thickness):
         found = plant({"wall": wall})
-        assert found.rotor.section_area == solid.rotor.section_area
+        assert found.rotor.structure.section_area == solid.rotor.structure.section_area
         np.testing.assert_array_equal(stress(found), stress(solid))
 
 
@@ -101,9 +101,9 @@ def test_sections_are_linear_between_those_that_are_given(tmp_path):
     ]
     inner, outer = ({"second_moments": each} for each in moments)
     found = spanwise(inner | {"area": 0.1}, outer | {"area": 0.06}, tmp_path)
-    np.testing.assert_allclose(found.rotor.section_area, np.linspace(0.1, 0.06, 5), rtol=1e-12)
-    share = place_weights(5) @ np.linspace(0.0, 1.0, 5)
     structure = found.rotor.structure
+    np.testing.assert_allclose(structure.section_area, np.linspace(0.1, 0.06, 5), rtol=1e-12)
+    share = place_weights(5) @ np.linspace(0.0, 1.0, 5)
     for name, key in (("xx", "flapwise"), ("yy", "edgewise"), ("xy", "product")):
         one, two = (each[key] for each in moments)
         expected = (1.0 - share) * one + share * two
@@ -119,9 +119,9 @@ def test_a_solid_section_beside_a_hollow_one(tmp_path):
     assert (at.area[0], at.xx[0]) == pytest.approx((whole.area[0], whole.xx[0]), rel=1e-9)
     assert (at.area[-1], at.xx[-1]) == pytest.approx((thin[0], thin[1][0]), rel=1e-9)
     assert np.all(at.xx <= whole.xx * (1.0 + 1e-9))
-    assert found.rotor.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
+    assert at.section_area[-1] == pytest.approx(thin[0], rel=1e-9)
     # mass and centrifugal force have one area
-    np.testing.assert_allclose(at.area, place_weights(5) @ found.rotor.section_area, rtol=1e-12)
+    np.testing.assert_allclose(at.area, place_weights(5) @ at.section_area, rtol=1e-12)
 
 
 @pytest.mark.parametrize("design", [{}, {"thickness_points": 4}])
@@ -129,7 +129,8 @@ def test_between_walls_mass_and_stress_are_of_one_section(design, tmp_path):
     """The wall is linear; that of a solid section, here 0.5, is half as thick as the section."""
     found = spanwise({"wall": 0.5}, {"wall": 0.02}, tmp_path, design)
     thickness = found.blade.thickness if design else np.linspace(0.24, 0.12, 5)
-    area, structure = found.rotor.section_area, found.rotor.structure
+    structure = found.rotor.structure
+    area = structure.section_area
     base, weights = Outline.from_file("naca4415"), place_weights(5)
     if design:
         area, (structure, _) = area(thickness), structure.at(weights @ thickness)

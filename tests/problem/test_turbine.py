@@ -99,7 +99,7 @@ def test_sections_are_blended_by_thickness(turbine):
         assert polar.evaluate(0.1)[0] == pytest.approx(expected, rel=1e-9)
     base = Outline.from_file("naca63815")
     area = base.area * found.thickness / base.thickness
-    np.testing.assert_allclose(found.section_area, area, rtol=1e-12)
+    np.testing.assert_allclose(found.structure.section_area, area, rtol=1e-12)
 
 
 def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):
@@ -134,17 +134,17 @@ def test_an_aerodyn_polar_brings_its_outline(turbine, tmp_path):
     (tmp_path / "foil.dat").write_text(table, encoding="utf-8")
     found = turbine("blade: b.csv, radius: 1, polar: foil.dat")
     stretched = foil.area * found.thickness / foil.thickness
-    np.testing.assert_allclose(found.section_area, stretched, rtol=1e-12)
+    np.testing.assert_allclose(found.structure.section_area, stretched, rtol=1e-12)
     assert any("foil.dat: outline from the coordinates" in line for line in found.messages)
     other = turbine("blade: b.csv, radius: 1, polar: foil.dat, outline: naca63815")
     stretched = other.thickness * Outline.from_file("naca63815").area
-    np.testing.assert_allclose(other.section_area, stretched / 0.15, rtol=1e-3)
+    np.testing.assert_allclose(other.structure.section_area, stretched / 0.15, rtol=1e-3)
     described = "{name: a, polar: foil.dat}, {name: b, polar: foil.dat, outline: naca63815}"
     sections = turbine(f"blade: n.csv, radius: 1, sections: [{described}]")
     assert sections.thickness[0] == pytest.approx(foil.thickness)
     (tmp_path / "coords.txt").unlink()  # the table alone is read as before
     alone = turbine("blade: b.csv, radius: 1, polar: foil.dat")
-    np.testing.assert_array_equal(alone.section_area, other.section_area)
+    np.testing.assert_array_equal(alone.structure.section_area, other.structure.section_area)
 
 
 def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
@@ -153,7 +153,7 @@ def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
     found, own = turbine("blade: b.csv, radius: 1"), turbine("")
     np.testing.assert_allclose(found.thickness, [0.24, 0.18, 0.15], rtol=1e-12)
     stretch = found.thickness / foil.thickness
-    np.testing.assert_allclose(found.section_area, stretch * foil.area, rtol=1e-12)
+    np.testing.assert_allclose(found.structure.section_area, stretch * foil.area, rtol=1e-12)
     assert isinstance(found.polar, Polar)
     assert any("thickness of the blade's file, 15 to 24 %" in text for text in found.messages)
     (tmp_path / "even.csv").write_text(re.sub(r"0\.\d+$", "0.24", CSV, flags=re.MULTILINE))
@@ -165,7 +165,7 @@ def test_the_one_section_has_the_thickness_of_the_blade_file(turbine, tmp_path):
     text = re.sub(r"0\.\d+$", "0.15,1", CSV, flags=re.MULTILINE)
     (tmp_path / "same.csv").write_text(text.replace("t_over_c", "T_over_C,thicknes"))
     same = turbine("blade: same.csv, radius: 1")
-    assert same.section_area == foil.area
+    assert same.structure.section_area == foil.area
     assert any("thicknes is not read; did you mean" in text for text in same.messages)
 
 
@@ -194,6 +194,8 @@ def test_polars_of_a_turbine_file_need_no_reynolds_number(turbine, tmp_path):
     (tmp_path / "t.yaml").write_text(low, encoding="utf-8")
     single = turbine("blade: t.yaml, station_count: 5, reynolds_number: 3e6")
     assert "rotor.reynolds_number = 3e+06 chooses no polar" in str(single.messages)
+    named = turbine("blade: t.yaml, station_count: 5, outline: naca4415")  # of one that has none
+    assert [x.shape for x in named.sections] == [x.shape or "naca4415" for x in single.sections]
 
 
 @pytest.mark.parametrize(

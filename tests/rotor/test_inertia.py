@@ -69,7 +69,7 @@ def test_the_planform_is_the_integral_of_the_chord():
     trapezoid = Blade(r, 0.3 - 0.1 * r, np.zeros(7), 0.2, 1.4, 3)
     area = trapezoid.area_weights @ trapezoid.chord
     assert area == pytest.approx(3 * 0.5 * (0.28 + 0.16) * 1.2, rel=1e-12)
-    rotor = RotorModel(None, SimpleNamespace(density=DENSITY), section_area=AREA)
+    rotor = RotorModel(None, SimpleNamespace(density=DENSITY, section_area=AREA))
     problem = checked(InertiaComp(rotor, trapezoid), 1e-10, 1e-12, rotor_radius=2.8)
     np.testing.assert_allclose(problem.get_val("blade_area"), 2.0 * area, rtol=1e-14)
 
@@ -81,7 +81,7 @@ def test_the_planform_is_the_integral_of_the_chord():
 def test_partials_are_exact(water):
     chord = np.array([0.2, 0.18, 0.15, 0.1, 0.08])
     about = {"hub_inertia": 0.5, "added_inertia": water, "thickness": 0.2}
-    rotor = RotorModel(None, SimpleNamespace(density=DENSITY), section_area=AREA, **about)
+    rotor = RotorModel(None, SimpleNamespace(density=DENSITY, section_area=AREA), **about)
     twisted = blade(chord, 0.1).with_shape(chord, np.linspace(0.5, 0.1, 5))
     twisted = replace(twisted, hub_inertia=0.5 if water == "plate" else None)  # designed
     values = {"rotor_radius": 1.1 * TIP} | ({"hub_inertia": 0.6} if water == "plate" else {})

@@ -348,7 +348,7 @@ def test_derivatives_of_the_stress_by_the_weight(blade, polar):
 
 def test_tables_are_torque_and_loads_with_exact_partials(blade, polar):
     problem = om.Problem()
-    rotor = RotorModel(polar, model_of(polar).structure, section_area=0.1, depth=3.0)
+    rotor = RotorModel(polar, model_of(polar).structure, depth=3.0)
     component = TablesComp(rotor, blade, RATIO, ["torque_coefficient", *NAMES])
     problem.model.add_subsystem("table", component, promotes=["*"])
     problem.setup()

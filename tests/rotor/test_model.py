@@ -23,11 +23,7 @@ def rotor():
     polar = PolarFamily.from_file("naca63815_Re2e5").polars[0]
     outline = Outline.from_file("naca63815")
     return RotorModel(
-        polar=polar,
-        section_area=outline.area,
-        hub_inertia=0.5,
-        structure=Structure.of(outline, 2700.0),
-        depth=3.0,
+        polar=polar, hub_inertia=0.5, structure=Structure.of(outline, 2700.0), depth=3.0
     )
 
 

@@ -213,8 +213,8 @@ def test_loads_with_memory_are_those_of_the_sections_then(quadratic):
     """Thrust, of the torque and loads that the sections have in what the wake induces."""
     (run,) = runs_of(quadratic.solution, "design", None, True, 1.0)
     simulated, plant = run.simulation, run.design.plant
-    wake = simulated.wake_at(simulated.time)
-    seen = plant.wake.sections(simulated.rotor_speed, simulated.inflow_speed, wake)
+    known = simulated.rotor_speed, simulated.inflow_speed, simulated.filters
+    seen = plant.wake.sections(*known)
     blade, pressure = plant.blade, 0.5 * plant.density * simulated.inflow_speed**2
     spans = 0.5 * blade.blade_count * (blade.edges[2:] - blade.edges[:-2])
     thrust = pressure * (seen.normal_load @ spans)
