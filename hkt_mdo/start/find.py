@@ -8,7 +8,7 @@ its own, and the optimizer does not change from one to the other. So the problem
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -55,16 +55,6 @@ class Candidate(NamedTuple):
     gains: np.ndarray | None = None
 
 
-def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
-    """Return the largest power coefficient: over the blade too, unless it is fixed."""
-    return _best_of_shape(physics.rotor, physics.shape, blade)
-
-
-@lru_cache(maxsize=4)  # the search and every check of a run ask
-def _best_of_shape(rotor, shape, blade):
-    return rotor.best_of_shape(shape, blade)
-
-
 def bounding_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     """Return the steady optimum that bounds the energy of a blade, whose radius may differ.
 
@@ -80,7 +70,7 @@ def bounding_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
     SteadyOptimum
     """
     same = blade.rotor_radius == physics.blade.rotor_radius  # its optimum is known already
-    found = [steady_optimum(physics, physics.blade if same else blade)]
+    found = [physics.rotor.best_of_shape(physics.shape, physics.blade if same else blade)]
     if physics.rotor.polar.follows_reynolds:
         speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
         rotors = (physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max()))
@@ -118,7 +108,7 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
-    optimum = optimum or steady_optimum(physics, physics.blade)
+    optimum = optimum or physics.rotor.best_of_shape(physics.shape, physics.blade)
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
     candidates: list[Candidate] = []
     if improve is not False and physics.case.start.from_ is not None:

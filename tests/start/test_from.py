@@ -9,7 +9,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.folder import write_json
-from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
+from hkt_mdo.start.find import LOCAL, find_start
 from hkt_mdo.start.result import design_of_result
 from tests.conftest import NINE, edit_summary
 
@@ -42,7 +42,7 @@ def world(folder, law="quadratic", method="quasi_steady", **more):
 
 
 def begin(case):
-    return find_start(case, steady_optimum(case, case.blade))
+    return find_start(case)
 
 
 def test_the_best_of_all_is_kept(result):
