@@ -63,8 +63,6 @@ class Task:
         What is done after the pass before, and the reason; empty for the first one.
     passes : int
         How many there were from this start.
-    second : bool
-        Whether the start is on the second branch.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
@@ -76,11 +74,10 @@ class Task:
     name: str = ""
     why: str = ""
     passes: int = 0
-    second: bool = False
     coarser: tuple[float, ...] = ()
 
     @classmethod
-    def first(cls, physics: Physics, start: StartingPoint, **others) -> Task:
+    def first(cls, physics: Physics, start: StartingPoint, why: str = "") -> Task:
         """Return the first optimization from a start; a designed hub makes its loop stable.
 
         The torque of several sections is rough: their curve has twice the nodes, since its
@@ -88,7 +85,7 @@ class Task:
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
         setup = Setup(start, nodes, least_hub=first_hub(physics, start))
-        return cls(start, physics, setup, **others)
+        return cls(start, physics, setup, why=why)
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +268,7 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
 def other_branch(this: Pass) -> Task | None:
     """Begin on the start's other branch where checks refuse the end."""
     task, physics = this.task, this.state.first
-    if this.runs_away or this.approximate or task.second:
+    if this.runs_away or this.approximate:
         return None
     refused = {check.name for check in this.end.checks if not check.passed}
     # another start does not resolve loads better
@@ -279,7 +276,7 @@ def other_branch(this: Pass) -> Task | None:
     if start is None:
         return None
     why = f"{len(refused)} checks refuse the result on branch {task.start.branch}"
-    return Task.first(physics, measured(physics, start), why=why, second=True)
+    return Task.first(physics, measured(physics, start), why)
 
 
 FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch
