@@ -55,29 +55,6 @@ class Candidate(NamedTuple):
     gains: np.ndarray | None = None
 
 
-def bounding_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
-    """Return the steady optimum that bounds the energy of a blade, whose radius may differ.
-
-    Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
-
-    Parameters
-    ----------
-    physics : Physics
-    blade : Blade
-
-    Returns
-    -------
-    SteadyOptimum
-    """
-    same = blade.rotor_radius == physics.blade.rotor_radius  # its optimum is known already
-    found = [physics.rotor.best_of_shape(physics.shape, physics.blade if same else blade)]
-    if physics.rotor.polar.follows_reynolds:
-        speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
-        rotors = (physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max()))
-        found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
-    return max(found, key=lambda optimum: optimum.power_coefficient)
-
-
 def find_start(
     physics: Physics,
     optimum: SteadyOptimum | None = None,
