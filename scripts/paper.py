@@ -31,7 +31,6 @@ from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run.batch import run_batch
 from hkt_mdo.run.engine import in_processes
-from hkt_mdo.start.find import steady_optimum
 from hkt_mdo.studies.uncertainty import flow_named, noisy_runs
 
 
@@ -73,7 +72,7 @@ def reproduce(
         return {path.name: solution for path, solution in found.items()}
 
     world = physics(shipped["sine_oloc"])
-    best = steady_optimum(world, world.blade).blade
+    best = world.rotor.best_of_shape(world.shape, world.blade).blade
     solutions = run(shipped | {
         f"{scenario}_sequential_{law}": with_blade(
             shipped[f"{scenario}_{law}"], best.chord, np.rad2deg(best.twist), "fixed"

@@ -20,7 +20,6 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results import style
 from hkt_mdo.run.batch import run_batch
-from hkt_mdo.start.find import steady_optimum
 
 ROOT = Path(__file__).parent.parent
 DATA = ROOT / "docs" / "data" / "codesign_map.csv"
@@ -45,7 +44,7 @@ class Rotor:
 
     def __init__(self):
         world = physics(case({}, 0.0))
-        best = steady_optimum(world, world.blade)
+        best = world.rotor.best_of_shape(world.shape, world.blade)
         self.blade, self.ratio = best.blade, best.tip_speed_ratio
         radius = self.blade.rotor_radius
         self.speed = self.ratio * MEAN / radius

@@ -130,18 +130,16 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om
     segments = sum(each.segments for each in physics.scenarios)
     refined = refined and not law.is_feedback
     steps, barrier = (LATER_STEPS, REFINED_BARRIER) if refined else (FEW_STEPS, BARRIER)
-    return drivers.make_driver(
-        settings.package,
-        settings.optimizer,
-        settings.tolerance,
-        min(settings.max_iterations, most or settings.max_iterations),
-        barrier=barrier / segments,
-        # under a law the equation of motion hinders every long step (turbine 12 of `make verify
-        # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
-        cautious=physics.rotor.polar.several and not law.is_feedback,
-        memory=steps if segments > MANY_SEGMENTS and not physics.rotor.polar.several else None,
-        progress=progress,
-    )
+    ipopt, several = drivers.near_start(barrier / segments), physics.rotor.polar.several
+    # under a law the equation of motion hinders every long step (turbine 12 of `make verify
+    # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
+    if several and not law.is_feedback:
+        ipopt |= drivers.CAUTIOUS
+    if segments > MANY_SEGMENTS and not several:
+        ipopt["limited_memory_max_history"] = steps
+    most = min(settings.max_iterations, most or settings.max_iterations)
+    about = settings.package, settings.optimizer, settings.tolerance, most
+    return drivers.make_driver(*about, ipopt=ipopt, progress=progress)
 
 
 def _references(physics, setup) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """A rotor as one object: hydrodynamics, loads, mass and best operation of any of its blades."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -205,6 +206,7 @@ class RotorModel(LoadModel):
         """
         return steady_optimum.best_operation(blade, self.polar)
 
+    @lru_cache(maxsize=8)  # noqa: B019 - the search for a start and every check of a run ask
     def best_of_shape(self, shape, blade):
         """Return the best rotor of a family of blades with the radius of one of them.
 

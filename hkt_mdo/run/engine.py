@@ -109,7 +109,7 @@ def versions() -> dict[str, str]:
 
 
 def _call(task: bytes) -> Any:
-    """Make a call in a worker."""
+    """Make a call in a worker; what cannot be unpickled there is an error of the call alone."""
     from distributed.protocol.pickle import loads
 
     with warnings.catch_warnings():

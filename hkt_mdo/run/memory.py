@@ -43,13 +43,11 @@ def stability(verifications: Sequence[Verification]) -> MemoryEntry | None:
     MemoryEntry or None
         Of the instant at which the loop is least stable; None where the rotor does not turn.
     """
-    along = []
-    for each in verifications:
-        run = each.simulation
-        if isinstance(each.controller, HeldSpeeds):  # of an open loop in steady flows
-            continue
-        series = run.time, run.rotor_speed, run.inflow_speed, *run.states
-        along.append((each.scenario, each.plant.with_memory(), each.controller, series))
+    along = [
+        (each.scenario, each.plant.with_memory(), each.controller, each.integrated)
+        for each in verifications
+        if not isinstance(each.controller, HeldSpeeds)  # of an open loop in steady flows
+    ]
     return _verdict(verifications[0].physics, along)
 
 
@@ -122,13 +120,16 @@ def first_hub(physics: Physics, start: StartingPoint) -> float:
 
 
 def _along(physics, point, trajectories):
-    """Return each scenario with a point's plant, controller and series; an open loop needs time."""
-    names, along = ("time", "rotor_speed", "inflow_speed", *physics.law.states), []
+    """Return each scenario with a point's plant, controller and trajectory.
+
+    An open loop needs time.
+    """
+    along = []
     for scenario, known in zip(physics.scenarios, trajectories, strict=True):
         if physics.law.is_feedback or not scenario.steady:
             plant = plant_of(physics, scenario, point.blade)
             controller = controller_of(physics, scenario, plant, point.gains, known)
-            along.append((scenario, plant, controller, [known[name] for name in names]))
+            along.append((scenario, plant, controller, known))
     return along
 
 
@@ -137,9 +138,10 @@ def _followed(physics, start, along) -> StartingPoint:
     if any(scenario.steady for scenario in physics.scenarios):
         return start
     runs = []
-    for scenario, plant, controller, (_, speed, _, *states) in along:
-        begin, longest = [each[0] for each in (speed, *states)], np.max(np.diff(scenario.edges))
-        about = scenario.inflow, controller, begin, scenario.samples, float(longest)
+    for scenario, plant, controller, known in along:
+        begin = [known[name][0] for name in ("rotor_speed", *physics.law.states)]
+        longest = float(np.max(np.diff(scenario.edges)))
+        about = scenario.inflow, controller, begin, scenario.samples, longest
         try:
             runs.append(simulate(plant, *about))
         except IntegrationError:
@@ -154,28 +156,27 @@ def _followed(physics, start, along) -> StartingPoint:
 
 
 def _verdict(physics, along):
-    """Return the verdict along some series of time, rotor speed, flow and the law's states.
+    """Return the verdict along the trajectories of `_along`.
 
     An instant of a steady scenario counts by the time for which its flow lasts.
     """
     parts, count = [], max(INSTANTS // max(len(along), 1), 5)
-    for scenario, plant, controller, (time, speed, flow, *states) in along:
+    for scenario, plant, controller, known in along:
+        speed, flow = known["rotor_speed"], known["inflow_speed"]
         turning = np.flatnonzero(speed * plant.blade.rotor_radius >= LEAST_RATIO * flow)
         if turning.size:
             at = np.linspace(0, turning.size - 1, count).round().astype(int)
             ends = np.argmax(flow[turning]), np.argmin(flow[turning])
             at = turning[np.unique([*at, *ends])]
-            known = (each[at] for each in (speed, flow, *states))
-            lasts = scenario.node_weights[at] if scenario.steady else np.full(at.size, 1.0)
+            states = (known[name][at] for name in physics.law.states)
+            loop = Loop.of(plant, controller, speed[at], flow[at], *states)
+            slopes = loop.growth, loop.frozen_growth, loop.least_inertia, loop.slow[:, 0]
+            lasts = scenario.node_weights[at] if scenario.steady else np.ones(at.size)
             share = lasts / np.sum(lasts)
-            parts.append((Loop.of(plant, controller, *known), time[at], flow[at], share))
+            parts.append((known["time"][at], flow[at], share, *slopes, loop.frozen))
     if not parts:
         return None
-    growth, frozen, least, slow, answer = (
-        np.concatenate([getattr(loop, name).reshape(at.size, -1)[:, 0] for loop, at, *_ in parts])
-        for name in ("growth", "frozen_growth", "least_inertia", "slow", "frozen")
-    )
-    time, flow, share = map(np.concatenate, list(zip(*parts, strict=True))[1:])
+    time, flow, share, growth, frozen, least, slow, answer = np.concatenate(parts, axis=1)
     unstable, inertia = growth >= 0.0, float(np.max(least))
     replayed = isinstance(along[0][2], RecordedTorque)
     first = int(np.argmax(unstable if np.any(unstable) else growth))
@@ -188,6 +189,6 @@ def _verdict(physics, along):
         time_s=None if all(x.steady for x in physics.scenarios) else float(time[first]),
         inflow_speed=float(flow[first]),
         share_of_instants=float(np.average(unstable, weights=share)),
-        inertia_kg_m2=parts[0][0].inertia,
+        inertia_kg_m2=along[0][1].inertia,
         least_inertia_kg_m2=inertia if np.isfinite(inertia) else None,
     )

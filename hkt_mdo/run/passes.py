@@ -63,8 +63,8 @@ class Task:
         What is done after the pass before, and the reason; empty for the first one.
     passes : int
         How many there were from this start.
-    second : bool
-        Whether the start is on the second branch.
+    light : float
+        The largest `hub_inertia` with which the loop was unstable, kg*m**2.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
@@ -76,11 +76,11 @@ class Task:
     name: str = ""
     why: str = ""
     passes: int = 0
-    second: bool = False
+    light: float = 0.0
     coarser: tuple[float, ...] = ()
 
     @classmethod
-    def first(cls, physics: Physics, start: StartingPoint, **others) -> Task:
+    def first(cls, physics: Physics, start: StartingPoint, why: str = "") -> Task:
         """Return the first optimization from a start; a designed hub makes its loop stable.
 
         The torque of several sections is rough: their curve has twice the nodes, since its
@@ -88,7 +88,7 @@ class Task:
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
         setup = Setup(start, nodes, least_hub=first_hub(physics, start))
-        return cls(start, physics, setup, **others)
+        return cls(start, physics, setup, why=why)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,17 +207,22 @@ def heavier_hub(this: Pass) -> Task | None:
     """Bound a designed hub from below by the inertia from which the loop with memory is stable.
 
     The optimization does not see an instability whose growth is faster than its segments. A bound
-    that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
-    follows an instability.
+    that is too high is lowered again, half way to one that was too low, since another bound leads
+    to another operation. No mesh helps, and the integration runs away: nothing else follows an
+    instability.
     """
-    point, bound = this.result.point, this.task.setup.least_hub
+    point, bound, light = this.result.point, this.task.setup.least_hub, this.task.light
     hub = stable_hub(this.physics, point.blade, this.memory)
+    if hub is not None and this.runs_away:
+        light = max(light, point.blade.hub_inertia)
+    elif hub is not None and light:
+        hub = max(hub, 0.5 * (light + bound))
     if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
         return None
-    why = f"the loop with memory is stable from {hub:.4g} kg m^2 besides the blades"
+    why = f"the loop with memory needs some {hub:.4g} kg m^2 besides the blades"
     heavier = replace(point.blade, hub_inertia=max(hub, point.blade.hub_inertia))
     start, nodes = replace(point, blade=heavier), curve_nodes(this.physics, point)
-    return this.next(why, start=start, nodes=nodes, least_hub=hub)
+    return replace(this.next(why, start=start, nodes=nodes, least_hub=hub), light=light)
 
 
 def refine(this: Pass) -> Task | None:
@@ -271,7 +276,7 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
 def other_branch(this: Pass) -> Task | None:
     """Begin on the start's other branch where checks refuse the end."""
     task, physics = this.task, this.state.first
-    if this.runs_away or this.approximate or task.second:
+    if this.runs_away or this.approximate:
         return None
     refused = {check.name for check in this.end.checks if not check.passed}
     # another start does not resolve loads better
@@ -279,7 +284,7 @@ def other_branch(this: Pass) -> Task | None:
     if start is None:
         return None
     why = f"{len(refused)} checks refuse the result on branch {task.start.branch}"
-    return Task.first(physics, measured(physics, start), why=why, second=True)
+    return Task.first(physics, measured(physics, start), why)
 
 
 FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch

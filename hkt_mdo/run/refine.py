@@ -180,20 +180,17 @@ def division(
         for marks, verification in moving:
             marks |= _exceeded_between(verification, result.energy)
             marks |= _near_stall(verification)
+    rates = any(limit.is_of(RATES) for _, each in moving for limit in each.constrained)
     if not physics.law.is_feedback:
-        error = _open_loop(result, moving, before)
+        error = _open_loop(result, moving, before, rates)
     if not any(map(np.any, coarse)):
         return Division(float(error), [])
-    mesh = physics.scenarios[0].mesh
-    if (
-        error > checks.MESH_ERROR
-        and mesh.transcription == "gauss-lobatto"
-        and mesh.order < HIGHER_ORDER
-        and np.mean(np.concatenate(coarse)) > NEARLY_ALL
-    ):
-        parts = [np.ones(marks.size, dtype=int) for marks in coarse]
-        return Division(float(error), parts, HIGHER_ORDER)
-    return Division(float(error), [np.where(marks, _parts(moving), 1) for marks in coarse])
+    mesh, order, parts = physics.scenarios[0].mesh, 0, PARTS_OF_RATES if rates else PARTS
+    nearly_all = np.mean(np.concatenate(coarse)) > NEARLY_ALL
+    raisable = mesh.transcription == "gauss-lobatto" and mesh.order < HIGHER_ORDER
+    if error > checks.MESH_ERROR and nearly_all and raisable:
+        order, parts = HIGHER_ORDER, 1
+    return Division(float(error), [np.where(marks, parts, 1) for marks in coarse], order)
 
 
 def _mark_contradicted(verifications, moving, before) -> None:
@@ -239,31 +236,23 @@ def _near_stall(verification) -> np.ndarray:
     return found
 
 
-def _open_loop(result, moving, before) -> float:
-    """Return the error of the mesh under open loop, and mark the segments that cause it."""
+def _open_loop(result, moving, before, rates) -> float:
+    """Return the error of the mesh under open loop, and mark the segments that cause it.
+
+    `rates` tells whether a limit on a rate holds in some scenario.
+    """
     best = result.physics.rotor.best_operation(result.point.blade).power_coefficient
     left = [_left(verification, result.energy, best) for _, verification in moving]
     known = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
-    rates = _limits_rates(moving)
-    error = change if rates and before else min(change / (_parts(moving) - 1), known)
+    error = change if rates and before else min(change / (PARTS - 1), known)
     if error <= checks.MESH_ERROR and (before or not rates):
         return error
     for (marks, verification), own in zip(moving, left, strict=True):
         large = own > 0.0 if rates and not before else too_large(own, LOST)
         marks |= _switches(verification) | large
     return error
-
-
-def _parts(moving) -> int:
-    """Return the number of parts into which a segment is divided."""
-    return PARTS_OF_RATES if _limits_rates(moving) else PARTS
-
-
-def _limits_rates(moving) -> bool:
-    """Tell whether a limit on a rate holds in some scenario."""
-    return any(limit.is_of(RATES) for _, each in moving for limit in each.constrained)
 
 
 def _switches(verification) -> np.ndarray:

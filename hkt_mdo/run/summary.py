@@ -204,7 +204,7 @@ def _extremes(finished, scenarios):
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
             entry = loads.of_limit(limit, finished.quantities)
             limits[limit.name] = entry.model_dump(exclude_unset=True)
-    over_time = _over_time(finished, finished.verifications, several=len(scenarios) > 1)
+    over_time = _over_time(finished.verifications, several=len(scenarios) > 1)
     worth = shadow_prices(finished)
     limits |= {name: x | {"worth": worth.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
@@ -228,7 +228,7 @@ def _scenario(finished, verifications):
         sums = {key: sum(getattr(x, name) for x in simulations) for name, key in ENERGIES.items()}
         power = sum(each.objective(objective) for each in verifications) / duration
     speeds = [each.inflow_speed for each in simulations]
-    limits = _over_time(finished, verifications)
+    limits = _over_time(verifications)
     several = [(each.rotor, each.simulated) for each in verifications]
     largest = loads.placed(finished.result.point.blade, several)
     year = None
@@ -334,7 +334,7 @@ def _notes(finished):
         yield PULSES
 
 
-def _over_time(finished, verifications, several=False):
+def _over_time(verifications, several=False):
     """Return the entries of limits over time by their names; of several, with the scenario."""
     pairs = {}
     for each in verifications:

@@ -50,9 +50,7 @@ def make_driver(
     tolerance: float = 1e-7,
     max_iterations: int = 1000,
     *,
-    barrier: float | None = None,
-    cautious: bool = False,
-    memory: int | None = None,
+    ipopt: Settings | None = None,
     progress: Progress | None = None,
 ) -> ReportingDriver:
     """Return a driver for an optimizer.
@@ -67,12 +65,8 @@ def make_driver(
         Tolerance of optimality and feasibility, of the scaled problem.
     max_iterations : int
         Largest number of iterations.
-    barrier : float, optional
-        First and largest barrier parameter of IPOPT, for a start that is near the optimum.
-    cautious : bool
-        Whether IPOPT is kept near its start: every step must improve.
-    memory : int, optional
-        Number of steps from which IPOPT approximates the Hessian.
+    ipopt : dict, optional
+        Options by IPOPT's own names, in place of the usual ones; no other optimizer takes them.
     progress : Progress, optional
         Called at each iteration of IPOPT in CasADi, after each evaluation elsewhere.
 
@@ -93,12 +87,8 @@ def make_driver(
         driver.options["maxiter"] = max_iterations
         return driver
     settings = _settings(optimizer, float(tolerance), max_iterations)
-    if optimizer == "IPOPT" and barrier is not None:
-        settings |= {"mu_init": barrier, "mu_max": barrier} | NEAR_START
-    if optimizer == "IPOPT" and cautious:
-        settings |= CAUTIOUS
-    if optimizer == "IPOPT" and memory is not None:
-        settings["limited_memory_max_history"] = memory
+    if optimizer == "IPOPT":
+        settings |= ipopt or {}
     if carrier == "casadi":
         driver = CasadiIpoptDriver(progress=progress)
         driver.opt_settings = settings
@@ -108,6 +98,22 @@ def make_driver(
     driver.opt_settings = _FirstWins(settings)
     driver.tolerance = tolerance
     return driver
+
+
+def near_start(barrier: float) -> Settings:
+    """Return the options of IPOPT for a start that is near the optimum.
+
+    Parameters
+    ----------
+    barrier : float
+        First and largest barrier parameter.
+
+    Returns
+    -------
+    dict
+        By IPOPT's own names.
+    """
+    return {"mu_init": barrier, "mu_max": barrier} | NEAR_START
 
 
 def _settings(optimizer: str, tolerance: float, max_iterations: int) -> Settings:

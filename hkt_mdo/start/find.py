@@ -8,7 +8,7 @@ its own, and the optimizer does not change from one to the other. So the problem
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -55,39 +55,6 @@ class Candidate(NamedTuple):
     gains: np.ndarray | None = None
 
 
-def steady_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
-    """Return the largest power coefficient: over the blade too, unless it is fixed."""
-    return _best_of_shape(physics.rotor, physics.shape, blade)
-
-
-@lru_cache(maxsize=4)  # the search and every check of a run ask
-def _best_of_shape(rotor, shape, blade):
-    return rotor.best_of_shape(shape, blade)
-
-
-def bounding_optimum(physics: Physics, blade: Blade) -> SteadyOptimum:
-    """Return the steady optimum that bounds the energy of a blade, whose radius may differ.
-
-    Where polars follow the Reynolds number: the best of the slowest, usual and fastest flow.
-
-    Parameters
-    ----------
-    physics : Physics
-    blade : Blade
-
-    Returns
-    -------
-    SteadyOptimum
-    """
-    same = blade.rotor_radius == physics.blade.rotor_radius  # its optimum is known already
-    found = [steady_optimum(physics, physics.blade if same else blade)]
-    if physics.rotor.polar.follows_reynolds:
-        speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
-        rotors = (physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max()))
-        found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
-    return max(found, key=lambda optimum: optimum.power_coefficient)
-
-
 def find_start(
     physics: Physics,
     optimum: SteadyOptimum | None = None,
@@ -118,7 +85,7 @@ def find_start(
         If `start.from` is no result that the case can begin with.
     """
     messages: tuple[str, ...] = ()
-    optimum = optimum or steady_optimum(physics, physics.blade)
+    optimum = optimum or physics.rotor.best_of_shape(physics.shape, physics.blade)
     given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
     candidates: list[Candidate] = []
     if improve is not False and physics.case.start.from_ is not None:
@@ -165,16 +132,14 @@ def other_branch(physics: Physics, start: StartingPoint) -> StartingPoint | None
     """Return the start on a starting point's other branch; None if there is no good one.
 
     A good one keeps the limits, and its torque does not jump; the case must not have chosen a
-    branch.
+    branch, and it has no other branch itself.
     """
     if len(start.branches) < 2:
         return None
     _, other = start.branches
     if other.excess > START_EXCESS or _jumps(physics, other):
         return None
-    return replace(
-        other, branches=start.branches[::-1], starts=start.starts, messages=start.messages
-    )
+    return replace(other, starts=start.starts, messages=start.messages)
 
 
 def _jumps(physics: Physics, point: StartingPoint) -> bool:

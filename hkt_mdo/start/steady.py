@@ -110,16 +110,14 @@ def optimized(
         if iteration >= PATIENCE and sign * objective < rival - BEHIND * abs(rival):
             raise _Hopeless
 
-    driver = drivers.make_driver(
-        *("casadi", "IPOPT", TOLERANCE, (2 if free else 1) * ITERATIONS),
-        barrier=BARRIER / count,
-        # a law of one gain has better optima far from its start (rm1_turbulent_limits)
-        cautious=physics.rotor.polar.several and not free and len(physics.law.gain_units) != 1,
-        progress=progress,
-    )
+    ipopt, most = drivers.near_start(BARRIER / count), (2 if free else 1) * ITERATIONS
+    # a law of one gain has better optima far from its start (rm1_turbulent_limits)
+    if physics.rotor.polar.several and not free and len(physics.law.gain_units) != 1:
+        ipopt |= drivers.CAUTIOUS
     # without equations, corrections for their curvature only cost time
     if not physics.law.is_feedback:
-        driver.opt_settings["max_soc"] = 0
+        ipopt["max_soc"] = 0
+    driver = drivers.make_driver("casadi", "IPOPT", TOLERANCE, most, ipopt=ipopt, progress=progress)
     setup = Setup(point, curve_nodes(physics, point), near=not free)
     problem = assemble(physics, setup, driver)
     given_up = False

@@ -11,7 +11,7 @@ from hkt_mdo.rotor.model import SOLVERS
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.run.optimization import collect
 from hkt_mdo.run.verification import verify
-from hkt_mdo.start.find import find_start, steady_optimum
+from hkt_mdo.start.find import find_start
 
 QUADRATIC = "{law: quadratic, torque_limit: 700}"
 OPEN_LOOP = "{law: open_loop, torque_limit: 700}"
@@ -32,8 +32,7 @@ def case_of(control=QUADRATIC, segments=60, duration=None, final_speed="auto", *
 def start_of(case, cold=False):
     """Return physics of a case and the setup it begins with; cold: the blade as it is given."""
     world = physics(case)
-    blade, polar = world.blade, world.rotor.polar
-    optimum = best_operation(blade, polar) if cold else steady_optimum(world, blade)
+    optimum = best_operation(world.blade, world.rotor.polar) if cold else None
     start = find_start(world, optimum)
     return world, Setup(start, curve_nodes(world, start))
 

@@ -10,7 +10,6 @@ from hkt_mdo.results.folder import write_text
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import start_of_case
-from hkt_mdo.start.find import steady_optimum
 from hkt_mdo.start.quasi_steady import sampled_flow
 from hkt_mdo.start.steady_flow import SteadyFlow, in_speeds
 from studies.study_common import case_file, markdown_table, percent
@@ -35,7 +34,8 @@ class Global:
 
     def __init__(self, case):
         self.physics = physics(case)
-        shape, best = self.physics.shape, steady_optimum(self.physics, self.physics.blade)
+        shape = self.physics.shape
+        best = self.physics.rotor.best_of_shape(shape, self.physics.blade)
         self.ratios = np.linspace(*SPAN, RATIOS) * best.tip_speed_ratio
         nodes = np.linspace(self.ratios[0], self.ratios[-1], NODES)
         self.steady = SteadyFlow.of(self.physics, TorqueSpline(nodes))

@@ -14,7 +14,7 @@ from hkt_mdo.problem.build import assemble
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup, curve_nodes
-from hkt_mdo.start.find import find_start, steady_optimum
+from hkt_mdo.start.find import find_start
 from tests.test_extension_faults import TwoStates
 
 VARIANTS = {
@@ -256,7 +256,7 @@ def test_the_public_problem_is_optimized_as_it_stands():
     }
     problem = build_problem(load_case(case))
     world = physics(load_case(case))
-    start = find_start(world, steady_optimum(world, world.blade)).operation.energy
+    start = find_start(world).operation.energy
     problem.run_driver()
     assert problem.driver.outcome().success
     assert problem.get_val("energy")[0] == pytest.approx(start, rel=5e-4)

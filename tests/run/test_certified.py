@@ -11,7 +11,6 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor import bem
 from hkt_mdo.run.certified import _best_power, certified_energy
 from hkt_mdo.run.checks import energy_bound
-from hkt_mdo.start.find import steady_optimum
 
 
 def _world(law, limit, **sections):
@@ -20,7 +19,7 @@ def _world(law, limit, **sections):
 
 
 def _certified(world):
-    optimum = steady_optimum(world, world.blade)
+    optimum = world.rotor.best_of_shape(world.shape, world.blade)
     bound = energy_bound(world, optimum)
     return optimum, bound, certified_energy(world, optimum, bound)
 

@@ -13,7 +13,7 @@ from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.run.run import resume_case, run_case
 from hkt_mdo.run.state import RunState, as_data, read_iterate
-from hkt_mdo.start.find import find_start, steady_optimum
+from hkt_mdo.start.find import find_start
 
 GUST = {"profile": "gust", "mean": 1.4, "amplitude": 0.4, "time": 6.0, "width": 8.0}
 ONE = {
@@ -38,7 +38,7 @@ def iterate(case):
         each.divided(np.arange(1, each.segments + 1) % 2 + 1) for each in physics.scenarios
     )
     fine = type(physics)(**vars(physics) | {"scenarios": finer})
-    start = find_start(fine, steady_optimum(fine, fine.blade))
+    start = find_start(fine)
     point = replace(start, branch="underspeed", reference=5.0)
     return physics, fine, point, json.loads(to_json(as_data(fine, point, point)))
 

@@ -39,13 +39,16 @@ def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refuse
 
 @pytest.mark.parametrize(("steady", "share"), [(True, 0.25), (False, 2.0 / 3.0)])
 def test_the_share_of_an_instability_is_one_of_the_time(monkeypatch, steady, share):
-    values = dict.fromkeys(("frozen_growth", "least_inertia", "slow", "frozen"), np.ones(3))
-    loop = SimpleNamespace(growth=np.array([-1.0, 1.0, 1.0]), inertia=1.0, **values)
+    values = dict.fromkeys(("frozen_growth", "least_inertia", "frozen"), np.ones(3))
+    values["slow"] = np.ones((3, 1))
+    loop = SimpleNamespace(growth=np.array([-1.0, 1.0, 1.0]), **values)
     monkeypatch.setattr(Loop, "of", lambda *_: loop)
     scenario = SimpleNamespace(steady=steady, node_weights=np.array([3.0, 1.0, 0.0]))
-    plant = SimpleNamespace(blade=SimpleNamespace(rotor_radius=1.0))
-    along = [(scenario, plant, None, (np.arange(3), np.full(3, 9.0), np.arange(1.0, 4.0)))]
-    found = _verdict(SimpleNamespace(scenarios=[scenario]), along)
+    plant = SimpleNamespace(blade=SimpleNamespace(rotor_radius=1.0), inertia=1.0)
+    known = {"time": np.arange(3), "rotor_speed": np.full(3, 9.0)}
+    along = [(scenario, plant, None, known | {"inflow_speed": np.arange(1.0, 4.0)})]
+    physics = SimpleNamespace(scenarios=[scenario], law=SimpleNamespace(states={}))
+    found = _verdict(physics, along)
     assert found.share_of_instants == pytest.approx(share)
 
 

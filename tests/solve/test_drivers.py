@@ -377,6 +377,7 @@ def test_an_impossible_choice_is_refused(package, optimizer):
 
 
 def test_a_bound_on_the_barrier_reaches_ipopt_alone():
-    assert make_driver("casadi", barrier=1e-5).opt_settings["mu_max"] == 1e-5
+    ipopt = drivers.near_start(1e-5)
+    assert make_driver("casadi", ipopt=ipopt).opt_settings["mu_max"] == 1e-5
     assert "mu_max" not in make_driver("casadi").opt_settings
-    assert solved(hock_schittkowski_71(make_driver("scipy", "SLSQP", barrier=1e-5)))[1].success
+    assert solved(hock_schittkowski_71(make_driver("scipy", "SLSQP", ipopt=ipopt)))[1].success

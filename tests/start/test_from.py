@@ -9,7 +9,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.folder import write_json
-from hkt_mdo.start.find import LOCAL, find_start, steady_optimum
+from hkt_mdo.start.find import LOCAL, find_start
 from hkt_mdo.start.result import design_of_result
 from tests.conftest import NINE, edit_summary
 
@@ -42,11 +42,12 @@ def world(folder, law="quadratic", method="quasi_steady", **more):
 
 
 def begin(case):
-    return find_start(case, steady_optimum(case, case.blade))
+    return find_start(case)
 
 
-def test_the_best_of_all_is_kept(result):
+def test_the_best_of_all_is_kept(result, monkeypatch):
     """A design that is better than all others is what the search goes on from."""
+    monkeypatch.setattr("hkt_mdo.start.find.TIE", 0.0)  # else the heavier of equal optima
     folder = result()
     best = begin(world(folder))
     shape = {"chord_m": best.blade.chord, "twist_deg": np.rad2deg(best.blade.twist)}

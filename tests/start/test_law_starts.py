@@ -9,7 +9,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import START_EXCESS
-from hkt_mdo.start.find import find_start, steady_optimum
+from hkt_mdo.start.find import find_start
 from tests.conftest import NINE
 
 
@@ -18,7 +18,7 @@ def start(law, limits="{}", torque_limit=None):
     control = {"law": law} if isinstance(law, str) else dict(law)
     case = {"inflow": "sine", "control": control | {"torque_limit": torque_limit}}
     world = physics(load_case(case, [f"limits={limits}", f"rotor.stations={NINE}"]))
-    found = find_start(world, steady_optimum(world, world.blade))
+    found = find_start(world)
     return world, found
 
 

@@ -12,7 +12,7 @@ from hkt_mdo.problem.evaluation import broken_limits, excesses, objective_at, on
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start import find
-from hkt_mdo.start.find import find_start, other_branch, steady_optimum
+from hkt_mdo.start.find import find_start, other_branch
 from studies.verification.study import random_start
 from tests.conftest import NINE
 
@@ -31,13 +31,13 @@ def world(law="open_loop", **limits):
 @cache
 def start(law="open_loop", **limits):
     case = world(law, **limits)
-    return find_start(case, steady_optimum(case, case.blade))
+    return find_start(case)
 
 
 def from_another_blade(case, seed):
     """Return the objective of the start from a random blade."""
     other = physics(random_start(case.case, np.random.default_rng(seed)))
-    return find_start(other, steady_optimum(other, other.blade)).branches[0].objective
+    return find_start(other).branches[0].objective
 
 
 # Theory
@@ -84,7 +84,7 @@ def test_a_branch_whose_torque_jumps_begins_if_it_is_much_better(monkeypatch, be
 def test_the_search_begins_with_the_largest_radius_as_well():
     others = {"control": "open_loop", "limits": {"power": 5e3}, "design": {"radius_bounds": [1, 2]}}
     case = physics(load_case(SINE | others))
-    _, other = find.best_blades(case, steady_optimum(case, case.blade))
+    _, other = find.best_blades(case, case.rotor.best_of_shape(case.shape, case.blade))
     assert other.blade.rotor_radius == 2.0
 
 
@@ -143,7 +143,7 @@ def test_a_curve_does_not_begin_at_a_rotor_that_stops():
         physics(load_case(gust | {"control": control}))
         for control in ({"law": "open_loop"}, {"law": "curve", "knots": 6})
     )
-    best, found = (find_start(each, steady_optimum(each, each.blade)) for each in (free, curve))
+    best, found = (find_start(each) for each in (free, curve))
     assert found.operation.energy == pytest.approx(best.operation.energy, rel=1e-3)
 
 

@@ -11,7 +11,7 @@ from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import PRICE
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
-from hkt_mdo.start.find import LOCAL, Candidate, Search, find_start, steady_optimum
+from hkt_mdo.start.find import LOCAL, Candidate, Search, find_start
 from hkt_mdo.start.quasi_steady import sampled_flow
 
 
@@ -23,7 +23,7 @@ def world(law="open_loop", limit=None, **design):
 @pytest.fixture(scope="module")
 def optimum():
     free = world()
-    return steady_optimum(free, free.blade)
+    return free.rotor.best_of_shape(free.shape, free.blade)
 
 
 @pytest.mark.parametrize("law", ["open_loop", "quadratic"])
@@ -73,7 +73,7 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
 def test_it_reports_the_outcome_of_each_candidate():
     limits = {"rotor_speed": 11}
     case = physics(load_case({"inflow": "sine", "control": "quadratic", "limits": limits}))
-    start = find_start(case, steady_optimum(case, case.blade))
+    start = find_start(case)
     names = [record.strategy for record in start.starts]
     assert names == ["best blade", "best blade of a slower rotor", "blade as given"]
     (kept,) = (record for record in start.starts if record.kept)
@@ -98,7 +98,7 @@ def test_a_schedule_keeps_the_limit_of_the_torque_between_the_speeds_of_its_sear
     law = {"law": "tracking", "torque_limit": 700, "knots": 12}
     law |= {"proportional_gain": 300, "integral_gain": 6000}
     case = physics(load_case({"inflow": "sine", "control": law}))
-    start = find_start(case, steady_optimum(case, case.blade))
+    start = find_start(case)
     assert max(np.max(known["control_torque"]) for known in on_start(case, start)) < 1.005 * 700
 
 

@@ -9,7 +9,7 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import power_scale
-from hkt_mdo.start.find import CONSTANT, find_start, steady_optimum
+from hkt_mdo.start.find import CONSTANT, find_start
 from hkt_mdo.start.quasi_steady import sampled_flow
 from hkt_mdo.start.steady import without_time
 from hkt_mdo.start.steady_flow import KNOTS
@@ -21,7 +21,7 @@ RIVER = Path(__file__).parents[1] / "data" / "river25"
 def river(law):
     """Return the start of a turbine of its own with several limits under a law."""
     world = physics(load_case(RIVER / "river25.yaml", [f"control.law={law}"]))
-    return world, find_start(world, steady_optimum(world, world.blade))
+    return world, find_start(world)
 
 
 def test_it_keeps_the_power_and_the_ends_of_each_flow():
@@ -83,7 +83,7 @@ def test_laws_nest_without_time():
     assert quadratic.objective < rated.objective < free * (1.0 + 1e-4)
     assert rated.objective > 0.99 * free
     flow, weights = sampled_flow(world)
-    best = steady_optimum(world, world.blade).power_coefficient
+    best = world.rotor.best_of_shape(world.shape, world.blade).power_coefficient
     passing = power_scale(world.density, world.blade.rotor_radius, flow)
     assert max(x.objective for x in guides) < weights @ np.minimum(best * passing, 25e3)
 
@@ -93,6 +93,6 @@ def test_gains_that_a_law_does_not_need_are_given_as_they_are():
     control = {"law": "rated", "gain": 8.0, "power": 4000.0}
     case = {"inflow": "sine", "control": control, "start": {"method": "blade"}}
     world = physics(load_case(case))
-    start = find_start(world, steady_optimum(world, world.blade))
+    start = find_start(world)
     assert list(start.gains) == list(world.law.starting_gains())
     assert start.operation.running
