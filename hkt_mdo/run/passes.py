@@ -63,8 +63,6 @@ class Task:
         What is done after the pass before, and the reason; empty for the first one.
     passes : int
         How many there were from this start.
-    light : float
-        The largest `hub_inertia` with which the loop was unstable, kg*m**2.
     coarser : tuple of float
         Objectives after which the mesh was divided, J, the last one's at the end; of polynomials of
         one order.
@@ -76,7 +74,6 @@ class Task:
     name: str = ""
     why: str = ""
     passes: int = 0
-    light: float = 0.0
     coarser: tuple[float, ...] = ()
 
     @classmethod
@@ -207,22 +204,17 @@ def heavier_hub(this: Pass) -> Task | None:
     """Bound a designed hub from below by the inertia from which the loop with memory is stable.
 
     The optimization does not see an instability whose growth is faster than its segments. A bound
-    that is too high is lowered again, half way to one that was too low, since another bound leads
-    to another operation. No mesh helps, and the integration runs away: nothing else follows an
-    instability.
+    that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
+    follows an instability.
     """
-    point, bound, light = this.result.point, this.task.setup.least_hub, this.task.light
+    point, bound = this.result.point, this.task.setup.least_hub
     hub = stable_hub(this.physics, point.blade, this.memory)
-    if hub is not None and this.runs_away:
-        light = max(light, point.blade.hub_inertia)
-    elif hub is not None and light:
-        hub = max(hub, 0.5 * (light + bound))
     if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
         return None
-    why = f"the loop with memory needs some {hub:.4g} kg m^2 besides the blades"
+    why = f"the loop with memory is stable from {hub:.4g} kg m^2 besides the blades"
     heavier = replace(point.blade, hub_inertia=max(hub, point.blade.hub_inertia))
     start, nodes = replace(point, blade=heavier), curve_nodes(this.physics, point)
-    return replace(this.next(why, start=start, nodes=nodes, least_hub=hub), light=light)
+    return this.next(why, start=start, nodes=nodes, least_hub=hub)
 
 
 def refine(this: Pass) -> Task | None:

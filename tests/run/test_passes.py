@@ -1,17 +1,13 @@
 """What follows an optimization, and what the log writes of it."""
 
 import json
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.point import StartingPoint, StartRecord
-from hkt_mdo.problem.setup import Setup
-from hkt_mdo.run import passes
-from hkt_mdo.run.passes import FOLLOW_UPS, Pass, Task
+from hkt_mdo.problem.point import StartRecord
+from hkt_mdo.run.passes import FOLLOW_UPS
 from hkt_mdo.run.run import run_case
 from hkt_mdo.run.summary import _branches
 
@@ -38,31 +34,6 @@ def test_an_optimizer_that_gives_up_begins_again_once_from_its_last_iterate(solv
     assert passes[0].why == "the optimizer did not converge in 5 iterations"
     assert not any(each.converged for each in passes)
     assert passes[1].objective_J == pytest.approx(passes[0].objective_J, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("unstable", "hub", "light", "needed", "bound"),
-    [
-        (False, 20.0, 0.0, 9.0, 9.0),
-        (True, 10.0, 0.0, 25.0, 25.0),
-        (False, 25.0, 10.0, 9.0, 17.5),
-        (False, 10.2, 10.0, 9.0, None),
-    ],
-)
-def test_the_bound_of_a_hub_is_not_lowered_to_one_that_was_too_light(
-    monkeypatch, unstable, hub, light, needed, bound
-):
-    """Else it went up and down for 13 optimizations of a turbulent flow."""
-    world = physics(load_case(OPEN_LOOP))
-    point = StartingPoint(replace(world.blade, hub_inertia=hub), None, None)
-    monkeypatch.setattr(passes, "stable_hub", lambda *_: needed)
-    monkeypatch.setattr(passes, "curve_nodes", lambda *_: None)
-    monkeypatch.setattr(Pass, "memory", SimpleNamespace(stable=not unstable))
-    task = Task(point, world, Setup(point, None, least_hub=hub), light=light)
-    following = passes.heavier_hub(Pass(None, task, SimpleNamespace(point=point, inertia=20.0)))
-    assert (following and following.setup.least_hub) == bound
-    if bound:
-        assert following.light == (hub if unstable else light)
 
 
 def test_nothing_follows_a_feedback_law_that_holds(solve_physics):
