@@ -301,7 +301,10 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
 
 
 def seeded(inflow: Inflow, seed: int) -> Inflow:
-    """Return a flow with another seed; of a sum, the last part gets it, the others larger ones.
+    """Return a flow with another seed; of a sum, the last part gets it.
+
+    The other parts get seeds that are a million apart, so that realizations of neighbouring seeds
+    have no part in common.
 
     Parameters
     ----------
@@ -318,7 +321,7 @@ def seeded(inflow: Inflow, seed: int) -> Inflow:
     if hasattr(inflow, "seed"):
         return inflow.model_copy(update={"seed": seed})
     parts = getattr(inflow, "parts", ())
-    own = tuple(seeded(part, seed + len(parts) - i) for i, part in enumerate(parts, 1))
+    own = tuple(seeded(part, seed + 1_000_000 * (len(parts) - i)) for i, part in enumerate(parts, 1))
     return inflow.model_copy(update={"parts": own}) if parts else inflow
 
 
