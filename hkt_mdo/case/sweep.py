@@ -18,7 +18,7 @@ from pydantic import Field, PrivateAttr, Strict
 from hkt_mdo.case.document import quantities
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.schema import Case, load_case
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
@@ -206,8 +206,8 @@ class Sweep(Section):
     def check(self, file: object) -> None:
         """Try values of lists and ends of ranges, each beside the first values of the others.
 
-        Raises InputError, with `file` and the values there, for a key that the case does not have
-        and for a value that it cannot have.
+        Raises InputError for a key that the case does not have and for a value that it cannot have,
+        with `file` and the values that were tried.
         """
         load_case(self.case, extensions=self._extensions)
         first = next(self.points())
@@ -217,15 +217,9 @@ class Sweep(Section):
                 try:
                     self.case_at(first | point)
                 except InputError as error:
-                    problem, own = f"{error.key or ''} {error.problem}".lstrip(), error.key or "-"
-                    near = [
-                        (key, value)
-                        for key, value in (("over", point), ("set", self.set_))
-                        if any(own.startswith(x) or x.startswith(own) for x in value)
-                    ]
-                    key, value = (*near, ("over", point))[0]
-                    where: dict[str, Any] = {"file": file, "key": key, "value": value}
-                    raise InputError(problem, error.remedy, **where) from error
+                    error.file = str(file)
+                    error.remedy += f" (in the run with {show(point)})"
+                    raise
 
 
 def load_sweep(

@@ -48,12 +48,10 @@ def run_sweep(
     the source code that are there now, is used again, so that a sweep goes on after any kill.
 
     `jobs` and `scheduler` are those of `in_processes`; report(plan) is called when a run ends;
-    `extensions`: of the cases; `most`: run no more points than these; `run`: what runs a
+    `extensions`: of the cases of a file; `most`: run no more points than these; `run`: what runs a
     case, called as `run_case`.
     """
-    extensions = tuple(extensions)
-    sweep = sweep.model_copy() if isinstance(sweep, Sweep) else load_sweep(sweep, extensions)
-    sweep._extensions = extensions or sweep._extensions
+    sweep = sweep if isinstance(sweep, Sweep) else load_sweep(sweep, extensions)
     out = Path(out).absolute()
     inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
     if inside and not inside & {SWEEP, "lock"}:
