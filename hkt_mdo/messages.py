@@ -18,13 +18,8 @@ _SECTION = (
     "must be a section of keys and values",
     "write keys below it, or leave it out where it has defaults",
 )
-_NAME = (
-    "must be up to 100 letters, digits, _ - . and begin with none of - .",
-    "give such a name, or none: the case is then named after its file",
-)
 _PLAIN = {
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), _SECTION),
-    **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
     "too_long": ("must have at most {max_length} values, and has {actual_length}", "remove some"),
@@ -165,16 +160,14 @@ def assign(data: dict[str, Any], override: str, file: str, root: type[Section]) 
 
 def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dict[str, Any]]:
     """Return key, problem and remedy of an error, and the value as keyword if there is one."""
-    (key, section, inside, what), given = _find(error["loc"], root), error["input"]
+    (key, section, taken, what), given = _find(error["loc"], root), error["input"]
     context, found = error.get("ctx", {}), {"value": given}
-    tag = inside[0].named_by if inside else ""
-    kinds = [kind_name(each) for each in inside] if len(inside) > 1 else []
+    tag = taken[0].named_by if taken else ""
+    kinds = [kind_name(each) for each in taken] if len(taken) > 1 else []
     problem, remedy = error["msg"], what
     if error["type"] in _PLAIN:
         problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
     inside = what[:1].lower() + what[1:]
-    if remedy == _NAME[1] and section is not root:
-        problem, remedy = "cannot be its name", f"give the {inside}"
     match error["type"]:
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
@@ -182,6 +175,8 @@ def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dic
             found["value"] = context.get("value", given)
             if "quantity" in context and what:
                 remedy = f"give the {inside} as {context['quantity']}"
+        case "string_pattern_mismatch" | "string_too_long" | "string_too_short":
+            problem, remedy = "cannot be its name", f"give the {inside}"
         case "extra_forbidden":
             own = str(error["loc"][-1])
             problem, remedy = "unknown key", _suggest_key(key, own, section, root)

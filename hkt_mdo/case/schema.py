@@ -153,8 +153,8 @@ class Case(_WithFlow):
     name: Annotated[
         str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", min_length=1, max_length=100)
     ] = "case"
-    """Name of the case and of its results: letters, digits, `_`, `-` and `.`; by default the case
-    file's own name."""
+    """Name of case and results: up to 100 letters and digits and `_` `-` `.` beginning with none
+    of `-` `.`; by default the file's."""
     rotor: Rotor = Rotor()
     fluid: Fluid = Fluid()
     site: Site = Site()
