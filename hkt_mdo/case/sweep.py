@@ -128,10 +128,8 @@ class Sweep(Section):
             problem = "has no use where every key has a list or a count"
             yield "samples", problem, "leave it out, or leave out the count of a range"
         if self.samples is None and self.sampled:
-            key, problem = self.sampled[0], "has no count, and the sweep no samples"
-            remedy = "give the range a count, or the sweep samples: 100"
-            value = self.over[key].model_dump(exclude_none=True)
-            raise refusal(problem, remedy, key=f"over.{key}", value=value)
+            problem = f"is missing, and the range of {self.sampled[0]} has no count"
+            yield "samples", problem, "give the range a count, or the sweep samples: 100"
 
     @property
     def sampled(self) -> list[str]:
