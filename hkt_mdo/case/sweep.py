@@ -209,9 +209,9 @@ class Sweep(Section):
         """
         load_case(self.case, extensions=self._extensions)
         first = next(self.points())
-        for part in self._parts:
-            listed = any(self.over[key].values for key in part[0])
-            for point in map(self.point_at, part if listed else (part[0], part[-1])):
+        for key, axis in self.over.items():
+            for share in np.linspace(0.0, 1.0, len(axis.values) if axis.values else 2):
+                point = {key: axis.at(share)}
                 try:
                     self.case_at(first | point)
                 except InputError as error:
