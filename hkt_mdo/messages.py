@@ -2,15 +2,15 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from hkt_mdo.errors import InputError, did_you_mean
 from hkt_mdo.files.yaml_text import dotted, parse
-from hkt_mdo.sections import Section
+from hkt_mdo.sections import Section, kind_name, parts_of
 
 _Model = TypeVar("_Model", bound=Section)
 
@@ -18,13 +18,8 @@ _SECTION = (
     "must be a section of keys and values",
     "write keys below it, or leave it out where it has defaults",
 )
-_NAME = (
-    "must be up to 100 letters, digits, _ - . and begin with none of - .",
-    "give such a name, or none: the case is then named after its file",
-)
 _PLAIN = {
     **dict.fromkeys(("model_type", "model_attributes_type", "dict_type"), _SECTION),
-    **dict.fromkeys(("string_pattern_mismatch", "string_too_long", "string_too_short"), _NAME),
     "tuple_type": ("must be a list", "write [first, second, ...]"),
     "too_short": ("must have at least {min_length} values, and has {actual_length}", "add some"),
     "too_long": ("must have at most {max_length} values, and has {actual_length}", "remove some"),
@@ -37,49 +32,31 @@ _PLAIN = {
 
 
 def _find(
-    location: Iterable[int | str], root: type[BaseModel]
-) -> tuple[str, type[BaseModel], FieldInfo | None, str]:
-    """Return key, section and field where an error lies, and what that is, in words.
+    location: Iterable[int | str], root: type[Section]
+) -> tuple[str, type[Section], list[type[Section]], str]:
+    """Return the key where an error lies, whose section has it, the sections it takes, and words.
 
-    Pydantic's location has the tag of a union among the keys; the words are the first clause of the
-    documentation.
+    Pydantic's location has the tag of a chosen section among the keys; the words, what the key is,
+    are the first clause of its documentation. An entry of a list is described with the list.
     """
-    path: list[str] = []
-    section, text = root, ""
-    field: FieldInfo | None = None
+    path, section, inside, text = [], root, [root], ""
     for part in location:
-        union = _members(field)
         if isinstance(part, int):
             path.append(f"[{part}]")
-            inner = get_args(field.annotation) if field else ()
-            item = FieldInfo.from_annotation(inner[0]) if inner and inner[-1] is Ellipsis else None
-            # a number in a list has the description of the list
-            field = item if _members(item) or _section(item) else field
-        elif union:
-            section, field = union[part], None
+        elif len(inside) > 1:
+            inside = [each for each in inside if kind_name(each) == part]
         else:
             path.append(part)
+            section = inside[0] if inside else section
             field = section.model_fields.get(part)
-            text = section.description(part) if field and issubclass(section, Section) else ""
-        inside = None if _members(field) else _section(field)
-        if inside is not None:
-            section, field = inside, None
-    what = re.split(r"[.;,](?: |$)", " ".join(text.split()), maxsplit=1)[0]
-    return dotted(path), section, field, what
+            text = section.description(part) if field else ""
+            inside = _sections(field) if field else inside
+    return dotted(path), section, inside, re.split(r"[.;,](?: |$)", " ".join(text.split()))[0]
 
 
-def _section(field: FieldInfo | None) -> type[BaseModel] | None:
-    """Return the section that a field holds, if need be beside None."""
-    kinds = (field.annotation, *get_args(field.annotation)) if field else ()
-    return next((k for k in kinds if isinstance(k, type) and issubclass(k, Section)), None)
-
-
-def _members(field: FieldInfo | None) -> dict[str, type[BaseModel]]:
-    """Return the sections that a union chooses from, by tag; empty where there is no union."""
-    if field is None or not isinstance(field.discriminator, str):
-        return {}
-    members = [m for m in get_args(field.annotation) if m is not type(None)]
-    return {get_args(m.model_fields[field.discriminator].annotation)[0]: m for m in members}
+def _sections(field: FieldInfo) -> list[type[Section]]:
+    """Return the sections that a field takes: several where a tag chooses among them."""
+    return [part for part in parts_of(field.annotation) if isinstance(part, type)]
 
 
 def validated(
@@ -181,17 +158,16 @@ def assign(data: dict[str, Any], override: str, file: str, root: type[Section]) 
     return key
 
 
-def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, dict[str, Any]]:
+def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dict[str, Any]]:
     """Return key, problem and remedy of an error, and the value as keyword if there is one."""
-    (key, section, field, what), given = _find(error["loc"], root), error["input"]
+    (key, section, taken, what), given = _find(error["loc"], root), error["input"]
     context, found = error.get("ctx", {}), {"value": given}
-    members, tag = _members(field), getattr(field, "discriminator", "")
+    tag = taken[0].named_by if taken else ""
+    kinds = [kind_name(each) for each in taken] if len(taken) > 1 else []
     problem, remedy = error["msg"], what
     if error["type"] in _PLAIN:
         problem, remedy = (words.format(**context) for words in _PLAIN[error["type"]])
     inside = what[:1].lower() + what[1:]
-    if remedy == _NAME[1] and section is not root:
-        problem, remedy = "cannot be its name", f"give the {inside}"
     match error["type"]:
         case "hkt_mdo":
             problem, remedy = context["problem"], context["remedy"]
@@ -199,6 +175,8 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
             found["value"] = context.get("value", given)
             if "quantity" in context and what:
                 remedy = f"give the {inside} as {context['quantity']}"
+        case "string_pattern_mismatch" | "string_too_long" | "string_too_short":
+            problem, remedy = "cannot be its name", f"give the {inside}"
         case "extra_forbidden":
             own = str(error["loc"][-1])
             problem, remedy = "unknown key", _suggest_key(key, own, section, root)
@@ -206,19 +184,19 @@ def _words(error: ErrorDetails, root: type[BaseModel]) -> tuple[str, str, str, d
                 problem, remedy = "has another name", "write control.torque_limit"
         case "missing":
             found, problem, remedy = {}, "is missing", f"give it: {what}".rstrip(": ")
-            if members:
-                remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(members)}"
+            if kinds:
+                remedy = f"give {key}: {{{tag}: ...}} with one of {', '.join(kinds)}"
             elif isinstance(error["loc"][-1], int):
                 remedy = "give two values, [lower, upper]"
         case "union_tag_not_found" | "union_tag_invalid":
             named = given.get(tag) if isinstance(given, dict) else context.get("tag")
             found = {} if named is None else {"value": named}
             problem, key = "unknown" if found else "is missing", f"{key}.{tag}"
-            remedy = _suggest(named, members)
+            remedy = _suggest(named, kinds)
         case "literal_error":
             choices = re.split(", | or ", context["expected"].replace("'", ""))
             problem, remedy = "unknown", _suggest(given, choices)
-    if problem.startswith("unknown") and (members or "limits" in key.split(".")[-2:-1]):
+    if problem.startswith("unknown") and (kinds or "limits" in key.split(".")[-2:-1]):
         remedy += "; one of your own needs --extend FILE"
     return key, problem, remedy, found
 
@@ -229,14 +207,14 @@ def _suggest(value: object, choices: Iterable[str]) -> str:
     return f"{guess}give one of {', '.join(choices)}"
 
 
-def _suggest_key(place: str, key: str, section: type[BaseModel], root: type[BaseModel]) -> str:
+def _suggest_key(place: str, key: str, section: type[Section], root: type[Section]) -> str:
     """Return the nearest key of the section, or the sections that do have the key."""
     known = [field.alias or name for name, field in section.model_fields.items()]
     elsewhere = dict.fromkeys(
         f"{name}.{key}"
         for name, field in root.model_fields.items()
-        for home in _members(field).values() or [field.annotation]
-        if key in getattr(home, "model_fields", ()) and f"{name}.{key}" != place
+        for home in _sections(field)
+        if key in home.model_fields and f"{name}.{key}" != place
     )
     guess = f"did you mean {' or '.join(elsewhere)}? " if elsewhere else ""
     guess = did_you_mean(key, known) or guess

@@ -404,6 +404,26 @@ class Section(BaseModel):
         return {"anyOf": [*short, whole]} if short else whole
 
 
+def kind_name(kind: Any) -> str:
+    """Return the name by which a case calls a kind.
+
+    Parameters
+    ----------
+    kind : type
+        Any class.
+
+    Returns
+    -------
+    str
+        Empty for a class without such a name.
+    """
+    tag = getattr(kind, "named_by", "")
+    field = kind.model_fields.get(tag) if tag else None
+    own = getattr(kind, tag or "_", None)
+    names = (*get_args(field.annotation), field.default) if field else (own,)
+    return next((name for name in names if isinstance(name, str)), "")
+
+
 def parts_of(annotation: Any) -> Iterator[Any]:
     """Yield the quantities and the sections in an annotation.
 

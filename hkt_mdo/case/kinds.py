@@ -22,7 +22,7 @@ from itertools import chain
 from pathlib import Path
 from traceback import extract_tb
 from types import FunctionType, ModuleType
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field, create_model
@@ -37,7 +37,7 @@ from hkt_mdo.dynamics.limits import DistanceFromStall, ForwardRotation, Limit, T
 from hkt_mdo.dynamics.objectives import Objective
 from hkt_mdo.dynamics.resource import DurationCurve
 from hkt_mdo.errors import InputError, show
-from hkt_mdo.sections import Quantity, Section, is_unit, parts_of
+from hkt_mdo.sections import Quantity, Section, is_unit, kind_name, parts_of
 
 ENTRY_POINTS = "hkt_mdo.extensions"
 MODULES = ["laws", "wide_laws", "tracking", "flows", "records", "sampled", "resource"]
@@ -194,15 +194,6 @@ def _tagged(kind: Any) -> Any:
         field: Any = (Literal[name], Field(name, description=(kind.__doc__ or "").strip()))
         about = {"__doc__": kind.__doc__, "__module__": kind.__module__}
         return create_model(kind.__name__, __base__=kind, **about, **{tag: field})
-
-
-def kind_name(kind: Any) -> str:
-    """Return the name by which a case calls a kind; empty for one without a name."""
-    tag = getattr(kind, "named_by", "")
-    field = kind.model_fields.get(tag) if tag else None
-    own = getattr(kind, tag or "_", None)
-    names = (*get_args(field.annotation), field.default) if field else (own,)
-    return next((name for name in names if isinstance(name, str)), "")
 
 
 def known_kinds(extensions: Iterable[Extension] = ()) -> Kinds:

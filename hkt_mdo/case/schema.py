@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Union
 from pydantic import AfterValidator, Field, SerializeAsAny, Strict, create_model
 
 from hkt_mdo.case.design import Design, Driver, Hydrodynamics, InflowDynamics, Phase, Start
-from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, kind_name, known_kinds
+from hkt_mdo.case.kinds import BUILT_IN, Extension, Kinds, known_kinds
 from hkt_mdo.case.turbine import Condition, Fluid, Rotor, Site, Spread, own_keys
 from hkt_mdo.dynamics.aggregates import Aggregate, Expected
 from hkt_mdo.dynamics.flows import ConstantInflow, Inflow, SumInflow
@@ -27,7 +27,7 @@ from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
 from hkt_mdo.messages import validated
-from hkt_mdo.sections import Flaws, Quantity, Section, refusal
+from hkt_mdo.sections import Flaws, Quantity, Section, kind_name, refusal
 
 MOST_SCENARIOS, LONGEST_NAME = 200, 40  # LONGEST_NAME in characters, of a scenario
 STATION_COUNT = 40  # within 0.1 % of the energy at any number of them, and 1 % of the loads
@@ -153,8 +153,8 @@ class Case(_WithFlow):
     name: Annotated[
         str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$", min_length=1, max_length=100)
     ] = "case"
-    """Name of the case and of its results: letters, digits, `_`, `-` and `.`; by default the case
-    file's own name."""
+    """Name of case and results: up to 100 letters and digits and `_` `-` `.` beginning with none
+    of `-` `.`; by default the file's."""
     rotor: Rotor = Rotor()
     fluid: Fluid = Fluid()
     site: Site = Site()

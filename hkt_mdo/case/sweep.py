@@ -18,7 +18,7 @@ from pydantic import Field, PrivateAttr, Strict
 from hkt_mdo.case.document import quantities
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.schema import Case, load_case
-from hkt_mdo.errors import InputError
+from hkt_mdo.errors import InputError, show
 from hkt_mdo.files.shipped import find_case
 from hkt_mdo.files.table import read_text
 from hkt_mdo.files.yaml_text import dump, parse
@@ -128,10 +128,8 @@ class Sweep(Section):
             problem = "has no use where every key has a list or a count"
             yield "samples", problem, "leave it out, or leave out the count of a range"
         if self.samples is None and self.sampled:
-            key, problem = self.sampled[0], "has no count, and the sweep no samples"
-            remedy = "give the range a count, or the sweep samples: 100"
-            value = self.over[key].model_dump(exclude_none=True)
-            raise refusal(problem, remedy, key=f"over.{key}", value=value)
+            problem = f"is missing, and the range of {self.sampled[0]} has no count"
+            yield "samples", problem, "give the range a count, or the sweep samples: 100"
 
     @property
     def sampled(self) -> list[str]:
@@ -206,26 +204,20 @@ class Sweep(Section):
     def check(self, file: object) -> None:
         """Try values of lists and ends of ranges, each beside the first values of the others.
 
-        Raises InputError, with `file` and the values there, for a key that the case does not have
-        and for a value that it cannot have.
+        Raises InputError for a key that the case does not have and for a value that it cannot have,
+        with `file` and the values that were tried.
         """
         load_case(self.case, extensions=self._extensions)
         first = next(self.points())
-        for part in self._parts:
-            listed = any(self.over[key].values for key in part[0])
-            for point in map(self.point_at, part if listed else (part[0], part[-1])):
+        for key, axis in self.over.items():
+            for share in np.linspace(0.0, 1.0, len(axis.values) if axis.values else 2):
+                point = {key: axis.at(share)}
                 try:
                     self.case_at(first | point)
                 except InputError as error:
-                    problem, own = f"{error.key or ''} {error.problem}".lstrip(), error.key or "-"
-                    near = [
-                        (key, value)
-                        for key, value in (("over", point), ("set", self.set_))
-                        if any(own.startswith(x) or x.startswith(own) for x in value)
-                    ]
-                    key, value = (*near, ("over", point))[0]
-                    where: dict[str, Any] = {"file": file, "key": key, "value": value}
-                    raise InputError(problem, error.remedy, **where) from error
+                    error.file = str(file)
+                    error.remedy += f" (in the run with {show(point)})"
+                    raise
 
 
 def load_sweep(

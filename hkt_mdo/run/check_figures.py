@@ -11,7 +11,6 @@ from hkt_mdo.results.panel import COLORS, GREY, Curve, Panel, Span
 from hkt_mdo.results.words import powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.airfoil import Polar
-from hkt_mdo.rotor.shape import spline_basis
 from hkt_mdo.run.check import CheckReport
 from hkt_mdo.run.findings import Findings, Flow
 
@@ -47,26 +46,24 @@ def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
 def _blade_panels(found: Findings) -> list[Panel]:
     """Return the starting blade, and control points beside the file's blade where there are any."""
     shape, blade, given = found.physics.shape, found.plant.blade, found.given
-    across, ends = "radius (m), from hub to tip", (blade.hub_radius, blade.tip_radius)
+    marks = {"hub": blade.hub_radius, "tip": blade.tip_radius}
     control = shape.control(blade) if shape.designs_chord else {}
     thickness = np.broadcast_to(found.physics.turbine.thickness, blade.r.shape)
     panels = []
-    for title, scale, values, file, points in (
-        ("chord (m)", 1.0, blade.chord, given.chord, control.get("chord")),
-        ("twist (deg)", 180.0 / np.pi, blade.twist, given.twist, control.get("twist")),
-        ("thickness (% of the chord)", 100.0, thickness, None, None),
+    for title, name, scale, values in (
+        ("chord (m)", "chord", 1.0, blade.chord),
+        ("twist (deg)", "twist", 180.0 / np.pi, blade.twist),
+        ("thickness (% of the chord)", "", 100.0, thickness),
     ):
-        panel = Panel(title, across, from_zero=True, marks={"hub": ends[0], "tip": ends[1]})
-        name = "blade at the start, its stations"
-        panel.curves.append(Curve(blade.r, scale * values, name, COLORS[0], 0, "marked"))
-        if points is not None and points.size < blade.r.size:
+        panel = Panel(title, "radius (m), from hub to tip", from_zero=True, marks=marks)
+        words = "blade at the start, its stations"
+        panel.curves.append(Curve(blade.r, scale * values, words, COLORS[0], 0, "marked"))
+        if name in control and control[name].size < blade.r.size:
             # they stand where their own spline is the radius itself
-            dense = np.linspace(*ends, 8 * points.size)
-            basis = spline_basis(points.size, dense, *ends)
-            places = np.linalg.lstsq(basis, dense, rcond=None)[0]
-            before = Curve(blade.r, scale * file, "blade of the file", GREY, None)
-            own = Curve(places, scale * points, "control points", COLORS[1], 1, "marked")
-            panel.curves = [before, *panel.curves, own]
+            places = np.linalg.lstsq(shape.bases[name], blade.r, rcond=None)[0]
+            file = Curve(blade.r, scale * getattr(given, name), "blade of the file", GREY, None)
+            own = Curve(places, scale * control[name], "control points", COLORS[1], 1, "marked")
+            panel.curves = [file, *panel.curves, own]
         panels.append(panel)
     return panels
 

@@ -48,12 +48,10 @@ def run_sweep(
     the source code that are there now, is used again, so that a sweep goes on after any kill.
 
     `jobs` and `scheduler` are those of `in_processes`; report(plan) is called when a run ends;
-    `extensions`: of the cases; `most`: run no more points than these; `run`: what runs a
+    `extensions`: of the cases of a file; `most`: run no more points than these; `run`: what runs a
     case, called as `run_case`.
     """
-    extensions = tuple(extensions)
-    sweep = sweep.model_copy() if isinstance(sweep, Sweep) else load_sweep(sweep, extensions)
-    sweep._extensions = extensions or sweep._extensions
+    sweep = sweep if isinstance(sweep, Sweep) else load_sweep(sweep, extensions)
     out = Path(out).absolute()
     inside = {path.name for path in out.iterdir()} if out.is_dir() else set()
     if inside and not inside & {SWEEP, "lock"}:
@@ -95,6 +93,7 @@ class Plan:
             except InputError as error:
                 name = f"none-{len(self.points)}"
                 self.points.append((self.sweep.row_at(point), name))
+                self.rows[name] = {"run": ""}
                 self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
@@ -105,7 +104,7 @@ class Plan:
             if name in self.rows:  # the same case at another point
                 self.total -= 1
                 continue
-            self.rows[name] = {}
+            self.rows[name] = {"run": f"{RUNS}/{name}", "state": "", "message": "has not ended"}
             self.places[name] = np.array([*place.values()])
             folder = self.out / RUNS / name
             if found := ended_result(folder, case):
@@ -130,7 +129,7 @@ class Plan:
 
     def nearest(self, name: str) -> Path | None:
         """Return the folder of the verified run nearest to one, if it is asked for and there is."""
-        verified = [each for each, row in self.rows.items() if row.get("state") == VERIFIED]
+        verified = [each for each, row in self.rows.items() if row["state"] == VERIFIED]
         if not (self.sweep.neighbours and verified):
             return None
         far = {each: np.sum((self.places[each] - self.places[name]) ** 2) for each in verified}
@@ -138,7 +137,7 @@ class Plan:
 
     def done(self, name: str, row: Row) -> None:
         """Keep a row, and tell of it."""
-        self.rows[name] = row
+        self.rows[name] |= row
         self.failed += row["state"] != VERIFIED
         self.report(self)
 
@@ -152,12 +151,7 @@ class Plan:
 
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""
-        empty = {"state": "", "message": "has not ended"}
-        folder = {name: f"{RUNS}/{name}" for name in self.places}
-        return [
-            {**values, "run": folder.get(name, ""), **(self.rows[name] or empty)}
-            for values, name in self.points
-        ]
+        return [values | self.rows[name] for values, name in self.points]
 
     def write(self) -> None:
         """Write the table."""

@@ -70,7 +70,7 @@ def test_long_values_are_cut():
         ("x" * 5000, None, "cannot be read"),
         ("latin.yaml", MINIMAL.encode() + b"# \xe9\n", "line 3: is not UTF-8"),
         ("large.yaml", MINIMAL.encode() + b"#" * 1024**2, "larger than 1 MiB"),
-        ("a b.yaml", MINIMAL.encode(), r"name = 'a b'.*give such a name"),
+        ("a b.yaml", MINIMAL.encode(), r"name = 'a b'.*give the name of case"),
     ],
     ids=["none", "folder", "long name", "latin", "large", "blank"],
 )
