@@ -20,10 +20,9 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
-from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
-from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
+from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
 from hkt_mdo.start.result import RESULT, design_of_result
 from hkt_mdo.start.steady import co_designed, optimized, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
@@ -256,7 +255,7 @@ class Search:
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
         gains = self.physics.law.fit(speed, law.demand(speed, end.gains))
-        return replace(end, gains=np.clip(gains, *gain_bounds(self.physics)))
+        return replace(end, gains=self.physics.bounded(gains))
 
     def _rank(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of a branch; overspeed is better where they are even.
@@ -301,7 +300,7 @@ class Search:
         over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
         exceeds = tuple(name for name, x in over.items() if x > START_EXCESS)
         excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
-        objective = objective_at(own, point) + own.price_of(point.blade)
+        objective = objective_at(own, point)
         return replace(point, objective=objective, excess=excess, exceeds=exceeds)
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
@@ -326,7 +325,7 @@ class Search:
         """Return a point with the branch on which it is: it may have left that of its schedule."""
         if not point.branch:
             return point
-        flow, _ = sampled_flow(physics)
+        flow, _ = physics.sampled_flow
         fastest, radius = int(np.argmax(flow)), point.blade.rotor_radius
         ratio = point.operation.rotor_speed[fastest] * radius / flow[fastest]
         return replace(point, branch=self._schedules.side(point.blade, ratio))
@@ -353,7 +352,7 @@ class Search:
         problem = self._quasi_steady(blade, self.steady)
         speed = ratio * problem.inflow_speed / blade.rotor_radius
         gains = law.fit(speed, np.full(speed.shape, DEMAND * law.torque_limit))
-        gains = np.clip(gains, *gain_bounds(physics))
+        gains = physics.bounded(gains)
         operation = problem.operate(gains)
         if operation.running:
             yield StartingPoint(blade, gains, operation, branch=self.branches[0], strategy=CONSTANT)
@@ -386,7 +385,7 @@ class Search:
             gains = law.follow(flow, speed, held, problem.plant.torque_slope(speed, flow))
         elif gains is None:
             gains = law.fit(speed, held)
-        gains = np.clip(gains, *gain_bounds(self.physics))
+        gains = self.physics.bounded(gains)
         if not law.states:
             return replace(point, gains=gains)
         (speed, *states), _ = at_rest(law, gains, flow, problem.generator_torque)

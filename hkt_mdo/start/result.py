@@ -5,7 +5,6 @@ import numpy as np
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.blade import Blade
@@ -89,4 +88,4 @@ def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
         fixed or solution.case.inflow == physics.case.inflow
     ):
         return None
-    return np.clip(gains, *gain_bounds(physics))
+    return physics.bounded(gains)
