@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -23,11 +22,11 @@ from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, reco
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
 from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
-from hkt_mdo.start.result import RESULT, design_of_result
+from hkt_mdo.start.result import Candidate, given_designs
 from hkt_mdo.start.steady import co_designed, optimized, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
 
-GIVEN, BEST = "blade as given", "best blade"
+BEST = "best blade"
 # names, and tip speed ratios over that of the best blade
 FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
@@ -46,14 +45,6 @@ LOCAL = (
 MERIT = attrgetter("merit")
 
 
-class Candidate(NamedTuple):
-    """A blade from which the search begins, and gains; None: fitted to its open loop."""
-
-    strategy: str
-    blade: Blade
-    gains: np.ndarray | None = None
-
-
 def find_start(
     physics: Physics,
     optimum: SteadyOptimum | None = None,
@@ -69,7 +60,8 @@ def find_start(
     optimum : SteadyOptimum, optional
         The best blade, and where it works best; by default, of all that the case allows.
     improve : bool, optional
-        False keeps blade and gains as the case gives them; None does as `start` says.
+        False keeps blade and gains as the case, or `start.from`, gives them; None does as `start`
+        says.
     on_start : callable, optional
         Called after every optimization of the search, with its outcome.
 
@@ -83,26 +75,21 @@ def find_start(
     InputError
         If `start.from` is no result that the case can begin with.
     """
-    messages: tuple[str, ...] = ()
+    given, messages = given_designs(physics)
     optimum = optimum or physics.rotor.best_of_shape(physics.shape, physics.blade)
-    given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    candidates: list[Candidate] = []
-    if improve is not False and physics.case.start.from_ is not None:
-        (blade, gains), messages = design_of_result(physics)
-        candidates.append(Candidate(RESULT, blade, gains))
     search = Search(physics, optimum, on_start)
     if improve or (improve is None and physics.case.start.method == "quasi_steady"):
         # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
-        if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
-            candidates.append(given)
-        candidates = [*best_blades(physics, optimum), *candidates]
+        *results, own = given
+        tried = physics.law.is_feedback and (has_branches(physics) or own.gains is not None)
+        candidates = [*best_blades(physics, optimum), *(given if tried else results)]
         simpler = physics.law.simpler is not None and limits_power(physics)
         if simpler and all(each.gains is None for each in candidates):
             found = [search.of_simpler_law(candidates)]
         else:
             found = search.optima(candidates)
     else:
-        found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
+        found = [search.as_given(given[0], each) for each in search.branches]
         found.sort(key=MERIT, reverse=True)
         messages += (LOCAL,) if improve is None else ()
     branches = tuple(found) if search.branches != ("",) else ()
