@@ -179,8 +179,9 @@ class CurveFeedback(FeedbackLaw):
 
     @property
     def simpler(self):  # type: ignore[override]
-        """Of the same limit of the torque: a curve can follow it closely."""
-        return RatedFeedback(**{name: getattr(self, name) for name in _OF_EVERY_LAW})
+        """Of the same limit and constant of the torque: a curve can follow it closely."""
+        law = RatedFeedback(**{name: getattr(self, name) for name in _OF_EVERY_LAW})
+        return law.applied(self._applied)
 
     def starting_gains(self):
         if self.knot_speeds is None:
