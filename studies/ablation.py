@@ -24,6 +24,7 @@ from hkt_mdo.run import passes, refine
 from hkt_mdo.run.run import run_case
 from hkt_mdo.solve import drivers, stationary
 from hkt_mdo.start import find
+from hkt_mdo.start.result import GIVEN
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -114,7 +115,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         tied,
         [(find.Search, "_heaviest", lambda self, found: found[0])],
     ),
-    "search from the given blade": (partial(began, find.GIVEN), [blades(find.GIVEN)]),
+    "search from the given blade": (partial(began, GIVEN), [blades(GIVEN)]),
     "search from a slower rotor": (partial(began, find.SLOWER[0]), [blades(find.SLOWER[0])]),
     "search from a faster rotor": (partial(began, find.FASTER[0]), [blades(find.FASTER[0])]),
     "search from a solid blade": (

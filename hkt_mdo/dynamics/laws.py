@@ -142,7 +142,6 @@ class FeedbackLaw(Law):
 
     smoothing: Annotated[float, Quantity(gt=0, le=1)] = 0.001
     """Smoothing nu of the saturation at the torque limit (paper, eq. 4)."""
-    _begins: tuple[float, ...] | None = PrivateAttr(None)  # gains
 
     def demand(self, speed, gains, *states):
         """Return the torque before saturation, N*m.
@@ -218,14 +217,8 @@ class FeedbackLaw(Law):
         return np.stack(columns, axis=1)
 
     def starting_gains(self):
-        gain = getattr(self, "gain", None) if self._begins is None else self._begins
+        gain = getattr(self, "gain", None)
         return None if gain is None else np.atleast_1d(np.asarray(gain, dtype=float))
-
-    def beginning_with(self, gains):
-        """Return the same law with gains to begin with."""
-        law = self.model_copy()
-        law._begins = tuple(gains)
-        return law
 
 
 class LinearFeedback(FeedbackLaw):

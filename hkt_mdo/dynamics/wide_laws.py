@@ -179,13 +179,14 @@ class CurveFeedback(FeedbackLaw):
 
     @property
     def simpler(self):  # type: ignore[override]
-        """Of the same limit of the torque: a curve can follow it closely."""
-        return RatedFeedback(**{name: getattr(self, name) for name in _OF_EVERY_LAW})
+        """Of the same limit and constant of the torque: a curve can follow it closely."""
+        law = RatedFeedback(**{name: getattr(self, name) for name in _OF_EVERY_LAW})
+        return law.applied(self._applied)
 
     def starting_gains(self):
-        if self._begins is None and self.knot_speeds is not None:
-            return np.array((*self.knot_speeds, *self.knot_torques), dtype=float)
-        return super().starting_gains()
+        if self.knot_speeds is None:
+            return None
+        return np.array((*self.knot_speeds, *self.knot_torques), dtype=float)
 
     def demand(self, speed, gains):
         at, (place, height, slope) = np.log(_forward(speed)), self.curve(gains)

@@ -16,8 +16,8 @@ from scipy.interpolate import CubicSpline
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.evaluation import epigraph, objective_at, on_start
-from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.operation_group import OperationGroup, named
+from hkt_mdo.problem.model import Physics, numbered
+from hkt_mdo.problem.operation_group import OperationGroup
 from hkt_mdo.problem.point import Operation, StartingPoint
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import THICKNESS_UNIT, TWIST_UNIT, Setup
@@ -105,20 +105,19 @@ def _add_rotors(group, physics, setup, band):
     tables += [f"{name}_band" for name in names if band]
     weight = physics.asks_for("weight_stress")
     outputs = ["inertia", *tables, *["weight_stress"] * weight]
-    variants = {physics.variant(each): physics.rotor_in(each) for each in physics.scenarios}
-    for variant, own in ({"": physics.rotor} | variants).items():
+    for number, own in enumerate(physics.rotors.values()):
         rotor = BladeGroup(
             rotor=replace(own, solver=physics.case.hydrodynamics.bem),
             blade=setup.start.blade,
-            shape=None if variant else physics.shape,
+            shape=None if number else physics.shape,
             nodes=np.asarray(setup.nodes, dtype=float),
             names=names,
             band=band,
             weight=weight,
         )
-        own_names = [(name, named(name, variant)) for name in outputs]
-        about = {"promotes_inputs": ["*"], "promotes_outputs": own_names if variant else ["*"]}
-        group.add_subsystem(f"rotor{variant}", rotor, **about)
+        own_names = [(name, numbered(name, number)) for name in outputs]
+        about = {"promotes_inputs": ["*"], "promotes_outputs": own_names if number else ["*"]}
+        group.add_subsystem(numbered("rotor", number), rotor, **about)
 
 
 def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om.Driver:
@@ -202,10 +201,9 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         text = f"design variables: {text}" if name.endswith("_control") else text
         about = {"val": value, "units": units, "desc": text}
         (designed if name in bounds else kept)[name] = about
-    for scenario in physics.scenarios:
-        name = named("density", physics.variant(scenario))
-        kept[name] = meta_of("density") | {"val": physics.rotor_in(scenario).water_density}
-    kept["density"] = meta_of("density") | {"val": physics.density}
+    for number, rotor in enumerate(physics.rotors.values()):
+        density = meta_of("density") | {"val": rotor.water_density}
+        kept[numbered("density", number)] = density
     if "thickness" not in control and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
         kept["thickness"] = meta_of("thickness") | {"val": given}
@@ -236,8 +234,8 @@ def _objective_reference(physics, setup) -> float:
     """
     if not physics.objective.is_energy:
         return 0.1 * abs(objective_at(physics, setup.start)) or 1.0
-    passing = sum(x.weight * float(x.sample_weights @ x.speeds**3) for x in physics.scenarios)
-    passing *= physics.density * setup.start.blade.rotor_radius**2
+    speed, weights = physics.sampled_flow
+    passing = float(weights @ speed**3) * physics.density * setup.start.blade.rotor_radius**2
     return 0.1 * max(setup.start.operation.energy, 0.05 * passing)
 
 

@@ -98,24 +98,29 @@ class FormulaComp(om.ExplicitComponent):
 
 
 class AggregateComp(om.ExplicitComponent):
-    """The objective: a duration times the aggregate of the scenarios' mean rates.
+    """The objective: a duration times the aggregate of the scenarios' mean rates, less a price.
 
     Inputs mean_rate[n_scenarios] as the aggregate takes them, unknowns[n_unknowns] where the
-    aggregate has some; outputs objective and, where the aggregate has some, rows[n_rows], which
-    must not be negative. `shares` are the scenarios' of the time, `duration` is in s.
+    aggregate has some, and hub_inertia (kg*m**2) where it has a price; outputs objective and, where
+    the aggregate has some, rows[n_rows], which must not be negative. `shares` are the scenarios' of
+    the time, `duration` is in s, `price` in J/(kg*m**2).
     """
 
-    def __init__(self, aggregate, shares, duration, objective):
+    def __init__(self, aggregate, shares, duration, objective, price=0.0):
         super().__init__()
         self._aggregate, self._shares, self._duration = aggregate, shares, duration
+        self._price = price
         self._ones, self._objective = {"mean_rate": np.ones(shares.size)}, objective
         if size := np.size(aggregate.best_unknowns(*self._ones.values(), shares)):
             self._ones["unknowns"] = np.ones(size)
+        if price:
+            self._ones["hub_inertia"] = np.ones(1)
 
     def setup(self):
         objective = self._objective
         for name, ones in self._ones.items():
-            self.add_input(name, val=ones, units=objective.function_unit)
+            units = "kg*m**2" if name == "hub_inertia" else objective.function_unit
+            self.add_input(name, val=ones, units=units)
         units = {"objective": objective.unit, "rows": objective.function_unit}
         for name, value in self._values(**self._ones).items():
             self.add_output(name, shape=value.shape, units=units[name])
@@ -128,10 +133,10 @@ class AggregateComp(om.ExplicitComponent):
                 rows, cols = self._places[output, name] = np.nonzero(np.isnan(moved))
                 self.declare_partials(output, name, rows=rows, cols=cols)
 
-    def _values(self, mean_rate, unknowns=_NONE):
-        """Return the outputs of mean rates and unknowns."""
+    def _values(self, mean_rate, unknowns=_NONE, hub_inertia=0.0):
+        """Return the outputs of mean rates, unknowns and an inertia that has a price."""
         value = self._aggregate.value(mean_rate, self._shares, unknowns)
-        found = {"objective": self._duration * np.atleast_1d(value)}
+        found = {"objective": self._duration * np.atleast_1d(value) - self._price * hub_inertia}
         rows = np.atleast_1d(self._aggregate.rows(mean_rate, self._shares, unknowns))
         return found | ({"rows": rows} if rows.size else {})
 

@@ -167,11 +167,11 @@ def epigraph(physics: Physics, point: StartingPoint) -> tuple[np.ndarray, int]:
 
 
 def objective_at(physics: Physics, point: StartingPoint) -> float:
-    """Return the objective of a quasi-steady starting point, in its unit, less its price."""
-    starts, price = on_start(physics, point), physics.price_of(point.blade)
+    """Return the objective of a quasi-steady starting point, in its unit, without its price."""
+    starts = on_start(physics, point)
     if not physics.objective.is_rate:
-        return float(physics.objective.value_of(starts[0])) - price
-    return united(physics, _integrals(physics, starts, physics.objective)) - price
+        return float(physics.objective.value_of(starts[0]))
+    return united(physics, _integrals(physics, starts, physics.objective))
 
 
 def excesses(physics: Physics, point: StartingPoint) -> dict[str, tuple[float, float | None]]:

@@ -60,10 +60,20 @@ class Physics:
         _, condition = scenario.turbine
         return self.law if condition is None else self.law.applied(condition.torque_constant)
 
-    def variant(self, scenario: Scenario) -> str:
-        """Return the ending of the names in the model of quantities of a scenario's own rotor."""
-        number = list(self.rotors).index(scenario.turbine)
-        return f"_{number}" if number else ""
+    def named(self, name: str, scenario: Scenario) -> str:
+        """Return the name in the model of a quantity in a scenario; of its own rotor's, numbered.
+
+        These are density, inertia, stress by the weight, tables and bands.
+        """
+        own = name in ("density", "inertia", "weight_stress") or name.endswith(("_table", "_band"))
+        return numbered(name, [*self.rotors].index(scenario.turbine)) if own else name
+
+    @cached_property
+    def sampled_flow(self) -> tuple[np.ndarray, np.ndarray]:
+        """Speeds (m/s) of all scenarios' flows at their samples, and weights (s), (n_times,)."""
+        speed = np.concatenate([each.speeds for each in self.scenarios])
+        weights = [each.weight * each.sample_weights for each in self.scenarios]
+        return speed, np.concatenate(weights)
 
     @cached_property
     def all_limits(self) -> tuple[Limit, ...]:
@@ -156,6 +166,10 @@ class Physics:
         hub = float(np.clip(hub_inertia, *self.case.design.hub_inertia_bounds))
         return replace(blade, hub_inertia=hub)
 
+    def bounded(self, gains: np.ndarray) -> np.ndarray:
+        """Return feedback gains within the bounds that the case gives, if any, in their units."""
+        return np.clip(gains, *(self.case.design.gain_bounds or (-np.inf, np.inf)))
+
     def price_of(self, blade: Blade) -> float:
         """Return the price of a designed `hub_inertia`, J, which lowers the objective."""
         return self.case.design.hub_inertia_price * (blade.hub_inertia or 0.0)
@@ -188,3 +202,8 @@ class Physics:
         if isinstance(self.objective, ElectricalEnergy):
             captured *= self.case.generator.largest_efficiency
         return self.objective.bound(captured)
+
+
+def numbered(name: str, number: int) -> str:
+    """Return the name in the model of something of the rotor of a number; 0: the case's own."""
+    return f"{name}_{number}" if number else name

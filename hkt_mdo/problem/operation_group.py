@@ -35,12 +35,6 @@ too, unless it binds at all nodes of a segment, where more rows would depend on 
 at the nodes alone, it was exceeded elsewhere in each pass (`river25_record`)."""
 
 
-def named(name: str, variant: str) -> str:
-    """Return the name in the model of a quantity of scenarios' own; see `Physics.variant`."""
-    own = name in ("density", "inertia", "weight_stress") or name.endswith(("_table", "_band"))
-    return f"{name}{variant}" if own else name
-
-
 class OperationGroup(om.Group):
     """The operation of a rotor over time, in every scenario.
 
@@ -48,7 +42,7 @@ class OperationGroup(om.Group):
     (kg*m**2), torque_coefficient_table[n_nodes] (or chord and twist[n_stations] with direct BEM),
     <load>_table[n_nodes] of each load that limits or objective need, gain_0, gain_1, … in the law's
     units; and what limits and objective take of the design. Where scenarios differ in water or
-    turbine, there are density_1, inertia_1 and tables of these names for them (`Physics.variant`).
+    turbine, there are density_1, inertia_1 and tables of these names for them (`Physics.named`).
     Outputs: ``traj.<scenario>.timeseries``, the loads and rates that are needed,
     ``limit_<name>.value``, the `INTEGRALS` and objective.
     """
@@ -156,7 +150,7 @@ class OperationGroup(om.Group):
         trajectory, inputs, designed = dm.Trajectory(), [], setup.bounds(physics)
         operation = split(physics, setup.start.operation)
         for each, (speed, torque, *states) in zip(physics.scenarios, operation, strict=True):
-            variant, bounds = physics.variant(each), dict(designed)
+            bounds = dict(designed)
             hydrodynamics, parameters = self._hydrodynamics(each)
             generator = physics.case.generator
             options = {"hydrodynamics": hydrodynamics, "generator": generator}
@@ -164,7 +158,7 @@ class OperationGroup(om.Group):
             begin = {"time": each.samples, "rotor_speed": speed, "control_torque": torque}
             begin |= zip(physics.law.states, states, strict=True)
             about = each, physics.law_in(each), options, self._refs, bounds, begin
-            promoted = [(name, named(name, variant)) for name in parameters]
+            promoted = [(name, physics.named(name, each)) for name in parameters]
             if each.steady:
                 group = equilibrium_group(*about)
                 self.add_subsystem(f"steady_{each.name}", group, promotes_inputs=promoted)
@@ -206,10 +200,10 @@ class OperationGroup(om.Group):
         physics, curves = self._physics, self._band or TorqueSpline(self._start.nodes)
         names = physics.load_names
         for scenario in physics.scenarios if names else ():
-            name, variant = f"loads_{scenario.name}", physics.variant(scenario)
+            name = f"loads_{scenario.name}"
             component = LoadComp(scenario.node_times.size, names, curves)
             fed = "density", *component.tables.values()
-            inputs = [(each, named(each, variant)) for each in fed]
+            inputs = [(each, physics.named(each, scenario)) for each in fed]
             self.add_subsystem(name, component, promotes_inputs=inputs)
             for quantity in (*component.ratios, "inflow_speed"):
                 self.connect(scenario.source(quantity), f"{name}.{quantity}")
@@ -276,9 +270,9 @@ class OperationGroup(om.Group):
         `name` may have the ending of its output.
         """
         name = name.removesuffix(".value")
-        variant = self._physics.variant(scenario) if scenario else ""
-        fixed = (each for each in formula.inputs if each not in formula.series)
-        inputs = [(each, named(each, variant)) for each in fixed]
+        inputs = [each for each in formula.inputs if each not in formula.series]
+        if scenario:
+            inputs = [(each, self._physics.named(each, scenario)) for each in inputs]
         self.add_subsystem(name, FormulaComp(formula, nodes.size), promotes_inputs=inputs)
         for each in formula.series:
             at = {"src_indices": nodes, "flat_src_indices": True}
@@ -298,18 +292,10 @@ class OperationGroup(om.Group):
 
     def _add_objective(self):
         """Add the objective: an aggregate of scenarios' mean rates, or a value of the design."""
-        physics, name = self._physics, "objective"
-        if price := physics.case.design.hub_inertia_price:
-            name = "objective_without_price"
-            units = {"units": physics.objective.unit}
-            priced = om.ExecComp(
-                f"objective = {name} - {price!r} * hub_inertia",
-                **{"objective": units, name: units, "hub_inertia": {"units": "kg*m**2"}},
-            )
-            self.add_subsystem("price", priced, promotes=["*"])
+        physics = self._physics
         if not physics.objective.is_rate:
             self._add_formula("objective_value", physics.objective, np.arange(1))
-            return self.promotes("objective_value", outputs=[("value", name)])
+            return self.promotes("objective_value", outputs=[("value", "objective")])
         factors = dict(zip(physics.shares, np.diag(physics.rate_factors), strict=True))
         weights = {
             each.name: np.outer(factors[each.group], each.node_weights / each.mesh.duration)
@@ -322,9 +308,9 @@ class OperationGroup(om.Group):
             shares=np.array(list(physics.shares.values())),
             duration=physics.case.phase.duration,
             objective=physics.objective,
+            price=physics.case.design.hub_inertia_price,
         )
-        about = {"promotes_inputs": ["*"], "promotes_outputs": ["*", ("objective", name)]}
-        self.add_subsystem("aggregate", component, **about)
+        self.add_subsystem("aggregate", component, promotes=["*"])
         return None
 
 

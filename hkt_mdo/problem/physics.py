@@ -171,22 +171,14 @@ def physics(case: Case) -> Physics:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.model_copy(update={"torque_limit": None})
-
-    known: list[tuple] = []  # the same limits are one: those of an extension may not compare
-
-    def limits_in(scenario):
-        own = case.of_scenario(scenario.group)
-        given = own.limits, own.condition.torque_constant
-        if not any(given == other for other, _ in known):
-            known.append((given, _limits_over_time(own, shape, control.torque_limit)))
-        return next(limits for other, limits in known if given == other)
-
+    groups, torque = dict.fromkeys(each.group for each in scenarios), control.torque_limit
+    limits = {x: _limits_over_time(case.of_scenario(x), shape, torque) for x in groups}
     made = Physics(
         case,
         shape,
         _rotors(case, turbine, shape, scenarios),
         turbine,
-        tuple(replace(each, limits=limits_in(each)) for each in scenarios),
+        tuple(replace(each, limits=limits[each.group]) for each in scenarios),
         control,
         _design_limits(case, shape),
         case.objective,

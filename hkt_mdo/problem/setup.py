@@ -21,11 +21,6 @@ start's smallest and largest rotor speed, on the disc radius and on the gains. N
 stays on its branch."""
 
 
-def gain_bounds(physics: Physics) -> tuple[float, float]:
-    """Return the bounds on the feedback gains that a case gives, in their units; else none."""
-    return physics.case.design.gain_bounds or (-np.inf, np.inf)
-
-
 @dataclass(frozen=True, eq=False)
 class Setup:
     """The start and the settings of one optimization.
@@ -67,7 +62,7 @@ class Setup:
         if physics.designs_hub:
             low, high = physics.case.design.hub_inertia_bounds
             found["hub_inertia"] = max(low, self.least_hub), high
-        gains = np.clip(physics.law.moves(start.gains, by_gain), *gain_bounds(physics))
+        gains = physics.bounded(physics.law.moves(start.gains, by_gain))
         for i, (low, high) in enumerate(np.sort(gains, axis=0).T):
             if low < high:
                 found[f"gain_{i}"] = low, high
@@ -109,7 +104,7 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     beside the intervals that need them, which are those where a station changes from attached to
     stalled flow. `finer` halves every interval.
     """
-    flow = np.concatenate([each.speeds for each in physics.scenarios])
+    flow, _ = physics.sampled_flow
     # an optimizer that diverged may have stopped the rotor somewhere
     ratios = np.maximum(
         start.operation.rotor_speed * start.blade.rotor_radius / flow, SLOWEST_RATIO

@@ -12,7 +12,6 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
-from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
@@ -24,7 +23,6 @@ from hkt_mdo.run import loads
 from hkt_mdo.run.checks import designed, entry, explain, in_case, of_flow, of_table
 from hkt_mdo.run.findings import Findings, Flow, evaluated_problem
 from hkt_mdo.run.verification import start_against_friction
-from hkt_mdo.start.result import design_of_result
 
 FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave the file's blade
 # share of the energy that a blade can capture below which a gain is probably a mistake
@@ -81,8 +79,7 @@ def check_case(case: Case) -> CheckReport:
         If a file of the case is broken, files do not fit each other, or the optimizer that the case
         asks for is not installed.
     """
-    world = _begun(physics(case))
-    found = Findings(world)
+    found = Findings(physics(case))
     several = len(found.flows) > 1
     rows = {
         "Turbine": [*_turbine(found), *_stations(found)],
@@ -93,24 +90,14 @@ def check_case(case: Case) -> CheckReport:
         "Optimization": [*_optimization(found), *_bounds(found)],
     }
     every = [row for table in rows.values() for row in table]
-    notes = [Row("", text) for text in world.messages]
-    warnings = [Row("", text) for text in world.warnings]
+    notes = [Row("", text) for text in (*found.physics.messages, *found.start.messages)]
+    warnings = [Row("", text) for text in found.physics.warnings]
     return CheckReport(
         {title: [row for row in table if not row.severity] for title, table in rows.items()},
         notes + [row for row in every if row.severity == "note"],
         warnings + [row for row in every if row.severity == "warning"],
         found,
     )
-
-
-def _begun(world: Physics) -> Physics:
-    """Return the physics with the design of `start.from`, if any, in place of the given one."""
-    if world.case.start.from_ is None:
-        return world
-    (blade, gains), messages = design_of_result(world)
-    law = world.law if gains is None else world.law.beginning_with(gains)
-    shape, messages = replace(world.shape, blade=blade), (*world.messages, *messages)
-    return replace(world, shape=shape, law=law, messages=messages)
 
 
 def _warning(label: str, text: str, severity: str = "warning") -> Row:
@@ -292,7 +279,7 @@ def _control(found: Findings) -> Rows:
             f"{found.fastest:.4g} m/s",
         )
     if law.is_feedback:
-        gains, own = law.starting_gains(), law.starting_gains() is None
+        gains, own = found.begins.gains, found.begins.gains is None
         how = "suits the starting blade; the run finds its own" if own else "as the case says"
         yield Row("gain at the start", amounts(found.start.gains, law.gain_units, 4), "", how)
         yield from (_warning("control", text) for text in law.held(found.start.gains))
@@ -334,7 +321,7 @@ def _within_bounds(found: Findings) -> str:
 def _start(found: Findings) -> Rows:
     """Yield the operation of the starting blade; warn if it captures little or does not turn."""
     best, mean = found.best, found.mean
-    rotor, blade, most = found.physics.rotor, found.physics.blade, best.power_coefficient
+    rotor, blade, most = found.physics.rotor, found.plant.blade, best.power_coefficient
     turned = rotor.best_operation(blade.with_shape(blade.chord, -blade.twist)).power_coefficient
     signs = {"power coefficient of the twist with the other sign": turned / max(most, 1e-9)}
     for text in implausible({"largest power coefficient": most} | signs):

@@ -1,12 +1,11 @@
 """The findings of a check, without an optimizer: starting blade, flows, size of the problem."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 import openmdao.api as om
 
-from hkt_mdo.dynamics.flows import ConstantInflow
+from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.simulation import FeedbackTorque
 from hkt_mdo.dynamics.stability import Loop
 from hkt_mdo.problem.build import assemble
@@ -21,6 +20,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.checks import energy_bound
 from hkt_mdo.run.verification import HeldSpeeds
 from hkt_mdo.start.find import find_start
+from hkt_mdo.start.result import GIVEN, given_designs
 
 # range over the best tip speed ratio in which a rotor may operate during the design
 MARGIN = 0.7, 1.3
@@ -150,9 +150,9 @@ class Findings:
 
     - `flows`: a `Flow` for each scenario; `mean` and `cutoff` are the mean speed over time
       and the highest of their frequencies, `slowest` and `fastest` speeds in operation.
-    - `plant`: the rotor with the starting blade, as it would be simulated; `given`: the blade of
-      the file, which splines may have left, or of the result that `start.from` names; `best`: its
-      largest power coefficient.
+    - `begins`: the design with which the case begins, its own or that of `start.from`; `plant`: the
+      rotor with its blade, as it would be simulated; `given`: the same, or the blade of the file,
+      which splines may have left; `best`: its largest power coefficient.
     - `start`: its quasi-steady operation under the control law, if it is `running`; `at_start`: the
       quantities then (`on_start`) and all loads, by scenario; `working`: the tip speed
       ratios, `MARGIN` round the best one if it does not turn; `captured`: its energy over that at
@@ -164,8 +164,8 @@ class Findings:
     """
 
     def __init__(self, physics: Physics):
-        case, blade = physics.case, physics.blade
-        self.physics, self.case = physics, case
+        self.physics, self.case = physics, physics.case
+        self.begins = given_designs(physics)[0][0]
         self.flows = [
             Flow(name, [physics.scenarios[i] for i in places], physics.shares[name])
             for name, places in physics.groups.items()
@@ -175,10 +175,10 @@ class Findings:
         self.cutoff = max(flow.cutoff for flow in self.flows)
         self.slowest = min(float(flow.range[0]) for flow in self.flows)
         fastest = max(float(flow.range[1]) for flow in self.flows)
-        self.fastest = min(fastest, case.control.cut_out or np.inf)
+        self.fastest = min(fastest, self.case.control.cut_out or np.inf)
 
-        begun = case.start.from_ is not None  # with the design of a result, not that of the file
-        self.given = blade if begun else physics.turbine.blade
+        blade = self.begins.blade
+        self.given = physics.turbine.blade if self.begins.strategy == GIVEN else blade
         self.plant = steady_plant(physics, physics.rotor, blade)
         self.best = physics.rotor.best_operation(blade)
         self.rated_speed = self.rated()
@@ -213,18 +213,18 @@ class Findings:
 
     def _settle(self):
         """Set speed and time constant of the starting blade in the mean flow."""
-        physics, gains = self.physics, self.start.gains
-        law = physics.law.beginning_with(gains) if physics.law.is_feedback else physics.law
-        first = physics.scenarios[0]
-        about = {"name": first.group, "limits": first.limits}
-        flow = Scenario(ConstantInflow(speed=self.mean), first.mesh, **about)
-        constant = replace(physics, law=law, scenarios=(flow,))
-        steady = find_start(constant, self.best, improve=False).operation
+        law, mean = self.physics.law, np.array([self.mean])
+        if law.is_feedback:
+            controller = FeedbackTorque(law, self.start.gains)
+            speed, running, states = equilibria(self.plant, controller, mean)
+        else:  # its schedule
+            flow, _ = self.physics.sampled_flow
+            order, controller = np.argsort(flow), HeldSpeeds(0.0)
+            speed = np.interp(mean, flow[order], self.start.operation.rotor_speed[order])
+            running, states = self.running, ()
         self.steady_speed = self.time_constant = None
-        if steady.running:
-            speed, flow = steady.rotor_speed[:1], np.array([self.mean])
-            controller = FeedbackTorque(law, gains) if law.is_feedback else HeldSpeeds(0.0)
-            loop = Loop.of(self.plant, controller, speed, flow, *(x[:1] for x in steady.states))
+        if np.all(running):
+            loop = Loop.of(self.plant, controller, speed, mean, *states)
             self.steady_speed = float(speed[0])
             self.time_constant = float(loop.time_constant[0])
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -20,15 +19,14 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
-from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
-from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline, sampled_flow
-from hkt_mdo.start.result import RESULT, design_of_result
+from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
+from hkt_mdo.start.result import Candidate, given_designs
 from hkt_mdo.start.steady import co_designed, optimized, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
 
-GIVEN, BEST = "blade as given", "best blade"
+BEST = "best blade"
 # names, and tip speed ratios over that of the best blade
 FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
@@ -47,14 +45,6 @@ LOCAL = (
 MERIT = attrgetter("merit")
 
 
-class Candidate(NamedTuple):
-    """A blade from which the search begins, and gains; None: fitted to its open loop."""
-
-    strategy: str
-    blade: Blade
-    gains: np.ndarray | None = None
-
-
 def find_start(
     physics: Physics,
     optimum: SteadyOptimum | None = None,
@@ -70,7 +60,8 @@ def find_start(
     optimum : SteadyOptimum, optional
         The best blade, and where it works best; by default, of all that the case allows.
     improve : bool, optional
-        False keeps blade and gains as the case gives them; None does as `start` says.
+        False keeps blade and gains as the case, or `start.from`, gives them; None does as `start`
+        says.
     on_start : callable, optional
         Called after every optimization of the search, with its outcome.
 
@@ -84,26 +75,21 @@ def find_start(
     InputError
         If `start.from` is no result that the case can begin with.
     """
-    messages: tuple[str, ...] = ()
+    given, messages = given_designs(physics)
     optimum = optimum or physics.rotor.best_of_shape(physics.shape, physics.blade)
-    given = Candidate(GIVEN, physics.shape.blade, physics.law.starting_gains())
-    candidates: list[Candidate] = []
-    if improve is not False and physics.case.start.from_ is not None:
-        (blade, gains), messages = design_of_result(physics)
-        candidates.append(Candidate(RESULT, blade, gains))
     search = Search(physics, optimum, on_start)
     if improve or (improve is None and physics.case.start.method == "quasi_steady"):
         # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
-        if physics.law.is_feedback and (has_branches(physics) or given.gains is not None):
-            candidates.append(given)
-        candidates = [*best_blades(physics, optimum), *candidates]
+        *results, own = given
+        tried = physics.law.is_feedback and (has_branches(physics) or own.gains is not None)
+        candidates = [*best_blades(physics, optimum), *(given if tried else results)]
         simpler = physics.law.simpler is not None and limits_power(physics)
         if simpler and all(each.gains is None for each in candidates):
             found = [search.of_simpler_law(candidates)]
         else:
             found = search.optima(candidates)
     else:
-        found = [search.as_given((*candidates, given)[0], each) for each in search.branches]
+        found = [search.as_given(given[0], each) for each in search.branches]
         found.sort(key=MERIT, reverse=True)
         messages += (LOCAL,) if improve is None else ()
     branches = tuple(found) if search.branches != ("",) else ()
@@ -256,7 +242,7 @@ class Search:
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
         gains = self.physics.law.fit(speed, law.demand(speed, end.gains))
-        return replace(end, gains=np.clip(gains, *gain_bounds(self.physics)))
+        return replace(end, gains=self.physics.bounded(gains))
 
     def _rank(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of a branch; overspeed is better where they are even.
@@ -301,7 +287,7 @@ class Search:
         over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
         exceeds = tuple(name for name, x in over.items() if x > START_EXCESS)
         excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
-        objective = objective_at(own, point) + own.price_of(point.blade)
+        objective = objective_at(own, point)
         return replace(point, objective=objective, excess=excess, exceeds=exceeds)
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
@@ -326,7 +312,7 @@ class Search:
         """Return a point with the branch on which it is: it may have left that of its schedule."""
         if not point.branch:
             return point
-        flow, _ = sampled_flow(physics)
+        flow, _ = physics.sampled_flow
         fastest, radius = int(np.argmax(flow)), point.blade.rotor_radius
         ratio = point.operation.rotor_speed[fastest] * radius / flow[fastest]
         return replace(point, branch=self._schedules.side(point.blade, ratio))
@@ -353,7 +339,7 @@ class Search:
         problem = self._quasi_steady(blade, self.steady)
         speed = ratio * problem.inflow_speed / blade.rotor_radius
         gains = law.fit(speed, np.full(speed.shape, DEMAND * law.torque_limit))
-        gains = np.clip(gains, *gain_bounds(physics))
+        gains = physics.bounded(gains)
         operation = problem.operate(gains)
         if operation.running:
             yield StartingPoint(blade, gains, operation, branch=self.branches[0], strategy=CONSTANT)
@@ -386,7 +372,7 @@ class Search:
             gains = law.follow(flow, speed, held, problem.plant.torque_slope(speed, flow))
         elif gains is None:
             gains = law.fit(speed, held)
-        gains = np.clip(gains, *gain_bounds(self.physics))
+        gains = self.physics.bounded(gains)
         if not law.states:
             return replace(point, gains=gains)
         (speed, *states), _ = at_rest(law, gains, flow, problem.generator_torque)

@@ -27,13 +27,6 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 SPAN, CURVE_NODES = (0.3, 2.6), 481  # of the curve, over the optimum's tip speed ratio; nodes
 
 
-def sampled_flow(physics: Physics) -> tuple[np.ndarray, np.ndarray]:
-    """Return the speeds (m/s) of all scenarios' flows, and their weights (s), both (n_times,)."""
-    scenarios = physics.scenarios
-    speed = np.concatenate([each.speeds for each in scenarios])
-    return speed, np.concatenate([each.weight * each.sample_weights for each in scenarios])
-
-
 def ratio_spline(optimum: SteadyOptimum) -> TorqueSpline:
     """Return the spline over `SPAN` of the tip speed ratio of a steady optimum."""
     return TorqueSpline(np.linspace(*SPAN, CURVE_NODES) * optimum.tip_speed_ratio)
@@ -63,7 +56,7 @@ class QuasiSteady:
         """Return the operation of a blade, with a curve of its torque, in all flows of a case."""
         about = physics.density, by_curve(curve), physics.case.generator
         plant = Plant(blade, Polars(), np.nan, *about)
-        return cls(plant, physics.law, *sampled_flow(physics))
+        return cls(plant, physics.law, *physics.sampled_flow)
 
     def operate(self, gains) -> Operation:
         """Return the operation of a rotor under a static law, at its fastest equilibria.

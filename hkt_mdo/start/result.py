@@ -1,20 +1,29 @@
-"""The design of an earlier result as a candidate of the search for a start (`start.from`)."""
+"""The designs that a case gives: that of an earlier result (`start.from`), and its own."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.setup import gain_bounds
 from hkt_mdo.problem.turbine import build_turbine
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.blade import Blade
 
-RESULT = "design of a result"
+GIVEN, RESULT = "blade as given", "design of a result"
 
 
-def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None], tuple[str, ...]]:
-    """Return the design of the result that `start.from` names, and messages about it.
+class Candidate(NamedTuple):
+    """A blade from which the search begins, and gains; None: fitted to its open loop."""
+
+    strategy: str
+    blade: Blade
+    gains: np.ndarray | None = None
+
+
+def given_designs(physics: Physics) -> tuple[list[Candidate], tuple[str, ...]]:
+    """Return the designs that a case gives, the one that it begins with first, and messages.
 
     Parameters
     ----------
@@ -22,9 +31,9 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
 
     Returns
     -------
-    tuple of Blade and np.ndarray or None
-        The blade on this case's stations and within its bounds; the gains of the same law, else
-        None.
+    list of Candidate
+        That of the result that `start.from` names, if any: its blade on this case's stations and
+        within its bounds, with gains of the same law; then the blade and the gains of the case.
     tuple of str
         That the result was refused by its checks, if it was.
 
@@ -33,7 +42,10 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
     InputError
         If the folder is no result, holds no design, or the blade count is another.
     """
+    own = Candidate(GIVEN, physics.blade, physics.law.starting_gains())
     folder = physics.case.start.from_
+    if folder is None:
+        return [own], ()
     where = {"key": "start.from", "value": folder}
     try:
         solution = Solution.load(folder, extensions=physics.case.extensions)
@@ -43,17 +55,17 @@ def design_of_result(physics: Physics) -> tuple[tuple[Blade, np.ndarray | None],
         remedy = "give the folder of a finished run"
         raise InputError(f"is no result that can be read ({error})", remedy, **where) from error
     summary = solution.summary
-    own = physics.blade.blade_count
-    if count != own:
-        problem = f"has {count} blades, the case has {own}"
-        remedy = f"give a result with rotor.blade_count = {own}"
+    needed = physics.blade.blade_count
+    if count != needed:
+        problem = f"has {count} blades, the case has {needed}"
+        remedy = f"give a result with rotor.blade_count = {needed}"
         raise InputError(problem, remedy, file=solution.folder, **where)
     if None in (summary.r_m, summary.chord_m, summary.twist_deg, summary.rotor_radius_m):
         remedy = "let that run finish with hkt run --resume"
         raise InputError("contains no design yet", remedy, file=solution.folder, **where)
     refused = f"start.from: the result there was refused by its checks: {solution.message}"
-    messages = (refused,) * (not solution.success)
-    return (_blade(physics, summary), _gains(physics, solution)), messages
+    result = Candidate(RESULT, _blade(physics, summary), _gains(physics, solution))
+    return [result, own], (refused,) * (not solution.success)
 
 
 def _blade(physics: Physics, summary) -> Blade:
@@ -89,4 +101,4 @@ def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
         fixed or solution.case.inflow == physics.case.inflow
     ):
         return None
-    return np.clip(gains, *gain_bounds(physics))
+    return physics.bounded(gains)

@@ -20,7 +20,6 @@ from hkt_mdo.quantities import STEADY
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.start.quasi_steady import sampled_flow
 
 BRANCHES = {"overspeed": 1, "underspeed": -1}
 """On which side of the ratio of the largest rate each branch keeps the limits."""
@@ -82,12 +81,12 @@ class SteadyFlow:
     @classmethod
     def of(cls, physics: Physics, spline: TorqueSpline) -> SteadyFlow:
         """Return the speeds of a case's flows; a rate over v³ is linear between two of them."""
-        return cls(physics, spline, in_speeds(*sampled_flow(physics))[0], _kept(physics))
+        return cls(physics, spline, in_speeds(*physics.sampled_flow)[0], _kept(physics))
 
     def within(self, scenario: Scenario, knots: int) -> SteadyFlow:
         """Return the same for a number of speeds of one of the scenarios, within its limits."""
         own = replace(self.physics, scenarios=(scenario,))
-        return replace(self, speeds=in_speeds(*sampled_flow(own), knots)[0], limits=_kept(own))
+        return replace(self, speeds=in_speeds(*own.sampled_flow, knots)[0], limits=_kept(own))
 
     def curves(self, blade: Blade) -> tuple[np.ndarray, dict[str, Any]]:
         """Return a blade's coefficients at the nodes, and its `scalars`, which are computed once.

@@ -10,7 +10,6 @@ from hkt_mdo.results.folder import write_text
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import start_of_case
-from hkt_mdo.start.quasi_steady import sampled_flow
 from hkt_mdo.start.steady_flow import SteadyFlow, in_speeds
 from studies.study_common import case_file, markdown_table, percent
 
@@ -39,7 +38,7 @@ class Global:
         self.ratios = np.linspace(*SPAN, RATIOS) * best.tip_speed_ratio
         nodes = np.linspace(self.ratios[0], self.ratios[-1], NODES)
         self.steady = SteadyFlow.of(self.physics, TorqueSpline(nodes))
-        _, self.weights = in_speeds(*sampled_flow(self.physics))
+        _, self.weights = in_speeds(*self.physics.sampled_flow)
         self._grid = np.repeat(self.ratios[:, None], self.steady.speeds.size, axis=1)
         self.bounds = [shape.bounds["chord"]] * shape.points["chord"]
         self.bounds += [shape.bounds["twist"]] * shape.points["twist"]

@@ -10,7 +10,6 @@ from hkt_mdo.dynamics.laws import STEP
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.start.find import find_start
-from hkt_mdo.start.quasi_steady import sampled_flow
 
 LOSSY = Generator(
     rated_torque=700.0, rated_speed=9.0, copper_loss=300.0, friction_loss=50.0, iron_loss=100.0
@@ -125,7 +124,7 @@ def test_copper_losses_move_the_best_tip_speed_ratio_up():
     plain, lossy = (physics(load_case(fixed | more)) for more in ({}, losses))
     best = plain.rotor.best_operation(plain.blade)
     found = [find_start(each, best, improve=False) for each in (plain, lossy)]
-    flow, _ = sampled_flow(plain)
+    flow, _ = plain.sampled_flow
     radius = plain.blade.rotor_radius
     ratios = [each.operation.rotor_speed * radius / flow for each in found]
     np.testing.assert_allclose(ratios[0], best.tip_speed_ratio, rtol=1e-3)

@@ -147,6 +147,8 @@ def test_rated_feedback_is_quadratic_below_and_of_constant_power_above():
     slow, fast = np.linspace(1.0, 0.9 * corner, 9), np.linspace(1.1 * corner, 30.0, 9)
     np.testing.assert_allclose(law.torque(slow, gains), 8.0 * slow**2, rtol=1e-5)
     np.testing.assert_allclose(law.torque(fast, gains), 5000.0 / fast, rtol=1e-5)
+    worn = CurveFeedback(smoothing=1e-6).applied(1.1).simpler
+    np.testing.assert_allclose(worn.torque(fast, gains), 5500.0 / fast, rtol=1e-5)
 
 
 @pytest.mark.parametrize("limit", [None, 400.0])

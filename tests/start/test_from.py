@@ -10,7 +10,7 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.start.find import LOCAL, find_start
-from hkt_mdo.start.result import design_of_result
+from hkt_mdo.start.result import given_designs
 from tests.conftest import NINE, edit_summary
 
 RESULT = "design of a result"
@@ -79,14 +79,14 @@ def test_gains_of_another_law_are_fitted(result):
 def test_gains_over_the_flow_s_range_are_those_of_the_same_flow(result):
     gains = [10.0 * n for n in range(len(physics(TRACKING).law.gain_units))]
     folder = result("tracking", gains)
-    assert list(design_of_result(world(folder, "tracking"))[0][1]) == gains
+    assert list(given_designs(world(folder, "tracking"))[0][0].gains) == gains
     gust = {"profile": "sine", "mean": "1 m/s"}
-    assert design_of_result(world(folder, "tracking", inflow=gust))[0][1] is None
+    assert given_designs(world(folder, "tracking", inflow=gust))[0][0].gains is None
 
 
 def test_it_is_interpolated_over_the_stations_of_the_case(result):
     case = world(result(), rotor={"station_count": 30})
-    blade, _ = design_of_result(case)[0]
+    blade = given_designs(case)[0][0].blade
     given = physics(load_case({"inflow": "sine", "control": "quadratic"})).blade
     assert blade.r.size == 30
     expected = 0.9 * np.interp(blade.r, given.r, given.chord)
@@ -97,18 +97,18 @@ def test_the_count_of_blades_may_be_that_of_the_files(result, tmp_path):
     file = tmp_path / "blade.csv"
     file.write_text("r_m,chord_m,twist_deg\n0.3,0.12,20\n0.9,0.1,8\n1.3,0.08,3\n")
     rotor = {"blade": str(file), "radius": 1.4}
-    assert design_of_result(world(result(rotor=rotor), rotor=rotor))[0][0].blade_count == 3
+    assert given_designs(world(result(rotor=rotor), rotor=rotor))[0][0].blade.blade_count == 3
 
 
 def test_its_radius_is_taken_where_that_is_designed(result):
     folder = result(rotor={"radius": "1.6 m"})
     fixed, free = world(folder), world(folder, design={"radius_bounds": [1.2, 1.5]})
-    assert design_of_result(fixed)[0][0].rotor_radius == fixed.blade.rotor_radius
-    assert design_of_result(free)[0][0].rotor_radius == pytest.approx(1.5)
+    assert given_designs(fixed)[0][0].blade.rotor_radius == fixed.blade.rotor_radius
+    assert given_designs(free)[0][0].blade.rotor_radius == pytest.approx(1.5)
 
 
 def test_a_refused_result_is_allowed_and_reported(result):
-    _, messages = design_of_result(world(result(success=False)))
+    _, messages = given_designs(world(result(success=False)))
     assert "refused by its checks: the mesh is too coarse" in messages[0]
 
 

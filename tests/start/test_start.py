@@ -12,7 +12,6 @@ from hkt_mdo.problem.point import PRICE
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.start.find import LOCAL, Candidate, Search, find_start
-from hkt_mdo.start.quasi_steady import sampled_flow
 
 
 def world(law="open_loop", limit=None, **design):
@@ -30,7 +29,7 @@ def optimum():
 def test_co_design_reaches_the_steady_optimum(law, optimum):
     """Without a limit, open loop and quadratic feedback keep the best rotor at its best ratio."""
     case = world(law)
-    start, (flow, weights) = find_start(case, optimum), sampled_flow(case)
+    start, (flow, weights) = find_start(case, optimum), case.sampled_flow
     radius = case.blade.rotor_radius
     power = optimum.power_coefficient * power_scale(case.density, radius, flow)
     assert start.operation.energy == pytest.approx(weights @ power, rel=5e-5)

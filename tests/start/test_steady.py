@@ -10,7 +10,6 @@ from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.start.find import CONSTANT, find_start
-from hkt_mdo.start.quasi_steady import sampled_flow
 from hkt_mdo.start.steady import without_time
 from hkt_mdo.start.steady_flow import KNOTS
 
@@ -67,7 +66,7 @@ def test_under_quadratic_feedback_power_is_kept_by_a_poor_blade_or_a_constant_to
     proportional = [each for each in start.starts if each.objective < 0.999 * solid.objective]
     assert len(proportional) >= 2
     assert all(each.objective < 0.8 * start.objective for each in proportional)
-    flow, weights = sampled_flow(world)
+    flow, weights = world.sampled_flow
     most = 25e3 * (weights @ flow**3) / flow.max() ** 3
     assert all(each.objective < most for each in proportional if each.excess < 1e-3)
 
@@ -82,7 +81,7 @@ def test_laws_nest_without_time():
     free = max(each.objective for each in guides if each.branch == rated.branch)
     assert quadratic.objective < rated.objective < free * (1.0 + 1e-4)
     assert rated.objective > 0.99 * free
-    flow, weights = sampled_flow(world)
+    flow, weights = world.sampled_flow
     best = world.rotor.best_of_shape(world.shape, world.blade).power_coefficient
     passing = power_scale(world.density, world.blade.rotor_radius, flow)
     assert max(x.objective for x in guides) < weights @ np.minimum(best * passing, 25e3)
