@@ -7,7 +7,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
-from hkt_mdo.dynamics.resource import YEAR
+from hkt_mdo.dynamics.resource import YEAR, in_bins
 from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.messages import validated
@@ -49,8 +49,8 @@ def report_resource(
         If a key or the record is not as it should be, or a file is there already.
     """
     record = validated(RecordResource, {"file": str(file)}, "hkt resource", keys)
-    samples, (speed, share) = record.samples, record.binned()
-    rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
+    samples, (speed, share) = record.samples, in_bins(*record.occurrence(), record.bin_width)
+    rows = zip(speed, HOURS * share, strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
     section = {"resource": {"profile": "histogram", "file": "resource.csv"}}
     texts, length = {"resource.csv": table, "case.yaml": dump(section)}, samples.time[-1]
@@ -76,10 +76,9 @@ def report_resource(
 def _statistics(record: RecordResource, tidal: bool) -> Iterator[str]:
     """Yield what characterizes the flow, and the uncertainty by the length of the record."""
     (speed, share), samples = record.occurrence(), record.samples
-    size = np.abs(speed)
-    mean, cube = float(share @ size), float(share @ size**3)
+    size, cube = np.abs(speed), record.mean_cube
     yield (
-        f"mean speed {mean:.4g} m/s, mean cubed speed {cube:.4g} m³/s³ (cube root "
+        f"mean speed {float(share @ size):.4g} m/s, mean cubed speed {cube:.4g} m³/s³ (cube root "
         f"{np.cbrt(cube):.4g} m/s), at most {np.max(size):.4g} m/s"
     )
     back = float(np.sum(share[speed < 0.0]))

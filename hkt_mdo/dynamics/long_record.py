@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from hkt_mdo.dynamics import records
-from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
+from hkt_mdo.dynamics.resource import YEAR, Resource, places_in_bins
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import Columns, RecordFile, read_pairs
 from hkt_mdo.sections import ExistingFile
@@ -223,21 +223,12 @@ class RecordResource(RecordFile, Resource):
     def occurrence(self):
         return self.samples.speed, self.samples.share
 
-    def binned(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the speeds of bins, m/s, and their shares; reversed flow has bins of its own."""
-        speed, each = self.occurrence()
-        ahead, back = speed >= 0.0, speed < 0.0
-        mean, share = in_bins(speed[ahead], each[ahead], self.bin_width)
-        reverse, other = in_bins(-speed[back], each[back], self.bin_width)
-        return np.concatenate((mean, -reverse)), np.concatenate((share, other))
-
     def scatter(self, energies):
         speed, share = self.occurrence()
         values = np.zeros(speed.size)
         for way, energy in energies.items():
             runs = way * speed >= 0.0
-            bins = np.floor(np.abs(speed[runs]) / self.bin_width + SAME).astype(int)
-            place = np.unique(bins, return_inverse=True)[1]
+            place = places_in_bins(np.abs(speed[runs]), self.bin_width)
             values[runs] += (energy / np.bincount(place, share[runs]))[place]
         return {"record": self.samples.scatter(values)}
 
