@@ -244,29 +244,26 @@ class Resource(Inflow):
         speed, share = self.occurrence()
         runs = way * speed >= 0.0
         idle, speed, share = float(np.sum(share[~runs])), np.abs(speed[runs]), share[runs]
-        finer, slowest = None, max(self.cut_in, SLOWEST)
         if self.own_bins:
-            speed, place = np.unique(np.round(speed / SAME) * SAME, return_inverse=True)
-            share = np.bincount(place, share)
-            used = share > 0.0
-            speed, share = speed[used], share[used]
-            gaps = np.diff(speed) if speed.size > 1 else np.zeros(1)
-            low, high = speed[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
+            mean, time = in_bins(np.round(speed, 9), share, SAME)  # one bin of equal speeds
         else:
-            finer = None if self.turbulence_intensity else (speed, share)
-            low, high = np.min(speed, initial=np.inf), np.max(speed, initial=0.0)
-            speed, share = in_bins(speed, share, self.bin_width)
-        found = Speeds(speed, share, np.arange(speed.size), speed, share, idle, finer)
+            mean, time = in_bins(speed, share, self.bin_width)
+        finer = None if self.own_bins or self.turbulence_intensity else (speed, share)
+        found = Speeds(mean, time, np.arange(mean.size), mean, time, idle, finer)
         found = found.turbulent(self.turbulence_intensity)
-        whole = finer or (found.speed, found.share)
+        whole, slowest = finer or (found.speed, found.share), max(self.cut_in, SLOWEST)
         found = replace(found, whole=whole).between(slowest, np.inf)
-        if not found.speed.size or not np.any(found.share):
+        if not np.any(found.share):
             problem = "leaves no time of operation: the flow is slower or reversed, all year"
             place = {"key": "resource.cut_in", "value": self.cut_in}
-            raise InputError(problem, "give a smaller cut_in", **place)
+            raise InputError(problem, "give a smaller cut_in, or another reversal", **place)
         if found.speed.size > MOST_SPEEDS:
             problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
+        low, high = np.min(speed), np.max(speed)
+        if self.own_bins:
+            gaps = np.diff(mean) if mean.size > 1 else np.zeros(1)
+            low, high = mean[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
         farthest = self.turbulence_intensity * FARTHEST
         return found.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
 
