@@ -7,7 +7,7 @@ repaired unless an option says so, and every repair is named in `Record.messages
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -184,7 +184,7 @@ def read_columns(options: RecordFile) -> Columns:
         raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
     kind, reader = _READERS[ending.lower()]
     try:
-        return _with_parts(partial(reader, path), options)
+        return _with_parts(reader, options)
     except Exception as error:
         if isinstance(error, InputError) or kind == "CSV":
             raise
@@ -201,7 +201,7 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
     """
     raw, messages = read(options).in_si(options), []
     if options.second_column == raw.names[1]:
-        raise options.refuse("second_column", "is the first one", "give the other one", raw.file)
+        raise options.refuse("second_column", "is the first one", "give the other one")
     if options.second_column is not None:
         other = options.model_copy(update={"speed_column": options.second_column})
         second = read(other).in_si(other)
@@ -306,7 +306,7 @@ def _cut(raw: Columns, options: RecordInflow) -> Columns:
         problem += f"record that ends at {last:.6g} s"
         remedy = f"take {MIN_SAMPLES} samples at least, and no time after its end"
         key = "start" if options.duration is None or start > last else "duration"
-        raise options.refuse(key, problem, remedy, raw.file)
+        raise options.refuse(key, problem, remedy)
     if rows.size == time.size:
         return raw
     note = f"taken from {time[rows[0]]:.6g} s to {time[rows[-1]]:.6g} s of the record"
@@ -393,7 +393,7 @@ def _low_passed(even: Columns, options: RecordInflow, step: float) -> tuple[floa
         problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
         problem += f"{nyquist:.4g} Hz, half the sampling rate"
         remedy = "give another cutoff, or none for half of the upper one"
-        raise options.refuse("cutoff", problem, remedy, even.file)
+        raise options.refuse("cutoff", problem, remedy)
     smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
     removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
     share = f"{100.0 * removed:.2g} % of the variance"
