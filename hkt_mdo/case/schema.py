@@ -125,7 +125,7 @@ class FlowScenario(_WithFlow):
             changes: dict[str, Any] = {"realizations": None, "spread": None}
             if count > 1:
                 changes |= {"name": f"{self.name}_{number + 1}", "weight": self.weight / count}
-                changes["inflow"] = _reseeded(flow, number)
+                changes["inflow"] = flow.reseeded(number)
             if self.spread is not None:
                 condition, density = self.condition or case.condition, self.density
                 changes |= self.spread.drawn(condition, density or case.fluid.density, number)
@@ -135,16 +135,6 @@ class FlowScenario(_WithFlow):
                 raise refusal(problem, remedy, key=f"{key}.realizations", value=count)
             made.append(self.model_copy(update=changes))
         return made
-
-
-def _reseeded(inflow: Any, number: int) -> Any:
-    """Return the flow of another number: its seed, or those of its parts, are larger."""
-    if isinstance(inflow, SumInflow):
-        number *= sum(hasattr(part, "seed") for part in inflow.parts)  # no two share a part
-        parts = tuple(_reseeded(part, number) for part in inflow.parts)
-        return inflow.model_copy(update={"parts": parts})
-    known = hasattr(inflow, "seed")
-    return inflow.model_copy(update={"seed": inflow.seed + number}) if known else inflow
 
 
 class Case(_WithFlow):

@@ -196,7 +196,7 @@ def draw_report(
     curves = []
     for prefix, table, sure in tables:
         inside = (table.alpha >= first) & (table.alpha <= last)
-        label = f"{prefix}{_reynolds(table)}".rstrip().replace("$", r"\$")
+        label = f"{prefix}{_reynolds(table)}".rstrip()
         polar = Polar.from_polar_table(table)
         curves.append((label, polar, table.alpha[inside], sure[inside]))
     title += f"\ndotted where the confidence is below {LOW_CONFIDENCE:g}"

@@ -7,7 +7,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
-from hkt_mdo.dynamics.resource import YEAR
+from hkt_mdo.dynamics.resource import YEAR, in_bins
 from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.messages import validated
@@ -49,8 +49,9 @@ def report_resource(
         If a key or the record is not as it should be, or a file is there already.
     """
     record = validated(RecordResource, {"file": str(file)}, "hkt resource", keys)
-    samples, (speed, share) = record.samples, record.binned()
-    rows = zip(np.sort(speed), HOURS * share[np.argsort(speed)], strict=True)
+    samples = record.samples
+    speed, share = in_bins(samples.speed, samples.share, record.bin_width)
+    rows = zip(speed, HOURS * share, strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
     section = {"resource": {"profile": "histogram", "file": "resource.csv"}}
     texts, length = {"resource.csv": table, "case.yaml": dump(section)}, samples.time[-1]
@@ -75,21 +76,19 @@ def report_resource(
 
 def _statistics(record: RecordResource, tidal: bool) -> Iterator[str]:
     """Yield what characterizes the flow, and the uncertainty by the length of the record."""
-    (speed, share), samples = record.occurrence(), record.samples
-    size = np.abs(speed)
-    mean, cube = float(share @ size), float(share @ size**3)
+    samples, cube = record.samples, record.mean_cube
+    share, size, back = samples.share, np.abs(samples.speed), samples.speed < 0.0
     yield (
-        f"mean speed {mean:.4g} m/s, mean cubed speed {cube:.4g} m³/s³ (cube root "
+        f"mean speed {float(share @ size):.4g} m/s, mean cubed speed {cube:.4g} m³/s³ (cube root "
         f"{np.cbrt(cube):.4g} m/s), at most {np.max(size):.4g} m/s"
     )
-    back = float(np.sum(share[speed < 0.0]))
-    if back:
-        cubes = float(share[speed < 0.0] @ size[speed < 0.0] ** 3) / cube
+    if np.any(back):
+        time, cubes = float(np.sum(share[back])), float(share[back] @ size[back] ** 3) / cube
         yield (
-            f"the flow runs the other way in {100.0 * back:.3g} % of the time, with "
+            f"the flow runs the other way in {100.0 * time:.3g} % of the time, with "
             f"{100.0 * cubes:.3g} % of the mean cubed speed"
         )
-    scatter, length = samples.scatter(np.abs(samples.speed) ** 3), samples.time[-1]
+    scatter, length = samples.scatter(size**3), samples.time[-1]
     text, block = "unknown, less than 3", f"blocks of {samples.block / 86400.0:.5g} days"
     if scatter is not None:
         text = f"{100.0 * scatter:.2g} %, by the scatter of"

@@ -8,7 +8,7 @@ of your own is a subclass of `Inflow` (docs/dev/architecture.md).
 from collections.abc import Iterator
 from functools import partial
 from numbers import Real
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, SerializeAsAny
@@ -64,6 +64,11 @@ class Inflow(Section):
         for name in copied.__dict__.keys() - type(self).model_fields.keys():
             del copied.__dict__[name]
         return copied
+
+    def reseeded(self, number: int) -> Self:
+        """Return the flow with a seed that is larger by a number; without a seed, as it is."""
+        seed = getattr(self, "seed", None)
+        return self if seed is None else self.model_copy(update={"seed": seed + number})
 
     def speed_at(self, time):
         """Return the inflow speed, m/s."""
@@ -411,6 +416,10 @@ class SumInflow(Inflow):
         if len({*seeds}) < len(seeds):
             problem = "has random parts of the same seed, which are one flow"
             yield "parts", problem, "give each its own seed"
+
+    def reseeded(self, number):
+        number *= sum(part.reseeded(1) != part for part in self.parts)  # no two share a part
+        return self.model_copy(update={"parts": tuple(x.reseeded(number) for x in self.parts)})
 
     @property
     def mean_speed(self):

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from hkt_mdo.dynamics import records
-from hkt_mdo.dynamics.resource import SAME, YEAR, Resource, in_bins
+from hkt_mdo.dynamics.resource import YEAR, Resource, places_in_bins
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import Columns, RecordFile, read_pairs
 from hkt_mdo.sections import ExistingFile
@@ -85,14 +85,12 @@ class FlowSamples:
         s/(mean sqrt(n)). None of less than three blocks, and of a mean of zero.
         """
         length = float(self.time[-1])
-        count = int(length / self.block + 0.01)
+        count = max(int(length / self.block + 0.01), 1)
         mean = float(self.share @ values)
-        if count < FEWEST_BLOCKS or not mean:
-            return None
         place = np.minimum((count * self.time / length).astype(int), count - 1)
         share = np.bincount(place, self.share, count)
         means = np.bincount(place, self.share * values, count)[share > 0.0] / share[share > 0.0]
-        if means.size < FEWEST_BLOCKS:
+        if means.size < FEWEST_BLOCKS or not mean:
             return None
         return float(np.std(means, ddof=1) / np.sqrt(means.size) / abs(mean))
 
@@ -181,13 +179,13 @@ class RecordResource(RecordFile, Resource):
             beyond = "below zero" if least == 0.0 else f"above {most:g} m/s"
             wrong[beyond] = (raw.speed < least) | (raw.speed > most)
         notes = [f"{np.sum(x)} samples {words} left out" for words, x in wrong.items() if np.any(x)]
-        raw = replace(raw, speed=np.where(sum(wrong.values()), np.nan, raw.speed))
-        whole, raw = raw, raw if raw.parts is None else _along_axis(raw)
+        speed = np.where(sum(wrong.values()), np.nan, raw.speed)
+        whole = replace(raw, speed=speed, messages=(*raw.messages, *notes))
+        raw = whole if whole.parts is None else _along_axis(whole)
         spikes, others = records.check_speeds(raw, self.spikes, least, most)
         if raw.parts is not None and np.any(spikes):  # they may have turned the axis
             speed = np.where(spikes, np.nan, whole.speed)
-            messages = (*whole.messages, *notes, *others)
-            return self._made(replace(whole, speed=speed, messages=messages))
+            return self._made(replace(whole, speed=speed, messages=(*whole.messages, *others)))
         good = np.isfinite(raw.speed) & ~spikes
         count = int(np.sum(good))
         if count < records.MIN_SAMPLES:
@@ -206,7 +204,7 @@ class RecordResource(RecordFile, Resource):
         if length < 0.98 * needed * YEAR:
             years = f"{needed:g} year{'s' * (needed > 1)}"
             first += f"; for the hours of each speed IEC TS 62600-{part} asks for {years}"
-        return replace(made, messages=(first, *raw.messages, *notes, *others))
+        return replace(made, messages=(first, *raw.messages, *others))
 
     def _standstill(self, raw: Columns) -> np.ndarray:
         """Return which samples are of a sensor that gives exactly 0 for a day or more."""
@@ -223,21 +221,12 @@ class RecordResource(RecordFile, Resource):
     def occurrence(self):
         return self.samples.speed, self.samples.share
 
-    def binned(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the speeds of bins, m/s, and their shares; reversed flow has bins of its own."""
-        speed, each = self.occurrence()
-        ahead, back = speed >= 0.0, speed < 0.0
-        mean, share = in_bins(speed[ahead], each[ahead], self.bin_width)
-        reverse, other = in_bins(-speed[back], each[back], self.bin_width)
-        return np.concatenate((mean, -reverse)), np.concatenate((share, other))
-
     def scatter(self, energies):
         speed, share = self.occurrence()
         values = np.zeros(speed.size)
         for way, energy in energies.items():
             runs = way * speed >= 0.0
-            bins = np.floor(np.abs(speed[runs]) / self.bin_width + SAME).astype(int)
-            place = np.unique(bins, return_inverse=True)[1]
+            place = places_in_bins(np.abs(speed[runs]), self.bin_width)
             values[runs] += (energy / np.bincount(place, share[runs]))[place]
         return {"record": self.samples.scatter(values)}
 

@@ -7,7 +7,7 @@ repaired unless an option says so, and every repair is named in `Record.messages
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -184,7 +184,7 @@ def read_columns(options: RecordFile) -> Columns:
         raise InputError(problem, f"name it {', '.join(_READERS)}, by its format", file=path)
     kind, reader = _READERS[ending.lower()]
     try:
-        return _with_parts(partial(reader, path), options)
+        return _with_parts(reader, options)
     except Exception as error:
         if isinstance(error, InputError) or kind == "CSV":
             raise
@@ -201,7 +201,7 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
     """
     raw, messages = read(options).in_si(options), []
     if options.second_column == raw.names[1]:
-        raise options.refuse("second_column", "is the first one", "give the other one", raw.file)
+        raise options.refuse("second_column", "is the first one", "give the other one")
     if options.second_column is not None:
         other = options.model_copy(update={"speed_column": options.second_column})
         second = read(other).in_si(other)
@@ -276,14 +276,13 @@ def _made(raw: Columns, options: RecordInflow) -> Record:
     check_order(raw)
     raw = _cut(raw, options)
     spikes, notes = check_speeds(raw, options.spikes)
-    raw = replace(raw, messages=(*raw.messages, *notes))
-    step, even, messages = _even(raw, options, spikes)
-    cutoff, smooth, removed = _low_passed(raw, options, step, even(raw.speed))
+    even = _even(replace(raw, messages=(*raw.messages, *notes)), options, spikes)
+    step = float(even.time[1])
+    cutoff, smooth, removed = _low_passed(even, options, step)
     along, where = smooth, ""
-    if raw.parts is not None:
-        parts = np.array([even(part) for part in raw.parts])
-        mean = np.mean(parts, axis=1)
-        along = low_pass(mean @ parts / max(np.hypot(*mean), 1e-9), step, cutoff)
+    if even.parts is not None:
+        mean = np.mean(even.parts, axis=1)
+        along = low_pass(mean @ even.parts / max(np.hypot(*mean), 1e-9), step, cutoff)
         where = " along its mean direction"
     low = int(np.argmin(along))
     if not along[low] > 0.0:
@@ -293,8 +292,7 @@ def _made(raw: Columns, options: RecordInflow) -> Record:
         raise raw.refuse(f"{problem}reverses", remedy, row, 1)
     summary = f"{Path(raw.file).name}: {_count(smooth.size, 'sample')} every {step:.6g} s, mean "
     summary += f"{smooth.mean():.4g} m/s, from {smooth.min():.4g} to {smooth.max():.4g} m/s"
-    messages = summary, *raw.messages, *messages, removed
-    return Record(step * np.arange(smooth.size), smooth, step, cutoff, messages)
+    return Record(even.time, smooth, step, cutoff, (summary, *even.messages, removed))
 
 
 def _cut(raw: Columns, options: RecordInflow) -> Columns:
@@ -308,7 +306,7 @@ def _cut(raw: Columns, options: RecordInflow) -> Columns:
         problem += f"record that ends at {last:.6g} s"
         remedy = f"take {MIN_SAMPLES} samples at least, and no time after its end"
         key = "start" if options.duration is None or start > last else "duration"
-        raise options.refuse(key, problem, remedy, raw.file)
+        raise options.refuse(key, problem, remedy)
     if rows.size == time.size:
         return raw
     note = f"taken from {time[rows[0]]:.6g} s to {time[rows[-1]]:.6g} s of the record"
@@ -316,10 +314,10 @@ def _cut(raw: Columns, options: RecordInflow) -> Columns:
     return replace(part, time=part.time - part.time[0], messages=(*raw.messages, note))
 
 
-def _even(
-    raw: Columns, options: RecordInflow, spikes: np.ndarray
-) -> tuple[float, Callable, list[str]]:
-    """Return the step, the function that brings samples to even times, and notes."""
+def _even(raw: Columns, options: RecordInflow, spikes: np.ndarray) -> Columns:
+    """Return the columns at even times, without overshoot between the samples, and notes."""
+    from scipy.interpolate import PchipInterpolator
+
     step, index, miss = _grid(raw.time)
     count = int(index[-1]) + 1
     uneven = np.flatnonzero(miss > UNEVEN * step)
@@ -351,7 +349,12 @@ def _even(
             missing = f"{_count(int(np.sum(gaps)), 'sample')} ({share})"
             text = f"{_count(begins.size, 'gap')} interpolated, {missing}, the longest "
             notes.append(f"{text}{longest:.6g} s, at t = {_times(step * begins)}")
-    return step, partial(_interpolate, time, ~spikes, step * np.arange(count)), notes
+    good = np.isfinite(raw.speed) & ~spikes
+    known, at = time[good], step * np.arange(count)
+    values = np.stack((raw.speed, *(() if raw.parts is None else raw.parts)))[:, good]
+    speed, *parts = PchipInterpolator(known, values, axis=1)(np.clip(at, known[0], known[-1]))
+    both, messages = np.array(parts) if parts else None, (*raw.messages, *notes)
+    return replace(raw, time=at, speed=speed, parts=both, messages=messages)
 
 
 def _longest_gap(raw: Columns, options: RecordInflow, step: float, resample: bool) -> float:
@@ -382,17 +385,15 @@ def _longest_gap(raw: Columns, options: RecordInflow, step: float, resample: boo
     return float(np.max(missing))
 
 
-def _low_passed(
-    raw: Columns, options: RecordInflow, step: float, speed: np.ndarray
-) -> tuple[float, np.ndarray, str]:
+def _low_passed(even: Columns, options: RecordInflow, step: float) -> tuple[float, np.ndarray, str]:
     """Return the cutoff, the low-passed speeds, and a note of what is removed."""
-    nyquist, slowest = 0.5 / step, 1.0 / (step * (speed.size - 1))
+    speed, nyquist, slowest = even.speed, 0.5 / step, 1.0 / even.time[-1]
     cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
     if not slowest <= cutoff < nyquist:
         problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
         problem += f"{nyquist:.4g} Hz, half the sampling rate"
         remedy = "give another cutoff, or none for half of the upper one"
-        raise options.refuse("cutoff", problem, remedy, raw.file)
+        raise options.refuse("cutoff", problem, remedy)
     smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
     removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
     share = f"{100.0 * removed:.2g} % of the variance"
@@ -408,15 +409,6 @@ def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     index = np.concatenate(([0.0], np.cumsum(np.maximum(np.rint(steps / usual), 1.0))))
     step = float(time[-1] / index[-1])
     return step, index, np.abs(time - step * index)
-
-
-def _interpolate(time, good, at, speed):
-    """Return speeds between the good samples, without overshoot; the end values beyond them."""
-    from scipy.interpolate import PchipInterpolator
-
-    good = good & np.isfinite(speed)
-    known = time[good]
-    return PchipInterpolator(known, speed[good])(np.clip(at, known[0], known[-1]))
 
 
 def _count(number: int, what: str) -> str:

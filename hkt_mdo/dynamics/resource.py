@@ -23,7 +23,7 @@ YEAR = 8766.0 * 3600.0
 POINTS = 5  # of a normal distribution of turbulence: exact for polynomials of the ninth degree
 PLACES, WEIGHTS = np.polynomial.hermite_e.hermegauss(POINTS)
 FARTHEST = float(PLACES[-1])  # of these points, in standard deviations
-FINE = 64  # points of Gauss's rule in a bin of a distribution
+FINE = 256  # parts of a bin of a distribution
 TAIL = 1e-5  # share of the time above the fastest bin of a distribution, five minutes a year
 TIDE_STEP = 600.0  # s, at which a tide is sampled
 YEAR_ROUNDED = 3e-3  # a year has 8760, 8766 or 8784 hours
@@ -106,16 +106,26 @@ class Speeds:
         return found.between(SLOWEST, np.inf)
 
 
+def places_in_bins(speed: np.ndarray, width: float) -> np.ndarray:
+    """Return the number of the bin of each speed, (n,), rising with the speed.
+
+    Bins begin at multiples of the width (m/s), and reversed flow, which is negative, has bins of
+    its own. A bin without a speed has no number.
+    """
+    multiple = np.floor(np.abs(speed) / width + SAME)
+    return np.unique(np.where(speed < 0.0, -1.0 - multiple, multiple), return_inverse=True)[1]
+
+
 def in_bins(speed: np.ndarray, share: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the power-weighted speeds of bins, m/s, and the share of the time of each.
 
     The speed of a bin is the cube root of the mean cubed speed in it, so that the power of the flow
-    is kept. Bins begin at multiples of the width.
+    is kept. Bins are those of `places_in_bins`.
 
     Parameters
     ----------
     speed, share : np.ndarray
-        Speeds of at least 0, m/s, and their shares of the time, (n,).
+        Speeds, m/s, and their shares of the time, (n,).
     width : float
         Of a bin, m/s.
 
@@ -124,7 +134,7 @@ def in_bins(speed: np.ndarray, share: np.ndarray, width: float) -> tuple[np.ndar
     speed, share : np.ndarray
         Of the bins that have a share, rising.
     """
-    place = np.floor(speed / width + SAME).astype(int)
+    place = places_in_bins(speed, width)
     shares = np.bincount(place, share)
     cubes = np.bincount(place, share * speed**3)
     used = shares > 0.0
@@ -234,29 +244,26 @@ class Resource(Inflow):
         speed, share = self.occurrence()
         runs = way * speed >= 0.0
         idle, speed, share = float(np.sum(share[~runs])), np.abs(speed[runs]), share[runs]
-        finer, slowest = None, max(self.cut_in, SLOWEST)
         if self.own_bins:
-            speed, place = np.unique(np.round(speed / SAME) * SAME, return_inverse=True)
-            share = np.bincount(place, share)
-            used = share > 0.0
-            speed, share = speed[used], share[used]
-            gaps = np.diff(speed) if speed.size > 1 else np.zeros(1)
-            low, high = speed[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
+            mean, time = in_bins(np.round(speed, 9), share, SAME)  # one bin of equal speeds
         else:
-            finer = None if self.turbulence_intensity else (speed, share)
-            low, high = np.min(speed, initial=np.inf), np.max(speed, initial=0.0)
-            speed, share = in_bins(speed, share, self.bin_width)
-        found = Speeds(speed, share, np.arange(speed.size), speed, share, idle, finer)
+            mean, time = in_bins(speed, share, self.bin_width)
+        finer = None if self.own_bins or self.turbulence_intensity else (speed, share)
+        found = Speeds(mean, time, np.arange(mean.size), mean, time, idle, finer)
         found = found.turbulent(self.turbulence_intensity)
-        whole = finer or (found.speed, found.share)
+        whole, slowest = finer or (found.speed, found.share), max(self.cut_in, SLOWEST)
         found = replace(found, whole=whole).between(slowest, np.inf)
-        if not found.speed.size or not np.any(found.share):
+        if not np.any(found.share):
             problem = "leaves no time of operation: the flow is slower or reversed, all year"
             place = {"key": "resource.cut_in", "value": self.cut_in}
-            raise InputError(problem, "give a smaller cut_in", **place)
+            raise InputError(problem, "give a smaller cut_in, or another reversal", **place)
         if found.speed.size > MOST_SPEEDS:
             problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
+        low, high = np.min(speed), np.max(speed)
+        if self.own_bins:
+            gaps = np.diff(mean) if mean.size > 1 else np.zeros(1)
+            low, high = mean[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
         farthest = self.turbulence_intensity * FARTHEST
         return found.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
 
@@ -362,7 +369,7 @@ class DistributionResource(Resource):
     """Shape: Weibull's exponent, or the standard deviation of the lognormal speed's logarithm."""
 
     def occurrence(self):
-        """Return the speeds at Gauss's points of every bin."""
+        """Return the speeds in the middle of `FINE` equal parts of every bin."""
         from scipy import stats
 
         family = {"weibull": "weibull_min", "lognormal": "lognorm", "gamma": "gamma"}[self.family]
@@ -371,14 +378,9 @@ class DistributionResource(Resource):
         if count > MOST_SPEEDS:
             problem = f"needs {count} bins of resource.bin_width"
             raise InputError(problem, "correct scale and shape", key="resource.shape")
-        edges = self.bin_width * np.arange(count + 1)
-        places, weights = np.polynomial.legendre.leggauss(FINE)
-        speed = edges[:-1, None] + 0.5 * self.bin_width * (places + 1.0)
-        share = known.pdf(speed) * weights
-        exact = np.diff(known.cdf(edges))
-        sums = np.maximum(share.sum(axis=1), 1e-300)
-        share *= (exact / sums)[:, None]  # steep densities keep the share of their bin
-        return speed.ravel(), share.ravel() / np.sum(share)
+        edges = self.bin_width / FINE * np.arange(FINE * count + 1)
+        share = np.diff(known.cdf(edges))
+        return 0.5 * (edges[1:] + edges[:-1]), share / np.sum(share)
 
 
 class TidalResource(TidalInflow, Resource):

@@ -42,7 +42,7 @@ class _Series(NamedTuple):
     unit: str = ""
 
 
-def read_json(path: Path, options: RecordFile) -> Columns:
+def read_json(options: RecordFile) -> Columns:
     """Read time and speed from a JSON file.
 
     Three forms are known: columns as pandas writes them, ``{"s": {"1478606640000": 67.3, ...}}``,
@@ -53,10 +53,8 @@ def read_json(path: Path, options: RecordFile) -> Columns:
 
     Parameters
     ----------
-    path : pathlib.Path
-        The file.
     options : RecordFile
-        Which column, and its unit.
+        The file, which column, and its unit.
 
     Returns
     -------
@@ -68,6 +66,7 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     InputError
         If its columns are not clear; what `json` raises where the file is broken.
     """
+    path = Path(options.file)
     data = json.loads(read_text(path, "record", MAX_BYTES))
     try:
         series = _series(data)
@@ -83,7 +82,7 @@ def read_json(path: Path, options: RecordFile) -> Columns:
     noaa = "metadata" in data and {*columns} == {*NOAA}
     if noaa:
         options = options.model_copy(update={"speed_column": options.speed_column or "s"})
-    names = choose([TIME, *columns], TIME, options, str(path))
+    names = choose([TIME, *columns], TIME, options)
     _, times, values, _, unit = series[columns.index(names[1])]
     if noaa and not options.speed_unit:
         unit = NOAA[names[1]]

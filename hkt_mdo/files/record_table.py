@@ -119,14 +119,14 @@ class RecordFile(Section):
     component: str | None = None
     """Velocity component to use, such as `E`, or two, such as `E,N`; null: the first two."""
 
-    def refuse(self, key: str, problem: str, remedy: str, file: str = "") -> InputError:
+    def refuse(self, key: str, problem: str, remedy: str) -> InputError:
         """Return the error of a key.
 
         Parameters
         ----------
         key : str
             Name of the key.
-        problem, remedy, file : str
+        problem, remedy : str
             As of `InputError`.
 
         Returns
@@ -136,7 +136,7 @@ class RecordFile(Section):
         """
         value = getattr(self, key)
         value = list(value) if isinstance(value, tuple) else value
-        return InputError(problem, remedy, file=file, key=key, value=value)
+        return InputError(problem, remedy, file=self.file, key=key, value=value)
 
 
 def column_key(name: str) -> str:
@@ -242,8 +242,7 @@ class Columns:
         """
         for key, what in _AXES.items():
             if key not in self.axes and getattr(options, key) is not None:
-                problem = f"is given for a record without {what}"
-                raise options.refuse(key, problem, "leave it out", self.file)
+                raise options.refuse(key, f"is given for a record without {what}", "leave it out")
         if self.dated and options.time_unit is not None:
             problem = f"holds dates, and time_unit is {options.time_unit}"
             raise self.refuse_column(0, problem, "leave time_unit out")
@@ -305,9 +304,7 @@ class Columns:
         return InputError(problem, remedy, file=self.file, key=column_key(self.names[column]))
 
 
-def choose(
-    names: Sequence[str], default: str | None, options: RecordFile, file: str
-) -> tuple[str, ...]:
+def choose(names: Sequence[str], default: str | None, options: RecordFile) -> tuple[str, ...]:
     """Return the names of the time and the speed column, and of the others.
 
     Parameters
@@ -318,8 +315,6 @@ def choose(
         The time where the options name none.
     options : RecordFile
         Their `time_column` and `speed_column`.
-    file : str
-        The file, for messages.
 
     Returns
     -------
@@ -335,14 +330,14 @@ def choose(
     others = [name for name in names if name != time]
     if time is None:
         problem = "has nothing that is clearly the time"
-        raise InputError(problem, f"give time_column: of {_listed(names)}", file=file)
+        raise InputError(problem, f"give time_column: of {_listed(names)}", file=options.file)
     speed = options.speed_column
     if speed is None:
         if len(others) != 1:
             problem = f"has {len(others) or 'no'} columns besides the time, {time[:LONGEST_NAME]}"
             remedy = "add the speed after a comma; lines of text above the header begin with #"
             remedy = f"give speed_column: of {_listed(others)}" if others else remedy
-            raise InputError(problem, remedy, file=file)
+            raise InputError(problem, remedy, file=options.file)
         speed = others[0]
     shown = _listed(names)
     for key, name in (("time_column", time), ("speed_column", speed)):
@@ -350,7 +345,7 @@ def choose(
         if count != 1 or time == speed:
             problem = ("is no column", "is the time")[count] if count < 2 else "appears twice"
             remedy = f"{'' if count else did_you_mean(name, names)}there are {shown}"
-            raise InputError(problem, remedy, file=file, key=key, value=name)
+            raise InputError(problem, remedy, file=options.file, key=key, value=name)
     return time, speed, *(name for name in others if name != speed)
 
 
@@ -361,15 +356,13 @@ def _listed(names: Sequence[str]) -> str:
     return ", ".join(listed + ["..."] * (len(names) > _MOST_NAMES))
 
 
-def read_csv(path: Path, options: RecordFile) -> Columns:
+def read_csv(options: RecordFile) -> Columns:
     """Read time and speed from two columns of a CSV file.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The file.
     options : RecordFile
-        Which columns, and their units.
+        The file, which columns, and their units.
 
     Returns
     -------
@@ -381,9 +374,9 @@ def read_csv(path: Path, options: RecordFile) -> Columns:
     InputError
         If the file is broken, or its columns are not clear; with file, line and column.
     """
-    file = str(path)
+    path = Path(options.file)
     table = Csv(read_text(path, "record", MAX_BYTES), path, "a header such as time_s,speed_m_s")
-    names = choose(table.header, table.header[0], options, file)
+    names = choose(table.header, table.header[0], options)
     indices = [table.header.index(name) for name in names[:2]]
     cells = ((line, *(row[index].strip() for index in indices)) for line, row in table)
     return parse_rows(cells, names, path, "line")

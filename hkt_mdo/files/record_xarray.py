@@ -26,20 +26,18 @@ _HORIZONTAL = {("e", "n"), ("x", "y"), ("u", "v"), ("streamwise", "x-stream")}
 """Labels of two horizontal components of a velocity, in small letters."""
 
 
-def _need(name: str, file: object) -> Any:
+def _need(name: str, options: RecordFile) -> Any:
     """Return a module of the extra `records`."""
-    return needed(name, f"{install('records')}, or save the record as CSV", file=file)
+    return needed(name, f"{install('records')}, or save the record as CSV", file=options.file)
 
 
-def read_parquet(path: Path, options: RecordFile) -> Columns:
+def read_parquet(options: RecordFile) -> Columns:
     """Read time and speed from a Parquet file by pandas.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The file.
     options : RecordFile
-        Which columns, and their units.
+        The file, which columns, and their units.
 
     Returns
     -------
@@ -51,21 +49,19 @@ def read_parquet(path: Path, options: RecordFile) -> Columns:
     InputError
         If a library is not installed; what they raise where the file is broken.
     """
-    _need("pyarrow.parquet", path)
-    pandas = _need("pandas", path)
-    content = io.BytesIO(read_bytes(path, MAX_BYTES, "record"))
-    return _from_frame(pandas.read_parquet(content), str(path), options)
+    _need("pyarrow.parquet", options)
+    pandas = _need("pandas", options)
+    content = io.BytesIO(read_bytes(Path(options.file), MAX_BYTES, "record"))
+    return _from_frame(pandas.read_parquet(content), options)
 
 
-def read_netcdf(path: Path, options: RecordFile) -> Columns:
+def read_netcdf(options: RecordFile) -> Columns:
     """Read time and speed from a NetCDF file, version 3 (CDF) or 4 (HDF5), by xarray.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The file.
     options : RecordFile
-        Which variables, and their units.
+        The file, which variables, and their units.
 
     Returns
     -------
@@ -77,14 +73,14 @@ def read_netcdf(path: Path, options: RecordFile) -> Columns:
     InputError
         If a library is not installed; what they raise where the file is broken.
     """
-    xarray = _need("xarray", path)
+    xarray, path = _need("xarray", options), Path(options.file)
     engine: dict[str, Any] = {"engine": "netcdf4"}
     if read_bytes(path, MAX_BYTES, "record").startswith(b"CDF"):
         engine = {"engine": "scipy", "mmap": False}  # netCDF4 reads zeros where a file is cut
     else:
-        _need("netCDF4", path)
+        _need("netCDF4", options)
     with xarray.open_dataset(path, decode_times=False, decode_timedelta=False, **engine) as dataset:
-        return _from_dataset(_with_dates(dataset, xarray.decode_cf), str(path), options)
+        return _from_dataset(_with_dates(dataset, xarray.decode_cf), options)
 
 
 def _with_dates(data: Any, decode: Callable) -> Any:
@@ -123,20 +119,20 @@ def _checked(raw: Columns) -> Columns:
     return replace(raw, time=(dates - dates[:1]) / np.timedelta64(1, "s"), dated=True)
 
 
-def _from_frame(frame: Any, file: str, options: RecordFile) -> Columns:
+def _from_frame(frame: Any, options: RecordFile) -> Columns:
     """Take two columns of a DataFrame; its index is the first if it has a name or dates."""
     if frame.index.nlevels == 1 and (frame.index.name or frame.index.dtype.kind == "M"):
         frame = frame.reset_index(allow_duplicates=True)
     columns = [str(name) for name in frame.columns]
-    names = choose(columns, next(iter(columns), None), options, file)
+    names = choose(columns, next(iter(columns), None), options)
     time, speed = (frame.iloc[:, columns.index(name)] for name in names[:2])
-    _check_kinds(Columns(file, names, time, speed))
+    _check_kinds(Columns(options.file, names, time, speed))
     speeds, plain = speed.to_numpy(float, na_value=np.nan), time.dtype.kind != "M"
     times = time.to_numpy(float, na_value=np.nan) if plain else time.to_numpy("datetime64[ns]")
-    return _checked(Columns(file, names, times, speeds))
+    return _checked(Columns(options.file, names, times, speeds))
 
 
-def _from_dataset(data: Any, file: str, options: RecordFile) -> Columns:
+def _from_dataset(data: Any, options: RecordFile) -> Columns:
     """Take a variable over time of a Dataset: a speed, or a profiler's velocity."""
     vectors = [name for name, variable in data.variables.items() if variable.ndim == 1]
     dates = [name for name in vectors if name in data.dims and data[name].dtype.kind == "M"]
@@ -153,10 +149,10 @@ def _from_dataset(data: Any, file: str, options: RecordFile) -> Columns:
     speeds = [name for name in speeds if name != chosen and data[name].dtype.kind != "M"]
     speeds.sort(key=lambda name: _unlikeness(data[name]))
     columns = [*([str(chosen)] if chosen in vectors else vectors), *speeds]
-    names = choose(columns, None if default is None else str(default), options, file)
+    names = choose(columns, None if default is None else str(default), options)
     time, speed = data[names[0]], data[names[1]]
     units = str(time.attrs.get("units", "")), str(speed.attrs.get("units", ""))
-    raw = Columns(file, names, time, speed, units=units)
+    raw = Columns(options.file, names, time, speed, units=units)
     _check_kinds(raw)
     return _checked(replace(_profile(raw, dimension, options), time=time.values))
 
@@ -207,7 +203,7 @@ def _profile(raw: Columns, dimension: Any, options: RecordFile) -> Columns:
             raise raw.refuse_column(1, f"has depth bins along {name}", remedy)
         inside = np.flatnonzero((centres >= options.bins[0]) & (centres <= options.bins[1]))
         if not inside.size:
-            raise options.refuse("bins", "has no bin", f"widen it; {available}", raw.file)
+            raise options.refuse("bins", "has no bin", f"widen it; {available}")
         parts = [part.isel({name: inside}) for part in parts]
         messages.append(f"average of {inside.size} bins from {_span(centres[inside])}")
     arrays = [part.transpose(dimension, *bins).values.astype(float) for part in parts]
@@ -232,7 +228,7 @@ def _chosen_components(labels: list[str], raw: Columns, options: RecordFile) -> 
         return labels[:2]
     wanted = [label.strip() for label in options.component.split(",")]
     if len(wanted) > 2 or not {*wanted} <= {*labels}:
-        raise options.refuse("component", "is no component", available, raw.file)
+        raise options.refuse("component", "is no component", available)
     return wanted
 
 

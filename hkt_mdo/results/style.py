@@ -127,8 +127,9 @@ def draw(panel: Panel, ax: Axes) -> Axes:
 
 
 def legend_name(name: str) -> str:
-    """Return a name as Matplotlib's legend takes it: it leaves out those with an underscore."""
-    return " " + name if name.startswith("_") else name or "_"
+    """Return a name for Matplotlib's legend, which omits `_name` and reads ``$`` as mathematics."""
+    shown = " " + name if name.startswith("_") else name or "_"
+    return shown.replace("$", r"\$")
 
 
 def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:

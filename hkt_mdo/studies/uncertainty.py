@@ -266,7 +266,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     case : Case
         The case whose flow is changed.
     seed : int or None
-        Seed in place of the flow's own.
+        Seed in place of the flow's own; in a sum, each part's own grows with it.
 
     Returns
     -------
@@ -284,10 +284,11 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
     else:
         inflow = flow_named(text, case.inflow)
     if seed is not None:
-        if seeded(inflow, 0) == seeded(inflow, 1):
+        if inflow.reseeded(1) == inflow:
             remedy = "give a turbulent --flow, or leave --flow-seeds out"
             raise InputError(f"the flow {inflow.profile} has no seed", remedy, key="--flow-seeds")
-        inflow, text = seeded(inflow, seed), f"{text}, seed {seed}"
+        number, text = seed - getattr(inflow, "seed", 0), f"{text}, seed {seed}"
+        inflow = inflow.reseeded(number)
     duration = phase_in(case, inflow).duration
     try:
         inflow.check(duration)
@@ -298,31 +299,6 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
         remedy = f"give a flow that keeps its direction for {duration:.6g} s"
         raise InputError(problem, remedy, key="--flow", value=text) from None
     return inflow
-
-
-def seeded(inflow: Inflow, seed: int) -> Inflow:
-    """Return a flow with another seed; of a sum, the last part gets it.
-
-    The other parts get seeds that are a million apart, so that realizations of neighbouring seeds
-    have no part in common.
-
-    Parameters
-    ----------
-    inflow : Inflow
-        A flow; one that is not random stays as it is.
-    seed : int
-        The seed.
-
-    Returns
-    -------
-    Inflow
-        The flow.
-    """
-    if hasattr(inflow, "seed"):
-        return inflow.model_copy(update={"seed": seed})
-    parts = getattr(inflow, "parts", ())
-    own = tuple(seeded(part, seed + 1_000_000 * (len(parts) - i)) for i, part in enumerate(parts, 1))
-    return inflow.model_copy(update={"parts": own}) if parts else inflow
 
 
 def flow_named(name: str, inflow: Inflow) -> Inflow:
