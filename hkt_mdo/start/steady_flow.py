@@ -65,7 +65,7 @@ class SteadyFlow:
     ----------
     physics : Physics
     spline : TorqueSpline
-        Over the tip speed ratio, at even nodes.
+        Over the tip speed ratio.
     speeds : np.ndarray
         Speeds of the flow, m/s, shape (n,).
     limits : tuple of Limit
@@ -157,16 +157,17 @@ class SteadyFlow:
         """
         nodes, sign = self.spline.nodes, BRANCHES[branch]
         rate, over = self.at_nodes(blade)
-        largest = _largest(nodes, rate)
-        away = sign * (nodes - largest[:, None])
-        kept = (away > 0.0) & (over <= 0.0)
-        has = np.any(kept, axis=1)
-        nearest = np.argmin(np.where(kept, away, np.inf), axis=1)
-        least = np.argmin(np.where(away > 0.0, over, np.inf), axis=1)
-        inside = np.where(has, nodes[nearest], nodes[least])
-        before = np.minimum(sign * (inside - largest), nodes[1] - nodes[0])
-        outside = np.where(has, inside - sign * before, inside)
+        peak = np.clip(np.argmax(rate, axis=1), 1, nodes.size - 2)
+        largest = self._largest(blade, nodes[peak - 1], nodes[peak + 1])
+        order = np.arange(nodes.size)[::sign]  # of the search, from either end
+        beyond = (nodes[order] - largest[:, None]) * sign > 0.0
+        kept = beyond & (over[:, order] <= 0.0)
+        least = np.argmin(np.where(beyond, over[:, order], np.inf), axis=1)
+        has, first = kept.any(axis=1), np.argmax(kept, axis=1)
+        before = np.maximum(nodes[order[first - 1]] * sign, largest * sign)
         broken = self.excess(self.along(blade, largest)) > 0.0
+        inside = np.where(has, nodes[order[first]], nodes[order[least]])
+        outside = np.where(has, before * sign, inside)
         inside, outside = (np.where(broken, end, largest) for end in (inside, outside))
         for _ in range(30 * np.any(broken)):  # bisection to where the limits begin to hold
             middle = 0.5 * (inside + outside)
@@ -174,13 +175,19 @@ class SteadyFlow:
             inside, outside = np.where(broken, inside, middle), np.where(broken, middle, outside)
         return inside
 
+    def _largest(self, blade, low, high):
+        """Return the tip speed ratios of the largest rate between others (golden section)."""
+        share = 0.5 * (np.sqrt(5.0) - 1.0)
 
-def _largest(nodes: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return where each row of values at even nodes is largest, by a parabola, (n_rows,)."""
-    step, peak = nodes[1] - nodes[0], np.clip(np.argmax(values, axis=1), 1, nodes.size - 2)
-    low, middle, high = (values[np.arange(peak.size), peak + i] for i in (-1, 0, 1))
-    bend = np.minimum(low - 2.0 * middle + high, -np.finfo(float).tiny)
-    return nodes[peak] + step * np.clip(0.5 * (low - high) / bend, -1.0, 1.0)
+        def rate(ratio):
+            return self.physics.start_objective.rate_of(self.along(blade, ratio))
+
+        for _ in range(20):
+            width = share * (high - low)
+            left, right = high - width, low + width
+            lower = rate(left) > rate(right)
+            low, high = np.where(lower, low, left), np.where(lower, right, high)
+        return 0.5 * (low + high)
 
 
 def has_branches(physics: Physics) -> bool:
