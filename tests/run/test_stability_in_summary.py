@@ -47,8 +47,7 @@ def test_the_share_of_an_instability_is_one_of_the_time(monkeypatch, steady, sha
     plant = SimpleNamespace(blade=SimpleNamespace(rotor_radius=1.0), inertia=1.0)
     known = {"time": np.arange(3), "rotor_speed": np.full(3, 9.0)}
     along = [(scenario, plant, None, known | {"inflow_speed": np.arange(1.0, 4.0)})]
-    physics = SimpleNamespace(scenarios=[scenario], law=SimpleNamespace(states={}))
-    found = _verdict(physics, along)
+    found = _verdict(SimpleNamespace(scenarios=[scenario], law=SimpleNamespace(states={})), along)
     assert found.share_of_instants == pytest.approx(share)
 
 
