@@ -24,9 +24,6 @@ PULSE = 0.002
 """How much farther from its wake an open loop may be than its start, relatively."""
 NEAR = 0.2  # of a typical torque: the recovery below which a node is held to its distance
 FEWEST_NEAR = 20  # nodes, at least as many of which are held to their distance from stall
-UNUSED = 0.2
-"""Relative distance of an open loop's optimum from a limit, beyond which it is not held on the next
-mesh: half of the time of `river25_record`, whose thrust and stress are far from their limits."""
 BINDS = 1e-4
 """Relative distance from its bound within which a limit binds at a node."""
 USED = 1e-2
@@ -91,9 +88,7 @@ class OperationGroup(om.Group):
         physics, setup = self._physics, self._start
         scenario, ref = physics.scenarios[number], None
         nodes = limited_nodes(limit, scenario)
-        key = limit.name, scenario.name
-        excess = setup.excess.get(key, np.zeros((1, 1)))
-        if np.max(excess) < -UNUSED:
+        if setup.leaves_out(limit, scenario):
             return
         if isinstance(limit, DistanceFromStall):
             nodes, ref = self._near_stall(limit, number), self._refs["control_torque"]
@@ -104,8 +99,9 @@ class OperationGroup(om.Group):
         name = constraint_of(physics, limit, number)
         if is_quantity(limit):
             self.add_constraint(name, indices=nodes, flat_indices=True, **bounds, **options)
+            excess = setup.excess_of(limit, scenario)
             segments = np.any(excess > -USED, axis=1) & np.any(excess < -BINDS, axis=1)
-            if key in setup.shares and np.any(segments):
+            if (limit.name, scenario.name) in setup.shares and np.any(segments):
                 self._hold_between(limit, scenario, segments, options)
             return
         self.add_constraint(name, **bounds, **options)

@@ -19,6 +19,9 @@ FAR, NEAR = (0.2, 4.0, np.inf, np.inf), (0.6, 1.5, 1.2, 5.0)
 """How far from its start an optimization may go, besides the case's own bounds: factors on the
 start's smallest and largest rotor speed, on the disc radius and on the gains. Near its start it
 stays on its branch."""
+UNUSED = 0.2
+"""Relative distance of an open loop's start or coarser optimum from a limit, beyond which it is not
+held: half of the time of `river25_record`, whose thrust and stress are far from their limits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +32,9 @@ class Setup:
     scenario, the share of the limit's upper bound to which the nodes of each segment are held, so
     that the limit holds between the nodes as well; a lower bound is raised there by as much. A
     limit that it has is held between the nodes, too, where `excess` says that this is possible.
-    `excess` has, by the same names, how far the optimum on a coarser mesh was beyond the limit at
-    the nodes of each segment, relatively; empty where limits are held at the nodes, as usual.
+    `excess` has, by the same names, how far the start, or the optimum on a coarser mesh, was beyond
+    the limit at the nodes of each segment, relatively; empty where limits are held at the nodes, as
+    usual.
     `near` tells that it must stay `NEAR` the start, not only within `FAR`; `least_hub` (kg*m**2)
     raises the lower bound of a designed `hub_inertia`.
     """
@@ -79,6 +83,15 @@ class Setup:
         ratios = [known["tip_speed_ratio"] for known in on_start(physics, self.start)]
         mean = float(np.mean(np.concatenate(ratios)))
         return Band.of(physics.rotor.polar, blade, mean, self.nodes)
+
+    def excess_of(self, limit: Limit, scenario: Scenario) -> np.ndarray:
+        """Return the `excess` of a limit in a scenario, (n_segments, n_nodes); 0 if not known."""
+        return self.excess.get((limit.name, scenario.name), np.zeros((1, 1)))
+
+    def leaves_out(self, limit: Limit, scenario: Scenario) -> bool:
+        """Tell whether a limit is so far away in a scenario that the optimization leaves it out."""
+        far = np.max(self.excess_of(limit, scenario)) < -UNUSED
+        return bool(far and np.isfinite(limit.upper))
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""

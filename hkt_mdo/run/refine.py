@@ -1,6 +1,6 @@
 """How a problem is refined: segments that are divided, and limits that are lowered at the nodes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,16 +94,20 @@ def divided(
     return replace(physics, scenarios=scenarios), shares, excess
 
 
-def excesses_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple, np.ndarray]:
-    """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`.
+def excesses_along(
+    physics: Physics, trajectories: Iterable[dict], by_segment: bool = True
+) -> dict[tuple, np.ndarray]:
+    """Return how far limits are exceeded along trajectories of the scenarios, as in a `Setup`.
 
-    Of an open loop without memory: else no limit is left out, or held between the nodes.
+    Of an open loop without memory: else no limit is left out, or held between the nodes. Without
+    segments each is one row.
     """
+    pairs = zip(physics.scenarios, trajectories, strict=True) if _chooses(physics) else ()
     return {
-        (limit.name, each.scenario.name): each.excess_at_nodes(limit)
-        for each in verifications
-        for limit in each.constrained
-        if not each.scenario.steady and _chooses(each.physics)
+        (limit.name, each.name): limit.excess(known).reshape(each.segments if by_segment else 1, -1)
+        for each, known in pairs
+        for limit in each.limits
+        if limit.constrains(physics.law) and not each.steady
     }
 
 
@@ -119,7 +123,8 @@ def lowered(
 
     Limits that are exceeded between nodes are lowered at these in the segments that need it.
     Elsewhere a lower limit would only cost energy. One that can be held between the nodes is, and
-    lowered only if that is not enough: its shares are 1 at first.
+    lowered only if that is not enough: its shares are 1 at first, as are those of one that was left
+    out.
     """
     shares, worst = dict(setup.shares), 0.0
     for verification in verifications:
@@ -135,12 +140,14 @@ def lowered(
                 own = np.max(verification.excess_at_nodes(limit), axis=1)
                 reached = np.minimum(share, 1.0 + own)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
-            helps = (share > lowest) & (over < MOST_EXCEEDED)
+            left_out = setup.leaves_out(limit, verification.scenario)
+            helps = left_out | (share > lowest) & (over < MOST_EXCEEDED)
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
                 key = limit.name, verification.scenario.name
-                if key in shares or not (is_quantity(limit) and _chooses(verification.physics)):
+                held_between = is_quantity(limit) and _chooses(verification.physics)
+                if key in shares or not (left_out or held_between):
                     share = np.where(over > 0.5 * most, reached * (1.0 - over), share)
                 shares[key] = share
     return shares, worst

@@ -83,12 +83,15 @@ def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -
     Returns
     -------
     StartingPoint
-        With objective and excess; it has the branch and the strategy of the point.
+        With objective and excess; it has the branch and the strategy of the point. An error of its
+        torque curve is an excess only beyond `CURVE_ERROR`: it decided between blades that tie.
     """
     for _ in range(ROUNDS):
         end, given_up = optimized(steady, point, rival)
         error = _curve_error(steady, end)
-        if given_up or (error <= CURVE_ERROR and end.excess <= START_EXCESS):
+        if error <= CURVE_ERROR and end.excess <= START_EXCESS:
+            return end
+        if given_up:
             break
         point = end
     return replace(end, excess=max(end.excess, error))
