@@ -1,7 +1,5 @@
 """How a case is optimized: sections `design`, `phase`, `start`, `hydrodynamics`, `driver`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 

@@ -1,7 +1,5 @@
 """A sweep: one case with other values of some keys, on a grid or at random."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

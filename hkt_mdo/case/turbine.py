@@ -1,7 +1,5 @@
 """The turbine and the water: sections `rotor` and `fluid`."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path

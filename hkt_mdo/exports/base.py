@@ -4,8 +4,6 @@ A format is a class with its options as keys, as a limit is: to add one, write a
 subclass of `Format` and name it in `hkt_mdo.exports.FORMATS`.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from pathlib import Path

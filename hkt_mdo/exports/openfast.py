@@ -4,8 +4,6 @@ The texts of the files are the templates beside this module; values that the use
 marked FILL IN. `openfast_io` reads the files.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 import numpy as np

@@ -6,6 +6,7 @@ rotor in motion.
 """
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -61,6 +62,30 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
         for name, integrand in INTEGRALS.items()
     }
     return [known | integrals for known in found]
+
+
+def in_motion(physics: Physics, point: StartingPoint) -> StartingPoint:
+    """Return the start of an open loop whose rotor follows its schedule as its inertia allows.
+
+    The generator has no more torque or power than without time, and does not drive the rotor; where
+    that does not lead to the next speed of the schedule, the speed is another one, at about the
+    same captured power. Else a heavy rotor in turbulence begins far beyond its limits: 104
+    iterations of the first optimization of `river25_record` for 35.
+    """
+    rows = []
+    for known in on_start(physics, point):
+        schedule, driving = known["rotor_speed"], known["hydrodynamic_torque"]
+        held, speed = np.maximum(known["control_torque"], 0.0), schedule.copy()
+        most = np.minimum(np.max(held), np.max(held * schedule) / schedule)
+        steps = [] if known["steady"] else known["inertia"] / np.diff(known["time"])
+        for i, per_change in enumerate(steps, 1):
+            torque = held[i] - per_change * (schedule[i] - speed[i - 1])
+            beyond = torque - min(max(torque, 0.0), most[i])
+            speed[i] += beyond / (per_change + held[i] / schedule[i])
+        rows.append((speed, driving * schedule / speed))
+    speed, driving = np.concatenate(rows, axis=1)
+    operation = replace(point.operation, rotor_speed=speed, hydrodynamic_torque=driving)
+    return replace(point, operation=operation)
 
 
 def torque_of(rotor: RotorModel, blade: Blade, speed: np.ndarray, flow: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver, point_of
-from hkt_mdo.problem.evaluation import excesses, on_start
+from hkt_mdo.problem.evaluation import excesses, in_motion, on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -85,7 +85,8 @@ class Task:
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
         excess = excesses_along(physics, on_start(physics, start), by_segment=False)
-        setup = Setup(start, nodes, excess=excess, least_hub=first_hub(physics, start))
+        moving = in_motion(physics, start) if physics.law.chooses_speed else start
+        setup = Setup(moving, nodes, excess=excess, least_hub=first_hub(physics, start))
         return cls(start, physics, setup, why=why)
 
 

@@ -7,8 +7,6 @@ them by a sample as well; the flow speed that it uses has the noise of its own s
 estimated from the torque and the last two speeds that were read.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
