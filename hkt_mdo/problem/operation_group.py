@@ -88,7 +88,8 @@ class OperationGroup(om.Group):
         physics, setup = self._physics, self._start
         scenario, ref = physics.scenarios[number], None
         nodes = limited_nodes(limit, scenario)
-        if setup.leaves_out(limit, scenario):
+        nodes = nodes[np.repeat(setup.holds(limit, scenario), scenario.nodes_per_segment)[nodes]]
+        if not nodes.size:
             return
         if isinstance(limit, DistanceFromStall):
             nodes, ref = self._near_stall(limit, number), self._refs["control_torque"]

@@ -21,7 +21,8 @@ start's smallest and largest rotor speed, on the disc radius and on the gains. N
 stays on its branch."""
 UNUSED = 0.2
 """Relative distance of an open loop's start or coarser optimum from a limit, beyond which it is not
-held: half of the time of `river25_record`, whose thrust and stress are far from their limits."""
+held in a segment: half of the time of `river25_record`, whose thrust and stress are far from their
+limits, as is its torque half of the time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +87,15 @@ class Setup:
 
     def excess_of(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the `excess` of a limit in a scenario, (n_segments, n_nodes); 0 if not known."""
-        return self.excess.get((limit.name, scenario.name), np.zeros((1, 1)))
+        return self.excess.get((limit.name, scenario.name), np.zeros((scenario.segments, 1)))
 
-    def leaves_out(self, limit: Limit, scenario: Scenario) -> bool:
-        """Tell whether a limit is so far away in a scenario that the optimization leaves it out."""
-        far = np.max(self.excess_of(limit, scenario)) < -UNUSED
-        return bool(far and np.isfinite(limit.upper))
+    def holds(self, limit: Limit, scenario: Scenario) -> np.ndarray:
+        """Tell in which segments a limit is held: not where they and the next are far from it.
+
+        One with a lower bound alone is held in all of them.
+        """
+        near = np.any(self.excess_of(limit, scenario) > -UNUSED, axis=1) | np.isinf(limit.upper)
+        return np.convolve(near, np.ones(3))[1:-1] > 0.0
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Return the share of a limit that is required in each segment of a scenario; 1: all."""

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver, point_of
-from hkt_mdo.problem.evaluation import excesses, in_motion, on_start
+from hkt_mdo.problem.evaluation import excesses, in_motion
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -24,7 +24,14 @@ from hkt_mdo.results.summary import CheckEntry, MemoryEntry, PassEntry
 from hkt_mdo.run.checks import BELOW_START, MESH_ERROR, Checked, curve_errors, is_false, recovery
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import collect, solve
-from hkt_mdo.run.refine import Division, divided, division, excesses_along, lowered
+from hkt_mdo.run.refine import (
+    Division,
+    divided,
+    division,
+    excesses_at_nodes,
+    excesses_of_start,
+    lowered,
+)
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -84,7 +91,7 @@ class Task:
         accuracy for the blade of the start says little of others (iea3_4 needed five passes).
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
-        excess = excesses_along(physics, on_start(physics, start), by_segment=False)
+        excess = excesses_of_start(physics, start)
         moving = in_motion(physics, start) if physics.law.chooses_speed else start
         setup = Setup(moving, nodes, excess=excess, least_hub=first_hub(physics, start))
         return cls(start, physics, setup, why=why)
@@ -242,7 +249,7 @@ def refine(this: Pass) -> Task | None:
         shares, worst = lowered(setup, this.verifications)
         if worst:
             reasons.append(f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %")
-    excess = excesses_along(physics, [each.at_nodes for each in this.verifications])
+    excess = excesses_at_nodes(this.verifications)
     if divides:
         reasons.append(this.division.why)
         finer, shares, excess = divided(physics, this.division, shares, excess)

@@ -1,12 +1,14 @@
 """How a problem is refined: segments that are divided, and limits that are lowered at the nodes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import BINDS, is_quantity
+from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import too_large
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
@@ -94,20 +96,26 @@ def divided(
     return replace(physics, scenarios=scenarios), shares, excess
 
 
-def excesses_along(
-    physics: Physics, trajectories: Iterable[dict], by_segment: bool = True
-) -> dict[tuple, np.ndarray]:
-    """Return how far limits are exceeded along trajectories of the scenarios, as in a `Setup`.
+def excesses_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple, np.ndarray]:
+    """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`.
 
-    Of an open loop without memory: else no limit is left out, or held between the nodes. Without
-    segments each is one row.
+    Of an open loop without memory: else no limit is left out, or held between the nodes.
     """
-    pairs = zip(physics.scenarios, trajectories, strict=True) if _chooses(physics) else ()
     return {
-        (limit.name, each.name): limit.excess(known).reshape(each.segments if by_segment else 1, -1)
-        for each, known in pairs
+        (limit.name, each.scenario.name): each.excess_at_nodes(limit)
+        for each in verifications
+        for limit in each.constrained
+        if not each.scenario.steady and _chooses(each.physics)
+    }
+
+
+def excesses_of_start(physics: Physics, start: StartingPoint) -> dict[tuple, np.ndarray]:
+    """Return how far a start exceeds limits, as `excesses_at_nodes` does: alike in all segments."""
+    return {
+        (limit.name, each.name): np.full((each.segments, 1), np.max(limit.excess(known)))
+        for each, known in zip(physics.scenarios, on_start(physics, start), strict=True)
         for limit in each.limits
-        if limit.constrains(physics.law) and not each.steady
+        if limit.constrains(physics.law) and not each.steady and _chooses(physics)
     }
 
 
@@ -123,8 +131,8 @@ def lowered(
 
     Limits that are exceeded between nodes are lowered at these in the segments that need it.
     Elsewhere a lower limit would only cost energy. One that can be held between the nodes is, and
-    lowered only if that is not enough: its shares are 1 at first, as are those of one that was left
-    out.
+    lowered only if that is not enough: its shares are 1 at first, as are those where it was not
+    held.
     """
     shares, worst = dict(setup.shares), 0.0
     for verification in verifications:
@@ -140,15 +148,15 @@ def lowered(
                 own = np.max(verification.excess_at_nodes(limit), axis=1)
                 reached = np.minimum(share, 1.0 + own)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
-            left_out = setup.leaves_out(limit, verification.scenario)
-            helps = left_out | (share > lowest) & (over < MOST_EXCEEDED)
+            held = setup.holds(limit, verification.scenario)
+            helps = ~held | (share > lowest) & (over < MOST_EXCEEDED)
             over = np.where(helps, over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
                 key = limit.name, verification.scenario.name
-                held_between = is_quantity(limit) and _chooses(verification.physics)
-                if key in shares or not (left_out or held_between):
-                    share = np.where(over > 0.5 * most, reached * (1.0 - over), share)
+                if key in shares or not (is_quantity(limit) and _chooses(verification.physics)):
+                    large = held & (over > 0.5 * most)
+                    share = np.where(large, reached * (1.0 - over), share)
                 shares[key] = share
     return shares, worst
 
