@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem.evaluation import on_start
+from hkt_mdo.problem.evaluation import in_motion, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import PRICE
 from hkt_mdo.rotor.scales import power_scale
@@ -126,3 +126,16 @@ def test_a_static_law_is_fitted_on_the_branch_that_it_can_hold(optimum, monkeypa
     search.optima([Candidate("", case.blade)])
     expected = search._scheduled(case.blade, "overspeed")
     assert np.array_equal(begun[0].operation.rotor_speed, expected.operation.rotor_speed)
+
+
+def test_an_open_loop_begins_as_its_inertia_allows():
+    """A rotor of 50 kg m² would need 1.3 times its torque to follow the schedule within 5 kW."""
+    about = {"limits": {"power": 5000}, "rotor": {"hub_inertia": 50}}
+    case = physics(load_case({"inflow": "sine", "control": "open_loop"} | about))
+    start = find_start(case, improve=False)
+    (known,) = on_start(case, start)
+    largest = []
+    for each in (start.operation, in_motion(case, start).operation):
+        change = known["inertia"] * np.diff(each.rotor_speed) / np.diff(known["time"])
+        largest.append(np.max(each.hydrodynamic_torque[1:] - change))
+    np.testing.assert_allclose(largest / np.max(known["control_torque"]), [1.3, 1.04], atol=0.01)
