@@ -20,9 +20,9 @@ FAR, NEAR = (0.2, 4.0, np.inf, np.inf), (0.6, 1.5, 1.2, 5.0)
 start's smallest and largest rotor speed, on the disc radius and on the gains. Near its start it
 stays on its branch."""
 UNUSED = 0.2
-"""Relative distance of an open loop's start or coarser optimum from a limit, beyond which it is not
-held in a segment: half of the time of `river25_record`, whose thrust and stress are far from their
-limits, as is its torque half of the time."""
+"""Relative distance of an open loop's coarser optimum from a limit, beyond which a segment does not
+hold it: half of the time of `river25_record`, whose thrust and stress are far from their limits, as
+is its torque half of the time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,8 @@ class Setup:
     scenario, the share of the limit's upper bound to which the nodes of each segment are held, so
     that the limit holds between the nodes as well; a lower bound is raised there by as much. A
     limit that it has is held between the nodes, too, where `excess` says that this is possible.
-    `excess` has, by the same names, how far the start, or the optimum on a coarser mesh, was beyond
-    the limit at the nodes of each segment, relatively; empty where limits are held at the nodes, as
-    usual.
+    `excess` has, by the same names, how far the optimum on a coarser mesh was beyond the limit at
+    the nodes of each segment, relatively; empty where limits are held at the nodes, as usual.
     `near` tells that it must stay `NEAR` the start, not only within `FAR`; `least_hub` (kg*m**2)
     raises the lower bound of a designed `hub_inertia`.
     """

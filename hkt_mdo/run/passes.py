@@ -24,14 +24,7 @@ from hkt_mdo.results.summary import CheckEntry, MemoryEntry, PassEntry
 from hkt_mdo.run.checks import BELOW_START, MESH_ERROR, Checked, curve_errors, is_false, recovery
 from hkt_mdo.run.memory import first_hub, stability_of, stable_hub
 from hkt_mdo.run.optimization import collect, solve
-from hkt_mdo.run.refine import (
-    Division,
-    divided,
-    division,
-    excesses_at_nodes,
-    excesses_of_start,
-    lowered,
-)
+from hkt_mdo.run.refine import Division, divided, division, excesses_at_nodes, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, verify
 from hkt_mdo.start.find import other_branch as start_on_other_branch
@@ -91,9 +84,8 @@ class Task:
         accuracy for the blade of the start says little of others (iea3_4 needed five passes).
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
-        excess = excesses_of_start(physics, start)
         moving = in_motion(physics, start) if physics.law.chooses_speed else start
-        setup = Setup(moving, nodes, excess=excess, least_hub=first_hub(physics, start))
+        setup = Setup(moving, nodes, least_hub=first_hub(physics, start))
         return cls(start, physics, setup, why=why)
 
 

@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.operation_group import BINDS, is_quantity
-from hkt_mdo.problem.point import StartingPoint
 from hkt_mdo.problem.scenario import too_large
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import RATES
@@ -106,16 +104,6 @@ def excesses_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple, np
         for each in verifications
         for limit in each.constrained
         if not each.scenario.steady and _chooses(each.physics)
-    }
-
-
-def excesses_of_start(physics: Physics, start: StartingPoint) -> dict[tuple, np.ndarray]:
-    """Return how far a start exceeds limits, as `excesses_at_nodes` does: alike in all segments."""
-    return {
-        (limit.name, each.name): np.full((each.segments, 1), np.max(limit.excess(known)))
-        for each, known in zip(physics.scenarios, on_start(physics, start), strict=True)
-        for limit in each.limits
-        if limit.constrains(physics.law) and not each.steady and _chooses(physics)
     }
 
 
