@@ -90,7 +90,7 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
         },
     }
     for name, table in tables.items():
-        write_csv(folder / f"{name}.csv", table, zip(*table.values(), strict=True))
+        write_csv(folder / f"{name}.csv", table)
     radius = 1.4 * np.array(case.rotor.stations)
     gain, unit = {
         "open_loop": (None, []),

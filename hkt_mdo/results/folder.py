@@ -3,7 +3,7 @@
 import re
 import sqlite3
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -133,6 +133,7 @@ def to_json(data) -> str:
     return pydantic_core.to_json(data, indent=2, **plain).decode()
 
 
-def write_csv(path: Path, header, rows) -> None:
-    """Write rows of numbers, to ten digits, below a header."""
-    write_text(path, csv_text(header, ([f"{float(value):.10g}" for value in row] for row in rows)))
+def write_csv(path: Path, table: Mapping[str, Iterable[float]]) -> None:
+    """Write columns of numbers, to ten digits, below their names."""
+    rows = zip(*table.values(), strict=True)
+    write_text(path, csv_text(table, ([f"{float(value):.10g}" for value in row] for row in rows)))

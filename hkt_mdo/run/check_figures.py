@@ -14,8 +14,6 @@ from hkt_mdo.rotor.airfoil import Polar
 from hkt_mdo.run.check import CheckReport
 from hkt_mdo.run.findings import Findings, Flow
 
-MOST_INSTANTS = 20_000
-"""Of a flow, that are drawn."""
 SIZES = {"blade": (5.6, 2.25), "polar": (6.4, 2.25), "coefficients": (5.6, 3.0)}
 """Width of a figure and height of a panel (inches)."""
 QUIETEST = 1e-4
@@ -85,9 +83,8 @@ def _polar_curves(found: Findings) -> Iterator[tuple[str, Polar, np.ndarray, np.
 
 def _flow_panels(flow: Flow, rated_speed: float) -> Iterator[Panel]:
     """Yield the flow speed over time, and the spectrum of one that changes over time."""
-    thin = -(-flow.time.size // MOST_INSTANTS)
     panel = Panel("inflow speed (m/s)", "time (s)", levels={"mean": flow.mean})
-    panel.curves.append(Curve(flow.time[::thin], flow.speed[::thin], "", COLORS[0]))
+    panel.curves.append(Curve(flow.time, flow.speed, "", COLORS[0]))
     low, high = np.min(flow.speed), np.max(flow.speed)
     if low - (high - low) < rated_speed < high + (high - low):
         panel.levels["torque limit is met"] = rated_speed

@@ -146,7 +146,8 @@ class RunState:
     def write_history(self) -> None:
         """Write the energy and infeasibility of every evaluation."""
         header = ("evaluation", "energy_J", "infeasibility")
-        write_csv(self.out / "convergence.csv", header, self.history)
+        columns = np.reshape(self.history, (-1, len(header))).T
+        write_csv(self.out / "convergence.csv", dict(zip(header, columns, strict=True)))
 
     def write_summary(self) -> None:
         """Write the summary, with the passes so far."""

@@ -377,21 +377,20 @@ def write_tables(out: Path, finished: Checked) -> None:
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
         for name, known in (("trajectory", "at_nodes"), ("simulation", "simulated")):
-            values = [getattr(each, known) for each in verifications]
+            parts = [getattr(each, known) for each in verifications]
             table = {
-                column: np.concatenate([each[quantity] for each in values])
+                column: np.concatenate([each[quantity] for each in parts])
                 for quantity, column in headers.items()
-                if quantity in values[0]
+                if quantity in parts[0]
             }
-            rows = np.column_stack([*table.values()])
             if name == "simulation":  # open loop repeats the trajectory, at every node
-                rows = rows[_shown(rows)]
-            write_csv(out / f"{name}{suffix}.csv", table, rows)
+                shown = _shown(np.column_stack([*table.values()]))
+                table = {column: values[shown] for column, values in table.items()}
+            write_csv(out / f"{name}{suffix}.csv", table)
         span = loads.over_span(blade, [(each.rotor, each.simulated) for each in verifications])
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if verifications[0].scenario.steady:
-            bins = a_year.table(verifications)
-            write_csv(out / f"year{suffix}.csv", bins, zip(*bins.values(), strict=True))
+            write_csv(out / f"year{suffix}.csv", a_year.table(verifications))
     _write_blade(out / "blade.csv", physics, blade)
     met = [each.simulated["tip_speed_ratio"] for each in finished.verifications]
     best = physics.rotor.best_operation(blade).tip_speed_ratio
@@ -400,8 +399,7 @@ def write_tables(out: Path, finished: Checked) -> None:
     ratios = np.linspace(max(low, 0.05 * best), min(high, 5.0 * best), 141)
     known = [physics.rotor.coefficients(each, ratios) for each in (blade, physics.blade)]
     columns = ratios, *(x.power for x in known), *(x.thrust for x in known)
-    header = TABLES["coefficients"]
-    write_csv(out / "coefficients.csv", header, zip(*columns, strict=True))
+    write_csv(out / "coefficients.csv", dict(zip(TABLES["coefficients"], columns, strict=True)))
 
 
 def _shown(rows):
@@ -419,7 +417,7 @@ def _write_loads(path, blade, found):
     table = {"r_m": places, "r_over_R": places / blade.tip_radius}
     for name, (r, values) in found.items():
         table[units.get(name, name)] = np.interp(places, r, values)
-    write_csv(path, table, zip(*table.values(), strict=True))
+    write_csv(path, table)
 
 
 def _write_blade(path, physics, blade):

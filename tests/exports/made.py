@@ -23,11 +23,10 @@ def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solut
             suffix = f"_{name}" if len(names) > 1 else ""
             own = operate(np.linspace(0.0, 60.0, count), case.control.torque_limit, "quadratic")
             own["thrust_N"] *= 1.0 + place
-            rows = zip(*own.values(), strict=True)
-            write_csv(folder / f"{table}{suffix}.csv", own, rows)
+            write_csv(folder / f"{table}{suffix}.csv", own)
     columns = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
     curve = {name: np.linspace(1.0, 2.0, 3) for name in columns}
-    write_csv(folder / "coefficients.csv", curve, zip(*curve.values(), strict=True))
+    write_csv(folder / "coefficients.csv", curve)
     found = {
         "case": case.name,
         "success": True,
