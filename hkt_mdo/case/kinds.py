@@ -6,8 +6,6 @@ of installed packages that declare them as an entry point of the group `hkt_mdo.
 class that they define is one more kind.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import sys
@@ -66,7 +64,7 @@ class Kinds:
         """Return the kinds that are subclasses of a class."""
         return tuple(each for each in self.classes if issubclass(each, base))
 
-    def extended(self, extensions: Iterable[Extension]) -> Kinds:
+    def extended(self, extensions: Iterable[Extension]) -> "Kinds":
         """Return these kinds and those of some extensions; raise InputError for a bad one."""
         classes, origins = list(self.classes), list(self.extensions)
         for extension in extensions:

@@ -3,8 +3,6 @@
 Speeds are those of the rotor's shaft: a gearbox is part of the generator.
 """
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Annotated
 
@@ -135,7 +133,7 @@ class Generator(Section):
         return 0.0 if self.table is None else self._surface.beyond(torque, speed)
 
     @cached_property
-    def _surface(self) -> _Surface:
+    def _surface(self) -> "_Surface":
         """The contents of the table's file, read once."""
         return _Surface(str(self.table))
 

@@ -4,8 +4,6 @@ Optimization, checks, `hkt check`, summary and figures get its value from the li
 knows the formula. A limit of your own is a subclass of `Limit` (docs/dev/architecture.md).
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -54,7 +52,7 @@ class Limit(Formula):
             cls.name = vars(cls).get("name", of)
             cls.unit, cls.inputs = QUANTITIES[of].unit, (of,)
 
-    def on(self, blade: Any, material: Any = None) -> Limit:
+    def on(self, blade: Any, material: Any = None) -> "Limit":
         """Return this limit for a turbine's blade and `Material`; most do not depend on them."""
         return self
 

@@ -1,7 +1,5 @@
 """Table of a blade, the same for every file format: rows from root to tip, and their checks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +65,7 @@ class BladeTable:
     file: str = ""
     """The file, for messages."""
 
-    def scaled(self, tip_radius: float) -> BladeTable:
+    def scaled(self, tip_radius: float) -> "BladeTable":
         """Return the table in metres for a tip radius.
 
         Parameters

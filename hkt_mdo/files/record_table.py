@@ -1,7 +1,5 @@
 """Columns of time and speed of a record, in s and m/s, before gaps and spikes are checked."""
 
-from __future__ import annotations
-
 import re
 from array import array
 from collections.abc import Callable, Iterable, Sequence
@@ -205,7 +203,7 @@ class Columns:
         key = f"{self.place(row)}, {column_key(self.names[column])}"
         return InputError(problem, remedy, file=self.file, key=key, **value)
 
-    def at(self, rows: np.ndarray) -> Columns:
+    def at(self, rows: np.ndarray) -> "Columns":
         """Return the columns of some rows.
 
         Parameters
@@ -222,7 +220,7 @@ class Columns:
         part = replace(self, time=time, speed=speed, place=lambda row: place(rows[row]))
         return part if self.parts is None else replace(part, parts=self.parts[:, rows])
 
-    def in_si(self, options: RecordFile) -> Columns:
+    def in_si(self, options: RecordFile) -> "Columns":
         """Return the columns in s and m/s.
 
         Parameters

@@ -4,8 +4,6 @@
 here both are put together, and design variables, constraints and objective are declared.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import count
 
@@ -25,6 +23,7 @@ from hkt_mdo.quantities import meta_of
 from hkt_mdo.rotor.band import ALONG
 from hkt_mdo.rotor.components import BladeGroup, rotor_inputs
 from hkt_mdo.solve import drivers
+from hkt_mdo.solve.driver_base import ReportingDriver
 from hkt_mdo.solve.totals import Substitution
 
 WAKE_SHARE = 0.3  # typical axial induction
@@ -43,7 +42,7 @@ FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
 _NUMBERS = count(1)
 
 
-def assemble(physics: Physics, setup: Setup, driver: om.Driver | None = None) -> om.Problem:
+def assemble(physics: Physics, setup: Setup, driver: ReportingDriver | None = None) -> om.Problem:
     """Return the problem of some physics at a setup.
 
     Parameters
@@ -51,7 +50,7 @@ def assemble(physics: Physics, setup: Setup, driver: om.Driver | None = None) ->
     physics : Physics
     setup : Setup
         Where the optimization begins, and how far it may go.
-    driver : om.Driver, optional
+    driver : ReportingDriver, optional
         By default the case's own.
 
     Returns
@@ -120,7 +119,7 @@ def _add_rotors(group, physics, setup, band):
         group.add_subsystem(numbered("rotor", number), rotor, **about)
 
 
-def make_driver(physics: Physics, progress=None, most=None, refined=False) -> om.Driver:
+def make_driver(physics: Physics, progress=None, most=None, refined=False) -> ReportingDriver:
     """Return the driver of a problem, which gives up after `most` iterations if that is fewer.
 
     `refined` tells that the start is the optimum on a coarser mesh.

@@ -4,8 +4,6 @@ The rotor's equation of motion is that of the other scenarios at rest, Q = u: ro
 flow speeds are design variables, and the balance of torques under a feedback law is a constraint.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,7 +43,7 @@ class SteadyScenario(Scenario):
     steady: ClassVar[bool] = True
 
     @classmethod
-    def of(cls, inflow: Inflow, mesh: Phase, **others) -> SteadyScenario:
+    def of(cls, inflow: Inflow, mesh: Phase, **others) -> "SteadyScenario":
         """Return the scenario of a resource, or of the speeds of a flow over time."""
         if isinstance(inflow, Resource):
             speeds = inflow.reversed_speeds if others.get("backwards") else inflow.speeds
@@ -63,7 +61,7 @@ class SteadyScenario(Scenario):
         without = f"taken without time: {self.bins.mean.size} speeds of the flow"
         return (*self.resource.messages, *[without] * (not isinstance(self.resource, Resource)))
 
-    def below(self, cut_out: float | None) -> SteadyScenario:
+    def below(self, cut_out: float | None) -> "SteadyScenario":
         """Return the scenario without the speeds above the cut-out speed, m/s."""
         if cut_out is None or self.speeds[-1] <= cut_out:
             return self

@@ -65,13 +65,15 @@ def on_start(physics: Physics, point: StartingPoint) -> list[dict[str, Any]]:
 
 
 def in_motion(physics: Physics, point: StartingPoint) -> StartingPoint:
-    """Return the start of an open loop whose rotor follows its schedule as its inertia allows.
+    """Return a start whose rotor follows an open loop's schedule as its inertia allows.
 
     The generator has no more torque or power than without time, and does not drive the rotor; where
     that does not lead to the next speed of the schedule, the speed is another one, to first order
     that at the same captured power. Else a heavy rotor in turbulence begins far beyond its limits:
     104 iterations of the first optimization of `river25_record` for 35.
     """
+    if not physics.law.chooses_speed:
+        return point
     rows = []
     for known in on_start(physics, point):
         schedule, driving = known["rotor_speed"], known["hydrodynamic_torque"]

@@ -1,7 +1,5 @@
 """A design with its trajectory: the start, an iterate or the end of an optimization."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -112,7 +110,7 @@ class StartingPoint:
     exceeds: tuple[str, ...] = ()
     branch: str = ""
     strategy: str = ""
-    branches: tuple[StartingPoint, ...] = ()
+    branches: tuple["StartingPoint", ...] = ()
     starts: tuple[StartRecord, ...] = ()
     messages: tuple[str, ...] = ()
     reference: float = 0.0

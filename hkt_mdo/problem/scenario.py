@@ -1,7 +1,5 @@
 """Scenarios: a flow over a time span on a mesh; the only module that knows Dymos' phases."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -99,11 +97,11 @@ class Scenario:
         """Return the words for a place in it, where `time` (s) is."""
         return f"t = {time:.2f} s"
 
-    def divided(self, parts: np.ndarray) -> Scenario:
+    def divided(self, parts: np.ndarray) -> "Scenario":
         """Return this scenario with each segment divided into a number of equal parts."""
         return replace(self, edges=divided(self.edges, parts))
 
-    def resolved(self) -> Scenario:
+    def resolved(self) -> "Scenario":
         """Return this scenario with segments that are divided until they resolve the flow.
 
         That is: until `flow_errors` and `flow_missed` are small in all, or there are too many

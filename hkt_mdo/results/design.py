@@ -3,8 +3,6 @@
 Nothing else in this package needs the rotor, its files or the optimization's modules.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -62,7 +60,7 @@ class Design:
     known: Plant
 
     @classmethod
-    def of(cls, solution: Any) -> Design:
+    def of(cls, solution: Any) -> "Design":
         """Build the design of a result from its case and the files that this names.
 
         Parameters
@@ -96,7 +94,7 @@ class Design:
         """Largest thickness over chord at the stations, shape (n_stations,)."""
         return self.physics.rotor.thickness_of(self.blade)
 
-    def with_memory(self, tau1: float | None = None) -> Design:
+    def with_memory(self, tau1: float | None = None) -> "Design":
         """Return the same design with a wake that has memory.
 
         Parameters

@@ -3,8 +3,6 @@
 A run writes a `Summary`, `Solution` reads it, and `hkt show` prints its rows one after the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -263,7 +261,7 @@ class ObjectiveEntry(_Entry):
     measure: str | None = None
     """How the scenarios are combined; None: there is one scenario."""
 
-    def rows(self, scenarios: dict[str, ScenarioEntry]) -> Iterator[Row]:
+    def rows(self, scenarios: dict[str, "ScenarioEntry"]) -> Iterator[Row]:
         """Yield the objective, unless it is the captured energy, and which scenarios decide it."""
         if self.kind != "captured" or self.price:
             price = measured(self.price or 0.0, "J")
@@ -544,7 +542,7 @@ class Summary(Achieved):
         return dict(sorted(both, key=lambda pair: pair[1].value or 0.0))
 
     @classmethod
-    def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> Summary:
+    def parse(cls, text: str | bytes, file: Path | str = "summary.json") -> "Summary":
         """Return the summary of a JSON text; InputError if it is no JSON or has a wrong value."""
         try:
             return cls.model_validate_json(text)

@@ -3,8 +3,6 @@
 A sweep's folder has `sweep.yaml`, `table.csv` and the result folders of its runs in `runs`.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Sequence
@@ -130,7 +128,7 @@ class SweepTable:
     columns: dict[str, np.ndarray]
 
     @classmethod
-    def load(cls, folder: str | Path) -> SweepTable:
+    def load(cls, folder: str | Path) -> "SweepTable":
         """Read the table in a sweep's folder.
 
         Parameters

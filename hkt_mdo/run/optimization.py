@@ -1,7 +1,5 @@
 """One optimization: the problem of some physics at a setup, solved, recorded and read."""
 
-from __future__ import annotations
-
 from itertools import count
 from pathlib import Path
 
@@ -15,7 +13,7 @@ from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import TRAJECTORY
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized
-from hkt_mdo.solve.driver_base import Outcome
+from hkt_mdo.solve.driver_base import Outcome, ReportingDriver
 
 MOST_ROWS = 500
 """Segments times limits and the equation of motion, above which little is recorded."""
@@ -23,7 +21,7 @@ MOST_ROWS = 500
 _OF_LONG_FLOWS = ["*.timeseries.*", "chord", "twist", "*energy", "inertia", "mass"]
 
 
-def solve(state: RunState, physics: Physics, setup: Setup, driver: om.Driver) -> Optimized:
+def solve(state: RunState, physics: Physics, setup: Setup, driver: ReportingDriver) -> Optimized:
     """Run one optimization.
 
     Parameters

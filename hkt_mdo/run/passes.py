@@ -6,8 +6,6 @@ does, `Pass.end` is the end of the run, measured by its start; if checks refuse 
 best that the run has, and `none_found` says why.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -77,15 +75,14 @@ class Task:
     coarser: tuple[float, ...] = ()
 
     @classmethod
-    def first(cls, physics: Physics, start: StartingPoint, why: str = "") -> Task:
+    def first(cls, physics: Physics, start: StartingPoint, why: str = "") -> "Task":
         """Return the first optimization from a start; a designed hub makes its loop stable.
 
         The torque of several sections is rough: their curve has twice the nodes, since its
         accuracy for the blade of the start says little of others (iea3_4 needed five passes).
         """
         nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
-        moving = in_motion(physics, start) if physics.law.chooses_speed else start
-        setup = Setup(moving, nodes, least_hub=first_hub(physics, start))
+        setup = Setup(in_motion(physics, start), nodes, least_hub=first_hub(physics, start))
         return cls(start, physics, setup, why=why)
 
 

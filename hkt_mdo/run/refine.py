@@ -143,8 +143,7 @@ def lowered(
                 worst = max(worst, float(np.max(over)))
                 key = limit.name, verification.scenario.name
                 if key in shares or not (is_quantity(limit) and _chooses(verification.physics)):
-                    large = held & (over > 0.5 * most)
-                    share = np.where(large, reached * (1.0 - over), share)
+                    share = np.where(held & (over > 0.5 * most), reached * (1.0 - over), share)
                 shares[key] = share
     return shares, worst
 

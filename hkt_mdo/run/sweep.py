@@ -1,7 +1,5 @@
 """Running a sweep: every point once, those that are finished not again."""
 
-from __future__ import annotations
-
 import hashlib
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -34,7 +32,7 @@ def run_sweep(
     sweep: Sweep | str | Path,
     out: str | Path,
     jobs: int | None = None,
-    report: Callable[[Plan], None] = lambda plan: None,
+    report: Callable[["Plan"], None] = lambda plan: None,
     *,
     scheduler: str | None = None,
     extensions: Iterable[Extension] = (),

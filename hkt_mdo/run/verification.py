@@ -4,8 +4,6 @@ The integration has the torque by direct BEM; it shares neither torque curve nor
 the result.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -124,11 +122,11 @@ class Verification(SimulatedDesign):
 
     scenario: Scenario
     trajectory: dict[str, np.ndarray]
-    two_filters: Verification | None = None
+    two_filters: "Verification | None" = None
     """If the wake has memory, the integration with the optimization's two filters (`MeanWake`)."""
 
     @property
-    def of_model(self) -> Verification:
+    def of_model(self) -> "Verification":
         """The integration of the model that was optimized."""
         return self.two_filters or self
 

@@ -1,7 +1,5 @@
 """Lagrange multipliers of an optimum from its derivatives, for any optimizer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import chain
 
@@ -39,7 +37,7 @@ class State:
     """Rows of each constraint and design variable, by its name in the driver."""
 
     @classmethod
-    def of(cls, driver: ReportingDriver) -> State:
+    def of(cls, driver: ReportingDriver) -> "State":
         """Return the state of a driver whose model has run.
 
         Parameters

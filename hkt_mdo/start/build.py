@@ -4,6 +4,7 @@ import openmdao.api as om
 
 from hkt_mdo.case import Case
 from hkt_mdo.problem.build import add_turbine, assemble
+from hkt_mdo.problem.evaluation import in_motion
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
@@ -59,7 +60,7 @@ def start_of_case(case: Case, improve: bool | None = None) -> tuple[Physics, Set
     world = physics(case)
     with one_thread():
         start = find_start(world, improve=improve)
-    return world, Setup(start, curve_nodes(world, start))
+    return world, Setup(in_motion(world, start), curve_nodes(world, start))
 
 
 class TurbineGroup(om.Group):

@@ -6,8 +6,6 @@ equation is solved, so there are no false solutions; the energy is within about 
 one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -52,7 +50,7 @@ class QuasiSteady:
     weights: np.ndarray
 
     @classmethod
-    def of(cls, physics: Physics, blade: Blade, curve: Callable) -> QuasiSteady:
+    def of(cls, physics: Physics, blade: Blade, curve: Callable) -> "QuasiSteady":
         """Return the operation of a blade, with a curve of its torque, in all flows of a case."""
         about = physics.density, by_curve(curve), physics.case.generator
         plant = Plant(blade, Polars(), np.nan, *about)

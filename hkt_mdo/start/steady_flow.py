@@ -4,8 +4,6 @@ A rotor keeps a limit of its power by turning faster or slower than where it cap
 are the branches of the tip speed ratio.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -79,11 +77,11 @@ class SteadyFlow:
     _curves: dict[Blade, tuple[np.ndarray, dict]] = field(default_factory=dict, repr=False)
 
     @classmethod
-    def of(cls, physics: Physics, spline: TorqueSpline) -> SteadyFlow:
+    def of(cls, physics: Physics, spline: TorqueSpline) -> "SteadyFlow":
         """Return the speeds of a case's flows; a rate over v³ is linear between two of them."""
         return cls(physics, spline, in_speeds(*physics.sampled_flow)[0], _kept(physics))
 
-    def within(self, scenario: Scenario, knots: int) -> SteadyFlow:
+    def within(self, scenario: Scenario, knots: int) -> "SteadyFlow":
         """Return the same for a number of speeds of one of the scenarios, within its limits."""
         own = replace(self.physics, scenarios=(scenario,))
         return replace(self, speeds=in_speeds(*own.sampled_flow, knots)[0], limits=_kept(own))

@@ -1,7 +1,5 @@
 """A finished design in other flows: its energies, and the largest value of every limit and load."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -102,7 +100,7 @@ class Run:
     inflow: Inflow
     scenario: str = ""
     seed: int | None = None
-    without: Run | None = None
+    without: "Run | None" = None
     start: bool = False
     stop: float | None = None
     noise: tuple[Sensor, int, int] | None = None
