@@ -4,8 +4,6 @@ A law is one class: its keys in a case's section `control`, and its formula. The
 else; a law of your own is a subclass of `FeedbackLaw` (docs/controllers.md).
 """
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -58,7 +56,7 @@ class Law(Section):
     """Whether the optimizer chooses the torque over time."""
     estimates_flow: ClassVar[bool] = False
     """Whether the flow speed that a law with states uses is estimated from speed and torque."""
-    simpler: ClassVar[Law | None] = None
+    simpler: ClassVar["Law | None"] = None
     """A law of fewer gains, from whose optimum the start is found where the power is limited."""
     _applied: float = PrivateAttr(1.0)  # torque on the rotor over the torque that the law demands
 
@@ -78,7 +76,7 @@ class Law(Section):
         law._applied = factor
         return law
 
-    def in_flow(self, slowest: float, fastest: float) -> Law:
+    def in_flow(self, slowest: float, fastest: float) -> "Law":
         """Return this law for a design flow between two speeds, m/s; most laws are unchanged."""
         return self
 
@@ -110,7 +108,7 @@ class Law(Section):
         factor = min(factor, self.farthest)
         return np.sort((gains / factor, gains * factor), axis=0)
 
-    def contains(self, other: Law) -> bool:
+    def contains(self, other: "Law") -> bool:
         """Tell whether another law is a special case of this one, with some of its gains."""
         return self == other
 

@@ -5,8 +5,6 @@ each speed, and the energy of a year is a sum over the speeds, each with its hou
 of a bin and hours of a year are those of IEC TS 62600-200 and -201 (docs/studies/year_checked.md).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Annotated, ClassVar, Literal
@@ -71,13 +69,13 @@ class Speeds:
         own, share = (each[order] for each in self.whole)
         return np.interp(speed, own, np.cumsum(share) - 0.5 * share)
 
-    def between(self, slowest: float, fastest: float) -> Speeds:
+    def between(self, slowest: float, fastest: float) -> "Speeds":
         """Return the speeds from the slowest to the fastest, m/s; the others are `idle`."""
         kept = (self.speed >= slowest) & (self.speed <= fastest)
         found = {name: getattr(self, name)[kept] for name in ("speed", "share", "place")}
         return replace(self, **found, idle=self.idle + float(np.sum(self.share[~kept])))
 
-    def with_ends(self, slowest: float, fastest: float) -> Speeds:
+    def with_ends(self, slowest: float, fastest: float) -> "Speeds":
         """Return the speeds and the ends of their range, m/s, at which limits hold as well."""
         first, last = (1.0 - SAME) * self.speed[0], (1.0 + SAME) * self.speed[-1]
         more = int(slowest < first), int(fastest > last)
@@ -86,12 +84,12 @@ class Speeds:
         place = np.pad(self.place, more, mode="edge")
         return replace(self, speed=np.concatenate(ends), share=share, place=place)
 
-    def curve(self, duration: float) -> DurationCurve:
+    def curve(self, duration: float) -> "DurationCurve":
         """Return the speeds as a flow over a duration, s."""
         ends = duration * np.append(self.idle, self.idle + np.cumsum(self.share))
         return DurationCurve(speeds=tuple(self.speed), ends=tuple(ends))
 
-    def turbulent(self, intensity: float) -> Speeds:
+    def turbulent(self, intensity: float) -> "Speeds":
         """Replace each speed by a normal distribution about it, of a relative deviation.
 
         By Gauss-Hermite quadrature; the share of negative speeds is `idle`.
@@ -224,7 +222,7 @@ class Resource(Inflow):
             yield "reversed_polar", problem, "give both or neither"
 
     @cached_property
-    def speeds(self) -> Speeds:
+    def speeds(self) -> "Speeds":
         """The speeds in bins, rising, without those at which the machine stands still.
 
         Of both directions if the turbine turns into the flow, otherwise of positive speeds only.
@@ -239,7 +237,7 @@ class Resource(Inflow):
             return None
         return self._toward(-1.0)
 
-    def _toward(self, way: float) -> Speeds:
+    def _toward(self, way: float) -> "Speeds":
         """Return the speeds of a direction, 1 or -1, or of both, 0, without its sign."""
         speed, share = self.occurrence()
         runs = way * speed >= 0.0

@@ -1,7 +1,5 @@
 """Reader of YAML 1.2 for cases and turbine files: plain values, of limited depth and size."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sized
 from dataclasses import dataclass
@@ -154,7 +152,7 @@ class Place:
         value = {"value": self.node.value} if isinstance(self.node, yaml.ScalarNode) else {}
         return InputError(problem, remedy, file=self.file, key=self.shown, **value)
 
-    def below(self, node: yaml.Node, name: str) -> Place:
+    def below(self, node: yaml.Node, name: str) -> "Place":
         """Return a member of this value.
 
         Parameters
@@ -176,7 +174,7 @@ class Place:
         if not isinstance(self.node, kind):
             raise self.refuse(f"must be {what}", "see the schema of such files")
 
-    def find(self, path: str, remedy: str = "") -> Place | None:
+    def find(self, path: str, remedy: str = "") -> "Place | None":
         """Return the value of a key below this one.
 
         Parameters
@@ -208,7 +206,7 @@ class Place:
             mapping = mapping.below(node, name)
         return mapping
 
-    def get(self, path: str, remedy: str = "add it") -> Place:
+    def get(self, path: str, remedy: str = "add it") -> "Place":
         """Return the value of a key that must be there.
 
         Parameters
@@ -228,7 +226,7 @@ class Place:
         """
         return self.find(path, remedy)  # type: ignore[return-value]
 
-    def items(self) -> list[Place]:
+    def items(self) -> list["Place"]:
         """Return the members of a list; raise InputError if it is no list or empty.
 
         Returns

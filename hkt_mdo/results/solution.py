@@ -3,8 +3,6 @@
 A folder may come from any source: its files are limited in size and read as text, never as pickles.
 """
 
-from __future__ import annotations
-
 import html
 import os.path
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -85,7 +83,7 @@ class Solution:
     convergence: Table
 
     @classmethod
-    def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> Solution:
+    def load(cls, folder: str | Path, *, extensions: Iterable[Extension] = ()) -> "Solution":
         """Read a result folder, as read-only arrays; after an interruption, tables may be missing.
 
         Parameters
@@ -127,7 +125,7 @@ class Solution:
         """Names of the scenarios."""
         return tuple(self.tables)
 
-    def scenario(self, name: str) -> Solution:
+    def scenario(self, name: str) -> "Solution":
         """Return the result of one scenario alone.
 
         Parameters
@@ -160,7 +158,7 @@ class Solution:
         return replace(self, case=case, summary=summary, tables=tables)
 
     @property
-    def by_scenario(self) -> tuple[Solution, ...]:
+    def by_scenario(self) -> tuple["Solution", ...]:
         """The results of all scenarios, each alone."""
         return tuple(self.scenario(name) for name in self.tables)
 
@@ -199,7 +197,7 @@ class Solution:
         entries = [*(self.summary.scenarios or {}).values()]
         return len(entries) == 1 and entries[0].steady
 
-    def design(self) -> Design:
+    def design(self) -> "Design":
         """Return blade, law, and turbine with polars and outlines of the result, as objects.
 
         Returns
