@@ -1,7 +1,5 @@
 """The whole case, and how it is read from YAML text."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
@@ -115,7 +113,7 @@ class FlowScenario(_WithFlow):
     spread: Spread | None = None
     """Variation of `condition` and `density` from one realization to the next."""
 
-    def realized(self, case: Case, key: str) -> list[FlowScenario]:
+    def realized(self, case: "Case", key: str) -> list["FlowScenario"]:
         """Return one scenario for each realization of a case's scenario, called `key`.
 
         Refuses realizations that would all be the same.
@@ -265,7 +263,7 @@ class Case(_WithFlow):
                 problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
                 yield key, problem, "the start must lie within the bounds: change one or the other"
 
-    def of_scenario(self, name: str) -> Case:
+    def of_scenario(self, name: str) -> "Case":
         """Return the case of one of its scenarios alone; for an unknown name, the case itself."""
         for own in self.scenarios:
             if own.name == name:
@@ -282,7 +280,7 @@ class Case(_WithFlow):
                 return made.model_copy(update=update)
         return self
 
-    def of_turbine(self, density: float | None, condition: Condition | None) -> Case:
+    def of_turbine(self, density: float | None, condition: Condition | None) -> "Case":
         """Return the case with other water and another condition of the turbine; None: its own."""
         water = {} if density is None else {"density": density}
         fluid = self.fluid.model_copy(update=water)
@@ -376,7 +374,7 @@ class Case(_WithFlow):
         data["scenarios"] = flows
         return data, own
 
-    def with_overrides(self, *overrides: str) -> Case:
+    def with_overrides(self, *overrides: str) -> "Case":
         """Return a case in which some keys have other values, checked as a file would be.
 
         An override is a text such as ``rotor.radius=2`` or ``control={law: linear}``; relative

@@ -137,8 +137,7 @@ def lowered(
                 reached = np.minimum(share, 1.0 + own)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
             held = setup.holds(limit, verification.scenario)
-            helps = ~held | (share > lowest) & (over < MOST_EXCEEDED)
-            over = np.where(helps, over, 0.0)
+            over = np.where(~held | (share > lowest) & (over < MOST_EXCEEDED), over, 0.0)
             if np.max(over) > most:
                 worst = max(worst, float(np.max(over)))
                 key = limit.name, verification.scenario.name

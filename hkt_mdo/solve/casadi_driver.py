@@ -1,7 +1,5 @@
 """IPOPT in CasADi's wheels as an OpenMDAO driver."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
@@ -252,7 +250,7 @@ class CasadiIpoptDriver(ReportingDriver):
             raise error
 
 
-def _callback(name: str, function: Callable, inputs: list, outputs: list) -> casadi.Function:
+def _callback(name: str, function: Callable, inputs: list, outputs: list) -> "casadi.Function":
     """Return `function` of flat arrays as a CasADi function of inputs and outputs, by sparsity."""
     import casadi
 
@@ -267,13 +265,13 @@ def _callback(name: str, function: Callable, inputs: list, outputs: list) -> cas
         def get_n_out(self) -> int:
             return len(outputs)
 
-        def get_sparsity_in(self, i: int) -> casadi.Sparsity:
+        def get_sparsity_in(self, i: int) -> "casadi.Sparsity":
             return inputs[i]
 
-        def get_sparsity_out(self, i: int) -> casadi.Sparsity:
+        def get_sparsity_out(self, i: int) -> "casadi.Sparsity":
             return outputs[i]
 
-        def eval(self, arguments: Sequence[casadi.DM]) -> list:
+        def eval(self, arguments: Sequence["casadi.DM"]) -> list:
             return list(function(*(np.array(argument).ravel() for argument in arguments)))
 
     return Callback()

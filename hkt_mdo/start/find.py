@@ -39,10 +39,7 @@ CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
 SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade
 DEMAND = 10.0  # of a law over its largest torque, at which the torque is constant
 SHARES = np.linspace(1.0, 0.5, 11)  # of an open loop's torque, to which gains are fitted
-LOCAL = (
-    "start.method = blade: the optimum is a local one near the given blade, others were not "
-    "searched; quasi_steady searches for them"
-)
+LOCAL = "start.method = blade: a local optimum near the given blade; quasi_steady looks for others"
 MERIT = attrgetter("merit")
 
 
