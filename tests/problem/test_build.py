@@ -163,8 +163,7 @@ def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
     parabola = np.polyfit([-1.0, 0.0, 1.0], torque, 2)
     np.testing.assert_allclose(between, np.polyval(parabola, [-0.5, 0.5]))
     # far from it the limit is not held: at the nodes of the last segment and the one before alone
-    sizes = [[each.size for each in held(last)[1]] for last in (-0.005, -0.05, -0.5)]
-    assert sizes == [[4, 2], [4], []]
+    assert [[x.size for x in held(at)[1]] for at in (-0.005, -0.05, -0.5)] == [[4, 2], [4], []]
 
 
 def test_a_limit_is_narrowed_at_one_speed_of_a_steady_scenario():

@@ -36,14 +36,6 @@ def test_co_design_reaches_the_steady_optimum(law, optimum):
     assert start.operation.rotor_speed.shape == flow.shape
 
 
-def test_the_optimum_of_one_blade_is_start_enough(optimum):
-    """The candidates are improved from any blade, not from the steady optimum alone."""
-    case = world(limit=700.0)
-    own = best_operation(case.blade, case.rotor.polar)
-    best, found = (find_start(case, each).operation.energy for each in (optimum, own))
-    assert found == pytest.approx(best, rel=1e-5)
-
-
 def test_a_fixed_blade_is_kept():
     case = world("quadratic", blade="fixed")
     best = best_operation(case.blade, case.rotor.polar)
@@ -64,8 +56,7 @@ def test_gains_are_searched_within_their_bounds(bounds, optimum):
     )
     assert not bounds[0] <= free.gains[0] <= bounds[1]
     assert bounds[0] <= bound.gains[0] <= bounds[1]
-    assert bound.operation.running
-    assert bound.operation.energy < free.operation.energy
+    assert 0.0 < bound.operation.energy * bound.operation.running < free.operation.energy
 
 
 @pytest.mark.slow
@@ -133,8 +124,7 @@ def test_an_open_loop_begins_as_its_inertia_allows():
     about = {"limits": {"power": 5000}, "rotor": {"hub_inertia": 50}}
     case = physics(load_case({"inflow": "sine", "control": "open_loop"} | about))
     start = find_start(case, improve=False)
-    (known,) = on_start(case, start)
-    largest = []
+    (known,), largest = on_start(case, start), []
     for each in (start.operation, in_motion(case, start).operation):
         change = known["inertia"] * np.diff(each.rotor_speed) / np.diff(known["time"])
         largest.append(np.max(each.hydrodynamic_torque[1:] - change))
