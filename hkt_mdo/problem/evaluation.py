@@ -70,7 +70,8 @@ def in_motion(physics: Physics, point: StartingPoint) -> StartingPoint:
     The generator has no more torque or power than without time, and does not drive the rotor; where
     that does not lead to the next speed of the schedule, the speed is another one, to first order
     that at the same captured power. Else a heavy rotor in turbulence begins far beyond its limits:
-    104 iterations of the first optimization of `river25_record` for 35.
+    104 iterations of the first optimization of `river25_record` for 35. The iterate of a run that
+    is resumed keeps to this already, and stays as it is.
     """
     if not physics.law.chooses_speed:
         return point

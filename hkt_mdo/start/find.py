@@ -202,8 +202,8 @@ class Search:
             for each in some:
                 if not follows or (each.gains is not None and law.is_static):
                     found.append(self._optimum(self._begin(each, branch)))
-                    if not law.is_feedback and branch == "overspeed" != found[-1].branch:
-                        found.append(self._held_on(branch, each))
+                    if not law.is_feedback and branch == "overspeed" and found[-1].branch != branch:
+                        found.append(self._held_at_overspeed(each))
             followed = set()
             for each in some if follows else ():
                 begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
@@ -244,7 +244,7 @@ class Search:
         gains = self.physics.law.fit(speed, law.demand(speed, end.gains))
         return replace(end, gains=self.physics.bounded(gains))
 
-    def _held_on(self, branch: str, candidate: Candidate) -> StartingPoint:
+    def _held_at_overspeed(self, candidate: Candidate) -> StartingPoint:
         """Return the optimum of an open loop that a law has led along the branch of overspeed.
 
         By itself it has left that branch, on which a law must stay: 1.9 % of the energy of turbine
@@ -252,8 +252,8 @@ class Search:
         """
         law = RatedFeedback(torque_limit=self.physics.law.torque_limit)
         held = replace(self, physics=replace(self.physics, law=law))
-        end = held._optimum(held._begin(candidate, branch))
-        return self._optimum(self._begin(candidate._replace(blade=end.blade), branch))
+        end = held._optimum(held._begin(candidate, "overspeed"))
+        return self._optimum(self._begin(candidate._replace(blade=end.blade), "overspeed"))
 
     def _rank(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of a branch; overspeed is better where they are even.

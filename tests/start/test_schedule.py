@@ -46,6 +46,7 @@ def from_another_blade(case, seed):
 def test_power_is_kept_by_turning_faster_or_slower():
     case, found = world(power="5 kW"), start(power="5 kW")
     (known,) = on_start(case, found)
+    assert found.excess < 1e-4
     assert np.max(known["generator_power"]) == pytest.approx(5000.0, rel=2e-4)
     branches = {each.branch: each for each in found.branches}
     assert set(branches) == {"overspeed", "underspeed"}
