@@ -92,7 +92,10 @@ class Certificate:
         theta, balanced = (PchipInterpolator(self.flow, each) for each in (multiplier, speed))
         time = self.time
         duration = time[0] + time[-1]
-        ramp, ramp_rate = _ramp(time, duration)
+        # rises from zero at both ends to one within RAMP
+        place = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
+        sign = np.where(time < 0.5 * duration, 1.0, -1.0)
+        ramp, ramp_rate = place**2 * (3.0 - 2.0 * place), sign * 6.0 * place * (1.0 - place) / RAMP
         excess = theta(self.speed) - 1.0
         rate = ramp * theta(self.speed, 1) * self.rate + ramp_rate * excess
         mean = 0.5 * self.weights @ (rate * balanced(self.speed) ** 2) / duration
@@ -102,7 +105,14 @@ class Certificate:
         steepest = np.abs(self.rate).max() + 1e-12
 
         def supremum(flow, theta, rate):
-            return self._supremum(generated, flow, theta, rate, balanced, mean)
+            # of the integrand over power_scale at flow speeds
+            speed = self.ratio * flow[:, None] / self.radius
+            scale = power_scale(self.density, self.radius, flow)[:, None]
+            theta = theta[:, None]
+            storing = 0.5 * rate[:, None] * (speed**2 - balanced(flow)[:, None] ** 2) + mean
+            low, high = self.inertia
+            stored = np.maximum(low * storing, high * storing)
+            return peak(((1.0 - theta) * generated(speed) + stored) / scale + theta * self.power)
 
         down, level, up = (
             between(flow, supremum(flow, theta(flow), x * theta(flow, 1)), self.speed[inner])
@@ -115,16 +125,6 @@ class Certificate:
         about = self.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer]
         power[outer] *= supremum(*about)
         return float(self.weights @ power)
-
-    def _supremum(self, generated, flow, theta, rate, balanced, mean):
-        """Return the supremum of the integrand over power_scale at flow speeds."""
-        speed = self.ratio * flow[:, None] / self.radius
-        scale = power_scale(self.density, self.radius, flow)[:, None]
-        theta = theta[:, None]
-        storing = 0.5 * rate[:, None] * (speed**2 - balanced(flow)[:, None] ** 2) + mean
-        low, high = self.inertia
-        stored = np.maximum(low * storing, high * storing)
-        return peak(((1.0 - theta) * generated(speed) + stored) / scale + theta * self.power)
 
     def _multiplier(self, braking, most):
         """Return the multiplier with the least bound in steady flow, and the speed there."""
@@ -144,13 +144,6 @@ def between(x, values, at):
     error = np.abs(PchipInterpolator(x[::2], values[::2])(x) - values)
     error[1:-1] = np.maximum(error[1:-1], np.maximum(error[:-2], error[2:]))
     return PchipInterpolator(x, values)(at) + 0.25 * np.interp(at, x, error)
-
-
-def _ramp(time, duration):
-    """Return a function that rises from zero at both ends to one within `RAMP`, and its slope."""
-    x = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
-    sign = np.where(time < 0.5 * duration, 1.0, -1.0)
-    return x * x * (3.0 - 2.0 * x), sign * 6.0 * x * (1.0 - x) / RAMP
 
 
 def peak(values):

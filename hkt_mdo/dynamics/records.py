@@ -278,7 +278,14 @@ def _made(raw: Columns, options: RecordInflow) -> Record:
     spikes, notes = check_speeds(raw, options.spikes)
     even = _even(replace(raw, messages=(*raw.messages, *notes)), options, spikes)
     step = float(even.time[1])
-    cutoff, smooth, removed = _low_passed(even, options, step)
+    nyquist, slowest = 0.5 / step, 1.0 / even.time[-1]
+    cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
+    if not slowest <= cutoff < nyquist:
+        problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
+        problem += f"{nyquist:.4g} Hz, half the sampling rate"
+        remedy = "give another cutoff, or none for half of the upper one"
+        raise options.refuse("cutoff", problem, remedy)
+    smooth, variance = low_pass(even.speed, step, cutoff), float(np.var(even.speed))
     along, where = smooth, ""
     if even.parts is not None:
         mean = np.mean(even.parts, axis=1)
@@ -292,7 +299,9 @@ def _made(raw: Columns, options: RecordInflow) -> Record:
         raise raw.refuse(f"{problem}reverses", remedy, row, 1)
     summary = f"{Path(raw.file).name}: {_count(smooth.size, 'sample')} every {step:.6g} s, mean "
     summary += f"{smooth.mean():.4g} m/s, from {smooth.min():.4g} to {smooth.max():.4g} m/s"
-    return Record(even.time, smooth, step, cutoff, (summary, *even.messages, removed))
+    removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
+    note = f"low-passed at {cutoff:.4g} Hz, which removed {100.0 * removed:.2g} % of the variance"
+    return Record(even.time, smooth, step, cutoff, (summary, *even.messages, note))
 
 
 def _cut(raw: Columns, options: RecordInflow) -> Columns:
@@ -385,21 +394,6 @@ def _longest_gap(raw: Columns, options: RecordInflow, step: float, resample: boo
     return float(np.max(missing))
 
 
-def _low_passed(even: Columns, options: RecordInflow, step: float) -> tuple[float, np.ndarray, str]:
-    """Return the cutoff, the low-passed speeds, and a note of what is removed."""
-    speed, nyquist, slowest = even.speed, 0.5 / step, 1.0 / even.time[-1]
-    cutoff = 0.5 * nyquist if options.cutoff is None else options.cutoff
-    if not slowest <= cutoff < nyquist:
-        problem = f"must lie between {slowest:.4g} Hz, one wave in the record, and "
-        problem += f"{nyquist:.4g} Hz, half the sampling rate"
-        remedy = "give another cutoff, or none for half of the upper one"
-        raise options.refuse("cutoff", problem, remedy)
-    smooth, variance = low_pass(speed, step, cutoff), float(np.var(speed))
-    removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
-    share = f"{100.0 * removed:.2g} % of the variance"
-    return cutoff, smooth, f"low-passed at {cutoff:.4g} Hz, which removed {share}"
-
-
 def _grid(time: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """Return the step of even samples with gaps, each one's place, and how far (s) it is off it."""
     steps = np.diff(time)
@@ -429,13 +423,11 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     left are filtered again, until there are none: so two or three bad samples in a row are found.
     Gusts, steps and crests of waves are no spikes, since their neighbours follow them.
     """
-    spikes = np.zeros(speed.size, dtype=bool)
-    found = ~spikes
-    while np.any(found) and np.count_nonzero(~spikes) >= MIN_SAMPLES:
-        left = np.flatnonzero(~spikes)
+    left, found = np.arange(speed.size), np.ones(speed.size, dtype=bool)
+    while np.any(found) and left.size >= MIN_SAMPLES:
         found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # so that absurd speeds do not overflow
-        spikes[left[found]] = True
-    return spikes
+        left = left[~found]
+    return ~np.isin(np.arange(speed.size), left)
 
 
 def _stand_off(speed: np.ndarray) -> np.ndarray:
@@ -474,6 +466,4 @@ def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:
     line = speed[0] + (speed[-1] - speed[0]) * np.arange(count + 1) / count
     frequency = np.arange(1, count) / (2.0 * count * step)
     sines = dst((speed - line)[1:-1], type=1)
-    smooth = line.copy()
-    smooth[1:-1] += idst(sines / (1.0 + (frequency / cutoff) ** 8), type=1)
-    return smooth
+    return line + np.pad(idst(sines / (1.0 + (frequency / cutoff) ** 8), type=1), 1)

@@ -132,7 +132,12 @@ class Loop:
         s = 1j * w
         passed = AT_ONCE + (1.0 - AT_ONCE) / (1.0 + self.slow * s)
         chains = np.einsum("nj,njw->nw", self.answers, 1.0 / (1.0 + self.fast[..., None] * s))
-        open_loop = self.frozen[:, None] + passed * chains - self._controller(s)
+        law, states = self.law[:, None], self.law.shape[1] - 1
+        system = s[:, None, None] * np.eye(states) - law[..., 1:, 1:]
+        answer = np.linalg.solve(system, law[..., 1:, :1] + 0j)[..., 0]
+        # the generator torque over the speed, N*m*s/rad, (n, n_frequencies)
+        controller = law[..., 0, 0] + np.sum(law[..., 0, 1:] * answer, axis=-1)
+        open_loop = self.frozen[:, None] + passed * chains - controller
         real, imaginary = open_loop.real, open_loop.imag / w
         crossed = real[:, :-1] * real[:, 1:] <= 0.0
         share = real[:, :-1] / np.where(crossed, real[:, :-1] - real[:, 1:], 1.0)
@@ -140,10 +145,3 @@ class Loop:
         least = np.max(np.where(crossed, at, 0.0), axis=1, initial=0.0)
         heavy = replace(self, inertia=HEAVY * max(self.inertia, float(np.max(least))))
         return np.where(heavy.growth < 0.0, least, np.inf)
-
-    def _controller(self, s):
-        """Return the generator torque over the speed, N*m*s/rad, at s (1/s), (n, n_frequencies)."""
-        law, states = self.law[:, None], self.law.shape[1] - 1
-        system = s[:, None, None] * np.eye(states) - law[..., 1:, 1:]
-        answer = np.linalg.solve(system, law[..., 1:, :1] + 0j)[..., 0]
-        return law[..., 0, 0] + np.sum(law[..., 0, 1:] * answer, axis=-1)

@@ -172,32 +172,22 @@ def read_old_airfoil(text: str, path: Path) -> list[PolarTable]:
     count = parse_number(counted.split()[0])
     about = " ".join(line for _, line in lines[:begin]).lower()
     fourth = "cpmin" if re.search(r"min\w* pressure|cpmin", about) else "cm"
-    rows = [(line, _SEPARATOR.split(x.strip())) for line, x in lines[begin + 1 :] if x.strip()]
-    parts = groupby(rows, lambda row: row[1][0].upper() == "EOT")
-    blocks = [list(block) for ends, block in parts if not ends]
-    tables = [
-        _read_old_table(block, path, f"table {i}", fourth, count == 1.0)
-        for i, block in enumerate(blocks, start=1)
-    ]
+    split = [(line, _SEPARATOR.split(x.strip())) for line, x in lines[begin + 1 :] if x.strip()]
+    parts = groupby(split, lambda row: row[1][0].upper() == "EOT")
+    tables: list[PolarTable] = []
+    for block in (list(block) for ends, block in parts if not ends):
+        (line, cells), where, reynolds = block[0], f"table {len(tables) + 1}", None
+        if count != 1.0 or parse_number(cells[0]) != 0.0:  # a table alone may have Re = 0
+            reynolds = read_reynolds(cells[0], path, f"line {line}, Re", 1e6)
+        rows = [row for row in block if len(row[1]) > 2 and None not in map(parse_number, row[1])]
+        if not rows:
+            raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
+        names = [*_COLUMNS[:3], fourth][: len(rows[0][1])]
+        tables.append(polar_of_rows(rows, names, reynolds, path, where))
     if len(tables) != count:
         problem = f"is not the number of tables that end with EOT, {len(tables)}"
         raise line_error(path, number, problem, _OLD_REMEDY, value=counted.strip())
     return tables
-
-
-def _read_old_table(
-    block: list[tuple[int, list[str]]], path: Path, where: str, fourth: str, alone: bool
-) -> PolarTable:
-    """Read a table of AeroDyn 13 from the lines between two EOT; one alone may have Re = 0."""
-    line, cells = block[0]
-    reynolds = None
-    if not (alone and parse_number(cells[0]) == 0.0):
-        reynolds = read_reynolds(cells[0], path, f"line {line}, Re", 1e6)
-    rows = [row for row in block if len(row[1]) > 2 and None not in map(parse_number, row[1])]
-    if not rows:
-        raise line_error(path, line, "begins a table without rows", _OLD_REMEDY, where)
-    names = [*_COLUMNS[:3], fourth][: len(rows[0][1])]
-    return polar_of_rows(rows, names, reynolds, path, where)
 
 
 _COORDINATES = re.compile(

@@ -135,8 +135,13 @@ def _read_xfoil_polar(
                 rows.append((number, words[: len(names)] if of_xflr5 else words))
         elif words and words[0].lower() == "alpha":
             names = [word.lower() for word in words]
-        else:
-            reynolds = _xfoil_reynolds(line, number, path) or reynolds
+        elif re.search(r"Reynolds number\s*~", line):
+            problem = "the Reynolds number varies along this polar"
+            remedy = "run XFOIL at a fixed Reynolds number (TYPE 1)"
+            raise line_error(path, number, problem, remedy, value=line.strip())
+        elif match := _XFOIL_REYNOLDS.search(line):
+            cell = f"{match[1]}e{match[2]}" if match[2] else match[1]
+            reynolds = read_reynolds(cell, path, f"line {number}, Re")
     flaws = {
         "lacks the line of column names alpha CL CD": not names,
         "lacks the column CL": "cl" not in names,
@@ -149,16 +154,3 @@ def _read_xfoil_polar(
             problem = f"the polar that begins here {flaw}"
             raise line_error(path, part[0][0], problem, _XFOIL_REMEDY)
     return polar_of_rows(rows, names, reynolds, path, where)
-
-
-def _xfoil_reynolds(line: str, number: int, path: Path) -> float | None:
-    """Return the Reynolds number that a line of the heading states, if any."""
-    if re.search(r"Reynolds number\s*~", line):
-        problem = "the Reynolds number varies along this polar"
-        remedy = "run XFOIL at a fixed Reynolds number (TYPE 1)"
-        raise line_error(path, number, problem, remedy, value=line.strip())
-    match = _XFOIL_REYNOLDS.search(line)
-    if match is None:
-        return None
-    cell = f"{match[1]}e{match[2]}" if match[2] else match[1]
-    return read_reynolds(cell, path, f"line {number}, Re")

@@ -117,7 +117,10 @@ class _Turbine:
         root, shape, version = self.root, self.shape, self.version
         diameter = root.get("components.hub.diameter", "add the hub's diameter in metres")
         hub = 0.5 * diameter.number(0.0, 100.0, "give the hub's diameter in metres")
-        self.note_structure()
+        # a blade here is of one material
+        note = "webs and layers are not read: rotor.material and rotor.wall are used instead"
+        structures = (root.find(f"components.blade.{name}") for name in _STRUCTURES)
+        self.messages += [f"{structure.key}: {note}" for structure in structures if structure]
         s_axis, height = self.height()
         s_chord, chord = _spanwise(shape.get("chord"))
         s_twist, twist = _spanwise(shape.get("twist"))
@@ -161,12 +164,6 @@ class _Turbine:
             messages=tuple(dict.fromkeys(self.messages)),
             file=str(root.file),
         )
-
-    def note_structure(self) -> None:
-        """Add a note that layers are not read: a blade here is of one material."""
-        note = "webs and layers are not read: rotor.material and rotor.wall are used instead"
-        structures = (self.root.find(f"components.blade.{name}") for name in _STRUCTURES)
-        self.messages += [f"{structure.key}: {note}" for structure in structures if structure]
 
     def height(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the grid of the blade's axis and z over it, which begins at 0 and rises."""
@@ -247,29 +244,24 @@ class _Turbine:
         thickness = thick and min(thick.number(0.0, 1.0 + 1e-6, "it is over the chord"), 1.0)
         coordinates = airfoil.find("coordinates")
         outline = checked_outline(*coordinates.pair("x", "y")) if coordinates else ()
-        places = self.polar_places(airfoil, name, configuration)
-        polars = in_order([self.polar(x, name) for x in places], airfoil.file, f" of {name}")
-        return SectionTable(name, thickness, polars, outline)
-
-    def polar_places(self, airfoil: Place, name: str, configuration: str | None) -> list[Place]:
-        """Return where the polars of a configuration are, of the first if none is given."""
-        polars = airfoil.get("polars", "add the airfoil's lift and drag")
+        listed = airfoil.get("polars", "add the airfoil's lift and drag")
         tagged: dict[str | None, list[Place]] = {}
-        for entry in polars.items():
+        for entry in listed.items():
             tag = entry.find("configuration")
             tagged.setdefault(tag and tag.text(), []).append(entry)
-        if configuration is None:
+        if configuration is None:  # the first one
             configuration = next(iter(tagged))
             if len(tagged) > 1:
                 note = f"polars of configuration {configuration}, the first, are taken"
                 self.messages.append(f"{name}: {note}")
         if configuration not in tagged:
             remedy = f"known: {', '.join(map(str, tagged))}"
-            raise polars.refuse(f"has no polars of configuration {configuration}", remedy)
-        entries = tagged[configuration]
-        if self.version.number == 1:
-            return entries
-        return [polar for entry in entries for polar in entry.get("re_sets").items()]
+            raise listed.refuse(f"has no polars of configuration {configuration}", remedy)
+        places = tagged[configuration]
+        if self.version.number == 2:
+            places = [place for entry in places for place in entry.get("re_sets").items()]
+        polars = in_order([self.polar(x, name) for x in places], airfoil.file, f" of {name}")
+        return SectionTable(name, thickness, polars, outline)
 
     def polar(self, place: Place, section: str) -> PolarTable:
         """Return one polar, its coefficients on one grid of angles of attack."""

@@ -74,10 +74,7 @@ def periodic_curves(alpha, *columns):
     """
     n_knots = 360 * KNOTS_PER_DEGREE
     knots = np.linspace(-np.pi, np.pi, n_knots + 1)
-    blocks = []
-    for column in columns:
-        table = CubicSpline(alpha, column, bc_type="periodic")
-        values = table(knots)
-        values[-1] = values[0]
-        blocks.append(CubicSpline(knots, values, bc_type="periodic").c[::-1].T)
-    return np.ascontiguousarray(np.hstack(blocks))
+    values = CubicSpline(alpha, np.column_stack(columns), bc_type="periodic")(knots)
+    values[-1] = values[0]
+    pieces = CubicSpline(knots, values, bc_type="periodic").c[::-1]
+    return pieces.transpose(1, 2, 0).reshape(n_knots, -1)

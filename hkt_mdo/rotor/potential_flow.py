@@ -128,19 +128,19 @@ def surface_speed(x, y):
         Speed along the surface at the nodes.
     """
     n = x.size
-    influence, weight = _influence(x, y)
+    influence, length = _influence(x, y)
     system, right = np.zeros((n + 1, n + 1)), np.zeros((n + 1, 3))
     system[: n - 1, :n] = influence[:-1]
     system[: n - 1, n] = -1.0
     right[: n - 1, 0], right[: n - 1, 1] = -y[:-1], x[:-1]
     system[n - 1, [0, n - 1]] = 1.0, -1.0
-    system[n, :n] = weight  # circulation
+    system[n, :n] = np.convolve(length, (0.5, 0.5))  # circulation
     right[n, 2] = 0.5  # of a lift coefficient of 1
     return np.linalg.solve(system, right)[:n].T[:, :, None]
 
 
 def _influence(x, y):
-    """Return the stream function at every node by the vorticity at each, and its line weights."""
+    """Return the stream function at every node by the vorticity at each, and panels' lengths."""
     dx, dy = np.diff(x), np.diff(y)
     length = np.hypot(dx, dy)
     from_x, from_y = x[:, None] - x[:-1], y[:, None] - y[:-1]
@@ -158,7 +158,4 @@ def _influence(x, y):
     influence = np.zeros((x.size, x.size))
     influence[:, :-1] += (even - odd) / (4.0 * np.pi)
     influence[:, 1:] += (even + odd) / (4.0 * np.pi)
-    weight = np.zeros(x.size)
-    weight[:-1] += 0.5 * length
-    weight[1:] += 0.5 * length
-    return influence, weight
+    return influence, length

@@ -64,9 +64,7 @@ class LocalReynolds(Polars):
 
     @cached_property
     def _cardinal(self):
-        level = (1, np.zeros(self.log_reynolds.size))
-        unit = np.eye(self.log_reynolds.size)
-        return CubicSpline(self.log_reynolds, unit, bc_type=(level, level))
+        return CubicSpline(self.log_reynolds, np.eye(self.log_reynolds.size), bc_type="clamped")
 
     def weights(self, blade, tip_speed_ratio):
         """Return the weights of the tables and their slopes over ln(Re), by station and point.
