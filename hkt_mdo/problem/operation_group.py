@@ -87,7 +87,10 @@ class OperationGroup(om.Group):
         """Hold a limit over time in the number-th scenario."""
         physics, setup = self._physics, self._start
         scenario, ref = physics.scenarios[number], None
-        nodes = limited_nodes(limit, scenario)
+        # one where two segments meet: a limit that is held there twice has no definite multipliers;
+        # the rate of the torque alone may differ from one segment to the other
+        every = np.arange(scenario.node_times.size)
+        nodes = every if limit.is_of(RATES) else scenario.distinct_nodes
         nodes = nodes[np.repeat(setup.holds(limit, scenario), scenario.nodes_per_segment)[nodes]]
         if not nodes.size:
             return
@@ -337,15 +340,6 @@ def constraint_of(physics: Physics, limit: Limit, number: int = 0) -> str:
 def between_of(scenario: Scenario, limit: Limit) -> str:
     """Return the name of the component that holds a limit in a scenario between the nodes."""
     return f"between_{limit.name}_{scenario.name}"
-
-
-def limited_nodes(limit: Limit, scenario: Scenario) -> np.ndarray:
-    """Return the nodes of a scenario at which a limit over time is held.
-
-    One where two segments meet: a limit that is held there twice has no definite multipliers. The
-    rate of the torque alone may differ from one segment to the other.
-    """
-    return np.arange(scenario.node_times.size) if limit.is_of(RATES) else scenario.distinct_nodes
 
 
 def _followed(time, goal, constant):

@@ -127,9 +127,8 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     )
     low, high = float(np.min(ratios)), float(np.max(ratios))
     middle = 0.5 * (low + high)
-    spacing = 0.01 * middle
     lowest = max(low - 0.06 * middle, 0.5 * low)
-    nodes = _graded(lowest, high + 0.06 * middle, spacing, 0.5 * low, 1.6 * high)
+    nodes = _graded(lowest, high + 0.06 * middle, 0.01 * middle, 0.5 * low, 1.6 * high)
     for _ in range(6):
         centers = 0.5 * (nodes[1:] + nodes[:-1])
         coarse = np.zeros(centers.size, dtype=bool)

@@ -488,18 +488,16 @@ def _pairs(rotor, table, named):
     text += f"({values[0]:.3f} to {values[-1]:.3f}): they have the polar of the nearest section"
     place = np.interp(table.thickness, values, np.arange(values.size))
     inner = np.minimum(place.astype(int), values.size - 2)
-    places = zip(inner, place, strict=True)
-    pairs = [(names[i], names[i + 1], float(at - i)) for i, at in places]
+    pairs = [(names[i], names[i + 1], float(at - i)) for i, at in zip(inner, place, strict=True)]
     return pairs, (text,) if np.any(beyond) else ()
 
 
 def _in_order(named) -> dict[str, _Section]:
     """Return sections from the thinnest to the thickest; refuse some that have no order."""
-    ordered = dict(sorted(named.items(), key=lambda pair: pair[1].thickness))
     if len({each.thickness for each in named.values()}) < len(named):
         problem, remedy = "has two sections of one thickness", "keep one of them"
         raise InputError(problem, remedy, key="rotor.sections")
-    return ordered
+    return dict(sorted(named.items(), key=lambda pair: pair[1].thickness))
 
 
 def _invariant(family: PolarFamily, number: float | None) -> Polar:

@@ -359,27 +359,23 @@ def _beside_start(results: Results, source: str, x: str, y: str, kind: str) -> I
 
 
 def over_radius(results: Results, column: str) -> Panel:
-    """Return a column of the blade over the radius, with the bounds of the design."""
+    """Return a column of the blade over the radius, with the bounds that all designs share.
+
+    Of these, the ones that are near its values.
+    """
     panel = Panel(RADIUS[column], "radius (m)", from_zero=True, across_from_zero=True)
     panel.curves = [*_beside_start(results, "blade", "r_m", column, "marked")]
-    if panel.curves:
-        values = np.concatenate([each.y for each in panel.curves])
-        panel.levels = _near_bounds(results, column, values)
-    return panel
-
-
-def _near_bounds(results: Results, column: str, values: np.ndarray) -> dict[str, float]:
-    """Return the bounds of a column that all designs share and that are near the values."""
     quantity, unit = column.split("_", 1)
     designs = [each.solution.case.design for each in results]
     given = {getattr(x, f"{quantity}_bounds") for x in designs if x.blade == "optimized"}
-    bounds = (given.pop() or ()) if len(given) == 1 else ()
-    low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
-    return {
-        f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip(): bound
-        for word, bound in zip(("smallest", "largest"), bounds, strict=False)
-        if low <= bound <= high
-    }
+    if panel.curves and len(given) == 1:
+        values = np.concatenate([each.y for each in panel.curves])
+        low, high = (1.5 * end(values, initial=0.0) for end in (np.min, np.max))
+        for word, bound in zip(("smallest", "largest"), given.pop() or (), strict=False):
+            if low <= bound <= high:
+                words = f"{word} {quantity} {bound:.4g} {unit.replace('over_chord', '')}".rstrip()
+                panel.levels[words] = bound
+    return panel
 
 
 def shape(results: Results) -> list[Panel]:
@@ -506,10 +502,6 @@ def convergence(results: Results) -> list[Panel]:
 
 # ---- figures: the panels of a chart for which a result has data, drawn by Matplotlib
 
-_OF_ONE = "operation", "limits", "year"
-"""Figures of one scenario each."""
-_OF_DESIGN = "blade", "coefficients", "convergence"
-"""Figures of a result as a whole."""
 FIGURES: dict[str, tuple[Callable[[Results], list[Panel]], float, float]] = {
     "blade": (blade, 6.6, 1.8),
     "coefficients": (coefficients, 5.6, 2.2),
@@ -534,7 +526,7 @@ def figure_of(solutions: Solutions, name: str, scenario: str = "") -> Figure | N
     title = ": ".join(filter(None, (joined(first, scenario), name.replace("_", " "))))
     if scenario:
         results = of_scenario(results, scenario)
-    elif name not in _OF_DESIGN:
+    elif name not in ("blade", "coefficients", "convergence"):  # which are of the whole result
         results = by_scenario(results)
     panels = make(results)
     known = any(panel.curves for panel in panels)
@@ -576,7 +568,8 @@ def figures(solutions: Solutions, names: Sequence[str] = ()) -> Figures:
     for name in names or FIGURES:
         if name not in FIGURES:
             raise InputError("unknown figure", f"known: {', '.join(FIGURES)}", value=name)
-        if name in _OF_ONE and any(len(each.scenarios) > 1 for each in several):
+        of_one = name in ("operation", "limits", "year")  # a figure of one scenario each
+        if of_one and any(len(each.scenarios) > 1 for each in several):
             for one in dict.fromkeys(name for each in several for name in each.scenarios):
                 drawn[f"{name}_{one}"] = figure_of(several, name, one)
         else:

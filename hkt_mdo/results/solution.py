@@ -49,8 +49,6 @@ _MAYBE |= {QUANTITIES[name].column for name in (*LOADS, *RATES)}
 Table = dict[str, np.ndarray]
 _OF_SCENARIOS = ("trajectory", "simulation", "loads", "year")
 _OF_RESULT = ("coefficients", "convergence")
-_ONLY = "phase"
-"""Name of the scenario of an older result, and of one that did not come to its end."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,7 +111,8 @@ class Solution:
         case = load_case(folder / "case.yaml", check_files=False, extensions=extensions)
         path = folder / "summary.json"
         summary = Summary.parse(read_bytes(path, MAX_BYTES, "summary of a result"), path)
-        names, tables = tuple(summary.scenarios or (_ONLY,)), {}
+        # an older result, and one that did not come to its end, name no scenario
+        names, tables = tuple(summary.scenarios or ("phase",)), {}
         for name in names:
             suffix = f"_{name}" if len(names) > 1 else ""
             tables[name] = {each: _read_table(folder, each, suffix) for each in _OF_SCENARIOS}

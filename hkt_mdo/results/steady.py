@@ -89,8 +89,7 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
     share = before / np.where(runs, before - after, 1.0)
 
     def between(values: np.ndarray) -> np.ndarray:
-        found = values[row, at] * (1.0 - share) + values[row, at + 1] * share
-        return found[runs]
+        return (values[row, at] * (1.0 - share) + values[row, at + 1] * share)[runs]
 
     found = {
         "inflow_speed_m_s": flow[runs, 0],

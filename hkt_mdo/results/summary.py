@@ -600,8 +600,8 @@ class Summary(Achieved):
         A blade that would break or bends too far, an unstable loop, large unlimited loads, a torque
         that is always at its limit, a better branch without a verified result, and `doubts`.
         """
-        loads = dict(self.loads or {})
-        loads.pop("stress", None)  # is told by what breaks the blade
+        # the stress is told by what breaks the blade
+        loads = {name: x for name, x in (self.loads or {}).items() if name != "stress"}
         asked = [(x.row(name), unasked(name, x, case)) for name, x in loads.items()]
         large = [f"{row.label} {measured(row.value, row.unit, 4)}: {x}" for row, x in asked if x]
         stable = self.memory is None or self.memory.stable

@@ -75,9 +75,8 @@ def plot_parallel(table: SweepTable, ax: Axes) -> Axes:
         low, span = np.nanmin(column), np.ptp(column[np.isfinite(column)])
         heights.append((column - low) / span if span else np.full(good.size, 0.5))
         labels.append(f"{name}\n{ends[0]} to {ends[1]}")
-    order = np.argsort(table.objective[good])
     shades = np.linspace(0.0, 1.0, good.size)
-    for shade, place in zip(shades, order, strict=True):
+    for shade, place in zip(shades, np.argsort(table.objective[good]), strict=True):
         ax.plot([each[place] for each in heights], color=colormaps["viridis"](shade), alpha=0.6)
     ax = style.finish(ax, "", "from least to largest (-)")
     ax.set_xticks(range(len(labels)), labels, fontsize=style.FONT_SIZE - 2)

@@ -146,9 +146,8 @@ def amounts(values: Any, units: Any, digits: int = 5) -> str:
 
     A unit may be None or missing, for a plain number.
     """
-    shared = groupby(zip_longest(values, units), key=itemgetter(1))
     texts = []
-    for unit, row in shared:
+    for unit, row in groupby(zip_longest(values, units), key=itemgetter(1)):
         several = [value for value, _ in row]
         text = ", ".join(number(value, digits) for value in several)
         text = f"{text} {plain_unit(unit or '')}".rstrip()

@@ -120,10 +120,9 @@ def _power_panel(found: Findings) -> Panel:
     ratios = np.linspace(0.2, 1.9, 171) * best.tip_speed_ratio
     power = bem.rotor_coefficients(found.plant.blade, found.plant.polar, ratios).power
     panel = Panel("power coefficient (-)", "tip speed ratio (-)", from_zero=True)
-    power = np.where(power >= 0.0, power, np.nan)
     peak = np.array([best.tip_speed_ratio]), np.array([best.power_coefficient])
     panel.curves = [
-        Curve(ratios, power, "blade at the start", COLORS[0]),
+        Curve(ratios, np.where(power >= 0.0, power, np.nan), "blade at the start", COLORS[0]),
         Curve(*peak, "largest value", COLORS[0], 0, "points"),
     ]
     if found.running:

@@ -489,8 +489,7 @@ def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
     if not failed or failed[0].name != "optimizer":
         return "; ".join(explain(check, physics) for check in failed)
     stops = [check for check in failed if check.name.startswith("rotor_keeps_turning")][:1]
-    rest = [check for check in failed[1:] if check not in stops]
-    others = [f"{check.name} = {check.value:.3g}" for check in rest]
+    others = [f"{each.name} = {each.value:.3g}" for each in failed[1:] if each not in stops]
     text = "; ".join(explain(check, physics) for check in (*stops, failed[0]))
     return f"{text}; also refused: {', '.join(others)}" if others else text
 

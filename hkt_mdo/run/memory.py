@@ -53,8 +53,7 @@ def stability(verifications: Sequence[Verification]) -> MemoryEntry | None:
 
 def stability_of(result: Optimized) -> MemoryEntry | None:
     """Return the same along the trajectories of an optimization whose case asks for memory."""
-    along = _along(result.physics, result.point, result.trajectories)
-    return _verdict(result.physics, along)
+    return _verdict(result.physics, _along(result.physics, result.point, result.trajectories))
 
 
 def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:

@@ -265,9 +265,8 @@ def _design(physics, data):
     shape, stations = physics.shape, physics.blade.r.size
     names = ["chord_m", "twist_rad", *["thickness_over_chord"] * ("thickness" in shape.bases)]
     found = [_numbers(data[name], stations) for name in names]
-    radius, reference = (
-        float(_numbers(data[key], 1)[0]) for key in ("rotor_radius_m", "reference_energy_J")
-    )
+    keys = "rotor_radius_m", "reference_energy_J"
+    radius, reference = (float(_numbers(data[key], 1)[0]) for key in keys)
     if np.any(found[0] <= 0.0) or radius <= 0.0:
         raise ValueError
     hub = _numbers(data["hub_inertia_kg_m2"], 1)[0] if physics.designs_hub else None

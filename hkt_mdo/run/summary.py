@@ -182,9 +182,8 @@ def _at_bounds(finished):
             continue
         value, (unit, scale) = limit.value_of(values), units[limit.name]
         for end in ("lower", "upper"):
-            bound = getattr(limit, end)
-            near = loads.BINDING
-            at = np.isclose(value, bound, near, 0.1 * near * np.max(np.abs(value)))
+            bound, size = getattr(limit, end), np.max(np.abs(value))
+            at = np.isclose(value, bound, loads.BINDING, 0.1 * loads.BINDING * size)
             if np.any(at):
                 spans = np.flatnonzero(np.diff(at, prepend=False, append=False)).reshape(-1, 2)
                 along = limit.place == "span"
@@ -308,13 +307,11 @@ def _notes(finished):
     """Yield notes on the stations that loads need, and on the operation."""
     physics, verifications = finished.physics, finished.verifications
     if all(each.resolved for each in verifications):
-        changes = {}
-        for name in physics.load_names:
-            most, own = (
-                max(np.max(getattr(each, known)[name]) for each in verifications)
-                for known in ("resolved", "simulated")
-            )
-            changes[name] = most / own - 1.0
+
+        def most(known, name):
+            return max(np.max(getattr(each, known)[name]) for each in verifications)
+
+        changes = {x: most("resolved", x) / most("simulated", x) - 1.0 for x in physics.load_names}
         if max(map(abs, changes.values())) > RESOLVED:
             text = ", ".join(f"{name} {100.0 * change:+.1f} %" for name, change in changes.items())
             yield (
@@ -355,8 +352,7 @@ def _limit(pairs, several):
         for known in (run.simulated, run.at_nodes):
             entry = loads.of_limit(limit, known).model_dump(exclude_unset=True)
             found.append((np.max(limit.share(known)), entry | where))
-        bound = limit.share(run.simulated) >= loads.binds_from(limit)
-        binding.append(np.where(bound, 1.0, 0.0))
+        binding.append(1.0 * (limit.share(run.simulated) >= loads.binds_from(limit)))
     share = _mean([run for _, run in pairs], binding)
     return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
 

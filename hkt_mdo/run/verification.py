@@ -94,9 +94,8 @@ class SimulatedDesign:
         run = self.simulation
         friction = self.plant.generator.friction(run.rotor_speed)
         net = run.hydrodynamic_torque - run.control_torque - friction
-        acceleration = net / self.plant.inertia
-        known = run.time, run.rotor_speed, acceleration, run.inflow_speed, *run.states
-        return {"torque_rate": self.controller.rate(*known)}
+        of_rotor = run.time, run.rotor_speed, net / self.plant.inertia
+        return {"torque_rate": self.controller.rate(*of_rotor, run.inflow_speed, *run.states)}
 
     @cached_property
     def sections(self) -> Sections | None:
