@@ -19,7 +19,7 @@ By as much the optimum of a convex problem may be better. At a tolerance of 1e-7
 checks allow of the energy.
 """
 NO_GRADIENT, NO_GAP = 200.0, 10.0
-"""The same within which an iterate is the end at once: what followed was at most 1e-7 better, for a
+"""The same within which an iterate is the end at once: what followed was at most 2e-7 better, for a
 third of the iterations of an open loop."""
 ROUNDING = 0.01
 """Share of a tolerance by which an iterate must be better to be the best. Where the objective is
