@@ -18,9 +18,6 @@ GAP = 500.0
 By as much the optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the
 checks allow of the energy.
 """
-NO_GRADIENT, NO_GAP = 200.0, 10.0
-"""The same within which an iterate is the end at once: what followed was at most 2e-7 better, for a
-third of the iterations of an open loop."""
 ROUNDING = 0.01
 """Share of a tolerance by which an iterate must be better to be the best. Where the objective is
 flat its last digits would choose among blades that differ by 1e-5: not the same on another kernel,
@@ -75,8 +72,7 @@ class Stationary:
         Returns
         -------
         bool
-            True at an optimum within `NO_GAP`, and once no iterate has been better for `PATIENCE`
-            iterations.
+            True once no iterate has been better for `PATIENCE` iterations.
         """
         unit = self.tolerance
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
@@ -91,6 +87,4 @@ class Stationary:
                 self._objective = objective
             if objective < self._improved - unit * abs(objective):
                 self._improved, self._waited = objective, 0
-            if gap <= NO_GAP * unit and slope <= NO_GRADIENT * unit:
-                return True
         return self.best is not None and self._waited >= PATIENCE
