@@ -32,10 +32,6 @@ WAKE_SHARE = 0.3  # typical axial induction
 # bounds, and most iterations are needed to return. On a finer mesh an open loop has little to gain
 # (river25: 123 iterations on three finer meshes for 176).
 BARRIER, REFINED_BARRIER = 6e-3, 1e-4
-# Largest barrier of an open loop on a finer mesh, over the mean product of multiplier and distance
-# from a bound: a larger one drives the iterates from the optimum again. On the way to a first
-# optimum it may lead to a better one (0.5 % of rm1_turbulent_limits).
-LARGEST_BARRIER = 1.0
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
@@ -137,8 +133,6 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> Re
     # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
     if several and not law.is_feedback:
         ipopt |= drivers.CAUTIOUS
-    if refined:
-        ipopt["sigma_max"] = LARGEST_BARRIER
     if segments > MANY_SEGMENTS and not several:
         ipopt["limited_memory_max_history"] = steps
     most = min(settings.max_iterations, most or settings.max_iterations)
