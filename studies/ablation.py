@@ -18,11 +18,12 @@ import page_data
 from study_common import markdown_table
 
 from hkt_mdo.case import load_case
-from hkt_mdo.problem import build
+from hkt_mdo.problem import build as problems
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run import passes, refine
 from hkt_mdo.run.run import run_case
-from hkt_mdo.solve import drivers, stationary
+from hkt_mdo.solve import stationary
+from hkt_mdo.start import build as starts
 from hkt_mdo.start import find
 from hkt_mdo.start.result import GIVEN
 
@@ -122,15 +123,20 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         partial(began, find.CONSTANT),
         [(find.Search, "_at_constant_torque", lambda self: ())],
     ),
-    "IPOPT's caution with several sections": (
-        lambda result: sections(result) and open_loop(result),
-        [(drivers, "CAUTIOUS", {})],
+    "an open loop led along overspeed": (
+        open_loop,
+        [(find.Search, "_held_at_overspeed", lambda self, each: self._begin(each, "overspeed"))],
+    ),
+    "a first rotor with inertia": (
+        open_loop,
+        [(starts, "in_motion", lambda physics, point: point)],
     ),
     "a finer first curve with several sections": (sections, [(passes, "curve_nodes", usual_curve)]),
     "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),
-    "the smaller barrier on finer meshes": (
+    "the end at a small gap": (stagnated, [(stationary, "NO_GAP", 0.0)]),
+    "a barrier that does not grow on finer meshes": (
         lambda result: open_loop(result) and went_on("too coarse", result),
-        [(build, "REFINED_BARRIER", build.BARRIER)],
+        [(problems, "LARGEST_BARRIER", 100.0)],
     ),
 }
 
@@ -204,10 +210,9 @@ INTRODUCTION = """\
 Written by `python studies/ablation.py`. Each part of the search, the optimizer and the refinement \
 is switched off, one at a time, in the reference cases in which it has a share (all verified with \
 all parts). Changes below 10⁻⁵ of the objective and a tenth of the iterations count as none. Where \
-parts replace each other, one at a time shows too little. Left out are `river25` with open loop, \
-whose better branch jumps, and the smaller barrier, and the random turbines, \
-of which 1 and 14 with `quadratic`, 24 with `rated`, and 12 and 28 with open loop \
-begin again.
+parts replace each other, one at a time shows too little. Left out are `river25` with open loop \
+and the random turbines, of which 1 and 14 with `quadratic`, 24 with `rated`, and 12 and 28 with \
+open loop begin again.
 """
 
 

@@ -29,15 +29,17 @@ from hkt_mdo.solve.totals import Substitution
 WAKE_SHARE = 0.3  # typical axial induction
 # IPOPT's barrier is a sum over the bounds and so over the segments; the objective is not. Where it
 # is larger than the possible gain over the start, the iterates first move towards the middle of all
-# bounds, and most iterations are needed to return. On a finer mesh an open loop has little to gain
-# (river25: 123 iterations on three finer meshes for 176).
-BARRIER, REFINED_BARRIER = 6e-3, 1e-4
+# bounds, and most iterations are needed to return.
+BARRIER = 6e-3
+# Largest barrier of an open loop on a finer mesh, over the mean product of multiplier and distance
+# from a bound: a larger one drives the iterates from the optimum again (river25_record: 127
+# iterations for 89). On the way to a first optimum it may lead to a better one (0.5 % of
+# rm1_turbulent_limits).
+LARGEST_BARRIER = 1.0
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
 # Under a law the number of degrees of freedom is that of the design variables, however many
 # segments there are: few steps suffice. They also suffice an open loop on its way to the optimum of
-# a first mesh, but not for the last digits on a finer one; and not for a blade of several sections,
-# whose torque is rough (river25_record with quadratic feedback ends after 183 iterations, with few
-# steps not within 1000).
+# a first mesh, but not for the last digits on a finer one.
 FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
 _NUMBERS = count(1)
 
@@ -127,14 +129,11 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> Re
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
     refined = refined and not law.is_feedback
-    steps, barrier = (LATER_STEPS, REFINED_BARRIER) if refined else (FEW_STEPS, BARRIER)
-    ipopt, several = drivers.near_start(barrier / segments), physics.rotor.polar.several
-    # under a law the equation of motion hinders every long step (turbine 12 of `make verify
-    # PART=turbines` with `curve`: 1,000 iterations, refused, for 100)
-    if several and not law.is_feedback:
-        ipopt |= drivers.CAUTIOUS
-    if segments > MANY_SEGMENTS and not several:
-        ipopt["limited_memory_max_history"] = steps
+    ipopt = drivers.near_start(BARRIER / segments)
+    if refined:
+        ipopt["sigma_max"] = LARGEST_BARRIER
+    if segments > MANY_SEGMENTS:
+        ipopt["limited_memory_max_history"] = LATER_STEPS if refined else FEW_STEPS
     most = min(settings.max_iterations, most or settings.max_iterations)
     about = settings.package, settings.optimizer, settings.tolerance, most
     return drivers.make_driver(*about, ipopt=ipopt, progress=progress)

@@ -103,8 +103,8 @@ class OperationGroup(om.Group):
         name = constraint_of(physics, limit, number)
         if is_quantity(limit):
             self.add_constraint(name, indices=nodes, flat_indices=True, **bounds, **options)
-            excess = setup.excess_of(limit, scenario)
-            segments = np.any(excess > -USED, axis=1) & np.any(excess < -BINDS, axis=1)
+            largest, smallest = setup.excess_of(limit, scenario).T
+            segments = (largest > -USED) & (smallest < -BINDS)
             if (limit.name, scenario.name) in setup.shares and np.any(segments):
                 self._hold_between(limit, scenario, segments, options)
             return

@@ -85,15 +85,15 @@ class Setup:
         return Band.of(physics.rotor.polar, blade, mean, self.nodes)
 
     def excess_of(self, limit: Limit, scenario: Scenario) -> np.ndarray:
-        """Return the `excess` of a limit in a scenario, (n_segments, n_nodes); 0 if not known."""
-        return self.excess.get((limit.name, scenario.name), np.zeros((scenario.segments, 1)))
+        """Return the `excess` of a limit in a scenario, (n_segments, 2); 0 if not known."""
+        return self.excess.get((limit.name, scenario.name), np.zeros((scenario.segments, 2)))
 
     def holds(self, limit: Limit, scenario: Scenario) -> np.ndarray:
         """Tell in which segments a limit is held: not where they and the next are far from it.
 
         One with a lower bound alone is held in all of them.
         """
-        near = np.any(self.excess_of(limit, scenario) > -UNUSED, axis=1) | np.isinf(limit.upper)
+        near = (self.excess_of(limit, scenario)[:, 0] > -UNUSED) | np.isinf(limit.upper)
         return np.convolve(near, np.ones(3))[1:-1] > 0.0
 
     def share(self, limit: Limit, scenario: Scenario) -> np.ndarray:

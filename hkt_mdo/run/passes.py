@@ -238,7 +238,7 @@ def refine(this: Pass) -> Task | None:
         shares, worst = lowered(setup, this.verifications)
         if worst:
             reasons.append(f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %")
-    excess = excesses_at_nodes(this.verifications)
+    excess = excesses_at_nodes(setup, this.verifications)
     if divides:
         reasons.append(this.division.why)
         finer, shares, excess = divided(physics, this.division, shares, excess)

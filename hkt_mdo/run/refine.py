@@ -94,17 +94,23 @@ def divided(
     return replace(physics, scenarios=scenarios), shares, excess
 
 
-def excesses_at_nodes(verifications: tuple[Verification, ...]) -> dict[tuple, np.ndarray]:
-    """Return how far limits are exceeded at the nodes of each segment, as in a `Setup`.
+def excesses_at_nodes(setup: Setup, verifications: tuple[Verification, ...]) -> dict:
+    """Return how near limits were at the nodes of each segment, as a `Setup` has it.
 
-    Of an open loop without memory: else no limit is left out, or held between the nodes.
+    Of an open loop without memory: else no limit is left out, or held between the nodes. A segment
+    that was near a limit once keeps it: a rate of the torque that nothing holds oscillates, held it
+    is far from its limit, and the passes would alternate
+    (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`).
     """
-    return {
-        (limit.name, each.scenario.name): each.excess_at_nodes(limit)
-        for each in verifications
-        for limit in each.constrained
-        if not each.scenario.steady and _chooses(each.physics)
-    }
+    found = {}
+    for each in verifications:
+        for limit in each.constrained:
+            if not each.scenario.steady and _chooses(each.physics):
+                own, key = each.excess_at_nodes(limit), (limit.name, each.scenario.name)
+                found[key] = np.stack((np.max(own, axis=1), np.min(own, axis=1)), axis=1)
+                if key in setup.excess:
+                    found[key][:, 0] = np.maximum(found[key][:, 0], setup.excess[key][:, 0])
+    return found
 
 
 def _chooses(physics: Physics) -> bool:

@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 
 from hkt_mdo.errors import handling
 from hkt_mdo.solve.driver_base import ReportingDriver
-from hkt_mdo.solve.stationary import PATIENCE, Stationary
+from hkt_mdo.solve.stationary import Stationary
 
 if TYPE_CHECKING:
     import casadi
@@ -91,7 +91,7 @@ class CasadiIpoptDriver(ReportingDriver):
         self._message, self.iterations = status["return_status"], status["iter_count"]
         if self._message == "User_Requested_Stop":  # by `_end_iteration`: an error has been raised
             gap = self._stationary.gap
-            self._message = f"no better iterate in {PATIENCE} at an optimum within {gap:.1e}"
+            self._message = f"no better iterate, at an optimum within {gap:.1e}"
             return False
         return self._message != "Solve_Succeeded"
 
@@ -119,7 +119,7 @@ class CasadiIpoptDriver(ReportingDriver):
             return self._evaluate(point)[1], casadi.DM(jacobian, self._differentiate(point)[1])
 
         bounds = np.append(lower, lower_g), np.append(upper, upper_g)
-        self._stationary = Stationary(*bounds, float(self.opt_settings.get("tol", 1e-8)))
+        self._stationary = Stationary(*bounds, float(self.opt_settings.get("tol", 1e-8)), start)
 
         # CasADi keeps no reference to a callback: these names must outlive the solver.
         values = _callback("values", self._evaluate, [x], [f, g])

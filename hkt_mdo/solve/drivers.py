@@ -22,15 +22,6 @@ CARRIERS = {
 }
 """The packages that carry each optimizer, the preferred one first."""
 
-CAUTIOUS: Settings = {"max_soc": 0, "watchdog_shortened_iter_trigger": 0}
-"""IPOPT's options (scaled problem) that keep it near its start.
-
-Where the constraints hold to rounding, IPOPT's filter accepts a second-order correction or a
-watchdog step that lowers their rounding error but increases the objective; on a rough objective it
-does not come back (`designed_thickness` with open loop, which was refused). A small barrier that
-only decreases, besides, hindered: an open loop of a random turbine did not end in 1,000 iterations.
-"""
-
 NEAR_START: Settings = dict.fromkeys(
     ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-3
 )

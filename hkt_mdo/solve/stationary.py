@@ -18,6 +18,11 @@ GAP = 500.0
 By as much the optimum of a convex problem may be better. At a tolerance of 1e-7, half of what the
 checks allow of the energy.
 """
+NO_GRADIENT, NO_GAP = 200.0, 10.0
+"""The same of an iterate that is the end at once; its gap includes the gradient times the distance
+from the start, by which an optimum that is no farther away may be better. A third of the iterations
+of an open loop followed, for 2e-7 of the energy. At a larger gradient a law of two gains
+(`tests/test_extension.py`) lost 5e-6."""
 ROUNDING = 0.01
 """Share of a tolerance by which an iterate must be better to be the best. Where the objective is
 flat its last digits would choose among blades that differ by 1e-5: not the same on another kernel,
@@ -38,6 +43,8 @@ class Stationary:
         Bounds of the unknowns, then of the constraints, shape (n_unknowns + n_constraints,).
     tolerance : float
         The optimizer's; the largest violation of a bound.
+    start : np.ndarray
+        Unknowns at the start, shape (n_unknowns,).
     best : np.ndarray or None
         Unknowns of the best optimum so far, shape (n_unknowns,).
     gap : float
@@ -47,6 +54,7 @@ class Stationary:
     lower: np.ndarray
     upper: np.ndarray
     tolerance: float
+    start: np.ndarray
     best: np.ndarray | None = None
     gap: float = np.inf
     _objective: float = np.inf
@@ -72,19 +80,23 @@ class Stationary:
         Returns
         -------
         bool
-            True once no iterate has been better for `PATIENCE` iterations.
+            True at a gap within `NO_GAP`, and once no iterate has been better for `PATIENCE`
+            iterations.
         """
-        unit = self.tolerance
+        unit, unknowns = self.tolerance, values[: gradient.size]
         over = np.max(np.maximum(self.lower - values, values - self.upper), initial=0.0)
         self._waited += bool(over <= unit)  # an iterate beyond its bounds is on its way
         bound = np.where(multipliers > 0.0, self.upper, self.lower)
         room = np.where(np.isfinite(bound), np.abs(bound - values), 0.0)
-        gap = float(np.abs(multipliers) @ room) / max(abs(objective), 1e-9)
-        slope = float(np.max(np.abs(gradient), initial=0.0))
+        size, slopes = max(abs(objective), 1e-9), np.abs(gradient)
+        gap, slope = float(np.abs(multipliers) @ room) / size, np.max(slopes, initial=0.0)
         if over <= unit and gap <= GAP * unit and slope <= GRADIENT * unit:
             if objective < self._objective - ROUNDING * unit * abs(objective):
-                self.best, self.gap = values[: gradient.size].copy(), gap
+                self.best, self.gap = unknowns.copy(), gap
                 self._objective = objective
             if objective < self._improved - unit * abs(objective):
                 self._improved, self._waited = objective, 0
+            gap += slopes @ np.abs(unknowns - self.start) / size
+            if gap <= NO_GAP * unit and slope <= NO_GRADIENT * unit:
+                return True
         return self.best is not None and self._waited >= PATIENCE

@@ -114,9 +114,6 @@ def optimized(
             raise _Hopeless
 
     ipopt, most = drivers.near_start(BARRIER / count), (2 if free else 1) * ITERATIONS
-    # a law of one gain has better optima far from its start (rm1_turbulent_limits)
-    if physics.rotor.polar.several and not free and len(physics.law.gain_units) != 1:
-        ipopt |= drivers.CAUTIOUS
     # without equations, corrections for their curvature only cost time
     if not physics.law.is_feedback:
         ipopt["max_soc"] = 0

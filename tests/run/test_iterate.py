@@ -130,7 +130,7 @@ def test_an_iterate_that_cannot_be_of_this_case_is_refused(tmp_path, damaged, ke
 )
 def test_a_run_is_resumed_with_its_branches(tmp_path, case):
     def progress(count, *_):
-        if count == 5:
+        if count == 2:
             raise KeyboardInterrupt
 
     how = {"figures": False, "records": False}

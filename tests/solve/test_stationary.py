@@ -8,7 +8,7 @@ from hkt_mdo.solve.drivers import make_driver
 from hkt_mdo.solve.stationary import PATIENCE, Stationary
 
 LOWER, UPPER = np.array([-np.inf, 0.0]), np.array([1.0, np.inf])
-CENTER = np.array([2.0, -1.0])
+CENTER, START = np.array([2.0, -1.0]), np.array([0.5, 0.5])
 
 
 def on_path(barrier):
@@ -23,14 +23,14 @@ def on_path(barrier):
 
 
 def test_the_gap_is_that_of_objective_and_dual():
-    barrier = 1e-5
-    point, multipliers, objective, gradient = on_path(barrier)
-    stationary = Stationary(LOWER, UPPER, 1e-7)
+    point, multipliers, objective, gradient = on_path(1e-5)
+    stationary = Stationary(LOWER, UPPER, 1e-7, START)
     assert not stationary.note(point, multipliers, objective, gradient)
     assert np.array_equal(stationary.best, point)
-    assert stationary.gap == pytest.approx(2.0 * barrier / objective)
+    assert stationary.gap == pytest.approx(2e-5 / objective)
     # it bounds what the objective lacks of the optimum, which is 1
     assert 0.0 < objective - 1.0 < stationary.gap * objective
+    assert Stationary(LOWER, UPPER, 1e-7, START).note(*on_path(1e-7))  # too small to wait for more
 
 
 def test_only_an_optimum_is_kept():
@@ -40,14 +40,14 @@ def test_only_an_optimum_is_kept():
         (point + np.array([1e-3, 0.0]), multipliers, objective, gradient),  # beyond its bound
         (point, multipliers, objective, gradient + 1e-3),
     ):
-        stationary = Stationary(LOWER, UPPER, 1e-7)
+        stationary = Stationary(LOWER, UPPER, 1e-7, START)
         assert not any(stationary.note(*spoiled) for _ in range(2 * PATIENCE))
         assert stationary.best is None
 
 
 def test_the_end_waits_for_iterates_that_are_better():
     point, multipliers, objective, gradient = on_path(1e-6)
-    stationary = Stationary(LOWER, UPPER, 1e-7)
+    stationary = Stationary(LOWER, UPPER, 1e-7, START)
     better = [objective * (1.0 - 1e-6 * count) for count in range(5)]
     assert not any(stationary.note(point, multipliers, each, gradient) for each in better)
     ends = [stationary.note(point, multipliers, better[-1], gradient) for _ in range(40)]
