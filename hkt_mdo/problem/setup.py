@@ -33,8 +33,9 @@ class Setup:
     scenario, the share of the limit's upper bound to which the nodes of each segment are held, so
     that the limit holds between the nodes as well; a lower bound is raised there by as much. A
     limit that it has is held between the nodes, too, where `excess` says that this is possible.
-    `excess` has, by the same names, how far the optimum on a coarser mesh was beyond the limit at
-    the nodes of each segment, relatively; empty where limits are held at the nodes, as usual.
+    `excess` has, by the same names, how far a limit was exceeded at the nodes of each segment,
+    relatively: most on all coarser meshes, and least on the last, shape (n_segments, 2); empty
+    where limits are held at the nodes, as usual.
     `near` tells that it must stay `NEAR` the start, not only within `FAR`; `least_hub` (kg*m**2)
     raises the lower bound of a designed `hub_inertia`.
     """

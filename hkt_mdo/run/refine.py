@@ -107,9 +107,8 @@ def excesses_at_nodes(setup: Setup, verifications: tuple[Verification, ...]) -> 
         for limit in each.constrained:
             if not each.scenario.steady and _chooses(each.physics):
                 own, key = each.excess_at_nodes(limit), (limit.name, each.scenario.name)
-                found[key] = np.stack((np.max(own, axis=1), np.min(own, axis=1)), axis=1)
-                if key in setup.excess:
-                    found[key][:, 0] = np.maximum(found[key][:, 0], setup.excess[key][:, 0])
+                largest = np.maximum(np.max(own, axis=1), setup.excess.get(key, own)[:, 0])
+                found[key] = np.stack((largest, np.min(own, axis=1)), axis=1)
     return found
 
 

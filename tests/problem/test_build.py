@@ -151,7 +151,7 @@ def test_an_open_loop_keeps_a_limit_between_nodes_where_it_nearly_binds():
     scenario, key = world.scenarios[0], ("control_torque", world.scenarios[0].name)
 
     def held(last):
-        excess = np.append(np.full(scenario.segments - 1, -0.5), last)[:, None]
+        excess = np.tile(np.append(np.full(scenario.segments - 1, -0.5), last), (2, 1)).T
         shares = {key: np.ones(scenario.segments)}
         problem, _ = assembled(world, excess={key: excess}, shares=shares)
         problem.run_model()
