@@ -38,8 +38,11 @@ CIRCLE_EDGE = 0.1
 
 _COEFFICIENTS = "cl", "cd", "cm", "cpmin", *SURFACES
 
-_SYMMETRIC = {"cl": 0.005, "cd": 0.05, "cm": 0.005}
-"""How far rows at opposite angles of a symmetric section may differ; drag relatively."""
+_OPPOSITE = {"alpha": -1.0, "cl": -1.0, "cm": -1.0}
+"""Factor of a symmetric section's values at the opposite angle, where it is not 1."""
+
+_SYMMETRIC = {"cl": (0.0, 0.005), "cd": (0.05, 0.0), "cm": (0.0, 0.005)}
+"""How far rows at opposite angles of a symmetric section may differ, relatively and absolutely."""
 
 ENDS_EQUAL, ENDS_ROUNDED = 1e-6, 0.01
 """How far coefficients at -180 and 180 deg, which are one angle, may differ; and with a message."""
@@ -221,12 +224,10 @@ def _is_half_of_symmetric(table: Mapping[str, Column]) -> bool:
     opposite = np.array([np.argmin(np.abs(angle + angle[at])) for at in below])
     if np.any(np.abs(angle[below] + angle[opposite]) >= 1e-6):
         return False
-    for name, near in _SYMMETRIC.items():
-        if name in table:
-            one, two = table[name].values[below], table[name].values[opposite]
-            off = one - two if name == "cd" else one + two
-            if not np.all(np.abs(off) <= near * (np.abs(two) if name == "cd" else 1.0)):
-                return False
+    for name in _SYMMETRIC.keys() & table.keys():
+        expected = _OPPOSITE.get(name, 1.0) * table[name].values[opposite]
+        if not np.allclose(table[name].values[below], expected, *_SYMMETRIC[name]):
+            return False
     return True
 
 
@@ -236,11 +237,10 @@ def _mirrored(table: Mapping[str, Column]) -> dict[str, Column]:
     lacking = np.flatnonzero(angle > -angle[0])[::-1]
     rows = np.append(lacking, np.arange(angle.size))
     other = dict(zip(SURFACES, SURFACES[::-1], strict=True))
-    signs = {"alpha": -1.0, "cl": -1.0, "cm": -1.0}
     made = {}
     for name, column in table.items():
         opposite = table.get(other.get(name, name), column).values[lacking]
-        values = np.append(signs.get(name, 1.0) * opposite, column.values)
+        values = np.append(_OPPOSITE.get(name, 1.0) * opposite, column.values)
         made[name] = replace(column.at(rows), values=values)
     return made
 
