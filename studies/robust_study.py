@@ -214,7 +214,7 @@ def replace_turbine(solution, state):
     base = {"inflow": "sine", "control": "quadratic", "condition": data.get("condition", {})}
     case = first.case.of_turbine(data.get("density"), load_case(base).condition)
     design = replace(first, case=case).design()
-    plant, _ = design.plant.tabulated(RATIOS)
+    plant = design.plant.tabulated(RATIOS)
     return replace(design, plant=plant, known=plant)
 
 

@@ -5,7 +5,6 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -142,32 +141,25 @@ class Sweep(Section):
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each key of a grid, and of the samples last, if there are any."""
-        return tuple(map(len, self._parts))
+        sizes = (*(axis.size for axis in self.over.values()), self.samples)
+        return tuple(size for size in sizes if size)
 
     @property
     def size(self) -> int:
         """Number of runs."""
         return math.prod(self.shape)
 
-    @cached_property
-    def _parts(self) -> list[list[Place]]:
-        """The places of each key of the grid, and those of the samples."""
-        parts = [
-            [{key: share} for share in np.linspace(0.0, 1.0, axis.size)]
-            for key, axis in self.over.items()
-            if axis.size
-        ]
+    def places(self) -> Iterator[Place]:
+        """Yield the place of every point; the last key changes fastest."""
+        sizes = {key: axis.size for key, axis in self.over.items() if axis.size}
+        grid = [np.linspace(0.0, 1.0, size) for size in sizes.values()]
+        keys, drawn = (*sizes, *self.sampled), np.empty((1, 0))
         if self.samples:
             from scipy.stats import qmc
 
             drawn = qmc.LatinHypercube(len(self.sampled), seed=self.seed).random(self.samples)
-            parts.append([dict(zip(self.sampled, row, strict=True)) for row in drawn])
-        return parts
-
-    def places(self) -> Iterator[Place]:
-        """Yield the place of every point; the last key changes fastest."""
-        for parts in product(*self._parts):
-            found = {key: share for part in parts for key, share in part.items()}
+        for *shares, sample in product(*grid, drawn):
+            found = dict(zip(keys, (*shares, *sample), strict=True))
             yield {key: found[key] for key in self.over}
 
     def points(self) -> Iterator[Point]:

@@ -80,12 +80,12 @@ class Plant:
     def tabulated(self, ratios):
         """Return the same rotor with the torque coefficient as a spline over tip speed ratios.
 
-        And the spline. Without dynamic inflow, and of sections that do not depend on the Reynolds
-        number. A long integration evaluates the spline a hundred times faster than BEM.
+        Without dynamic inflow, and of sections that do not depend on the Reynolds number. A long
+        integration evaluates the spline a hundred times faster than BEM.
         """
         curve = CubicSpline(ratios, self.coefficient(ratios))
         solver = by_curve(lambda ratio: curve(np.minimum(ratio, ratios[-1])))
-        return replace(self, coefficients=solver), curve
+        return replace(self, coefficients=solver)
 
     def torque(self, speed, inflow_speed, filters=None):
         """Return the torque, N*m, at speeds (rad/s) and inflow speeds (m/s) of shape (n,).

@@ -38,8 +38,11 @@ CIRCLE_EDGE = 0.1
 
 _COEFFICIENTS = "cl", "cd", "cm", "cpmin", *SURFACES
 
-_SYMMETRIC = {"cl": 0.005, "cd": 0.05, "cm": 0.005}
-"""How far rows at opposite angles of a symmetric section may differ; drag relatively."""
+_OPPOSITE = {"alpha": -1.0, "cl": -1.0, "cm": -1.0}
+"""Factor of a symmetric section's values at the opposite angle, where it is not 1."""
+
+_SYMMETRIC = {"cl": (0.0, 0.005), "cd": (0.05, 0.0), "cm": (0.0, 0.005)}
+"""How far rows at opposite angles of a symmetric section may differ, relatively and absolutely."""
 
 ENDS_EQUAL, ENDS_ROUNDED = 1e-6, 0.01
 """How far coefficients at -180 and 180 deg, which are one angle, may differ; and with a message."""
@@ -107,38 +110,38 @@ def polar_table(
     """
     messages = []
     unit = next(name for name in ANGLES if name in columns)
-    in_degrees, angle, file = unit != "alpha_rad", columns[unit], columns[unit].file
+    angle, file = columns[unit], columns[unit].file
+    if unit == "alpha_rad":
+        angle = replace(angle, values=np.rad2deg(angle.values))
     table = {"alpha": angle} | {name: columns[name] for name in _COEFFICIENTS if name in columns}
     changes = [np.diff(column.values) != 0.0 for column in table.values()]
     new = np.append(True, np.any(changes, axis=0))
     if not np.all(new):
         messages.append(f"{file}: {np.sum(~new)} repeated rows are left out")
         table = {name: column.at(np.flatnonzero(new)) for name, column in table.items()}
-    low = NEEDED_RANGE[0] if in_degrees else np.deg2rad(NEEDED_RANGE[0])
-    if _is_half_of_symmetric(table, low):
+    if _is_half_of_symmetric(table):
         first = table["alpha"].values[0]
-        shown = f"{first if in_degrees else np.rad2deg(first):.4g}"
-        messages.append(f"{file}: symmetric section, mirrored below {shown} degrees")
+        messages.append(f"{file}: symmetric section, mirrored below {first:.4g} degrees")
         table = _mirrored(table)
     constant = not np.ptp(table["cl"].values) and not np.ptp(table["cd"].values)
-    radians, circle = _angles(table["alpha"], in_degrees, constant)
+    degrees, circle = _angles(table["alpha"], constant)
     if circle:
-        ends, half = table["alpha"].values[[0, -1]], 180.0 if in_degrees else np.pi
-        if not np.allclose(np.abs(ends), half, rtol=1e-5, atol=0.0):
-            note = f"angles of attack from {ends[0]:.6g} to {ends[1]:.6g} count as a full circle"
+        ends = table["alpha"].values[[0, -1]]
+        if not np.allclose(np.abs(ends), 180.0, rtol=1e-5, atol=0.0):
+            note = f"angles from {ends[0]:.6g} to {ends[1]:.6g} degrees count as a full circle"
             messages.append(f"{file}: {note}")
         table |= {x: _closed(table[x], messages) for x in ("cl", "cd", "cm") if x in table}
     lift, drag, moment = table["cl"], table["cd"], table.get("cm")
     for name, column in (("lift", lift), ("drag", drag), ("moment", moment)):
         if column is not None:
             _check_coefficient(name, column)
-    below, above = np.interp(np.deg2rad([-ATTACHED, ATTACHED]), radians, lift.values)
+    below, above = np.interp([-ATTACHED, ATTACHED], degrees, lift.values)
     problem = f"falls from -{ATTACHED:g} to {ATTACHED:g} degrees, where the lift of sections rises"
-    falls = (np.abs(radians) < np.deg2rad(ATTACHED)) & (above < below - LEAST_FALL)
+    falls = (np.abs(degrees) < ATTACHED) & (above < below - LEAST_FALL)
     lift.refuse(falls, problem, "correct its sign, or that of the angle of attack")
     return PolarTable(
         None if reynolds is None else float(reynolds),
-        radians,
+        np.deg2rad(degrees),
         lift.values,
         drag.values,
         None if moment is None else moment.values,
@@ -211,22 +214,20 @@ def polar_of_rows(
     return polar_table(number_columns(rows, names, file, wanted, where), reynolds, where)
 
 
-def _is_half_of_symmetric(table: Mapping[str, Column], low: float) -> bool:
-    """Tell whether a table begins between `low` and 0, and is symmetric as far as it goes."""
+def _is_half_of_symmetric(table: Mapping[str, Column]) -> bool:
+    """Tell whether a table begins between -5 and 0 degrees, and is symmetric as far as it goes."""
     angle = table["alpha"].values
-    begins_late = low < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
+    begins_late = NEEDED_RANGE[0] < angle[0] <= 0.0 and np.all(np.diff(angle) > 0.0)
     if not begins_late or (angle[0] == 0.0 and "cm" not in table):
         return False
     below = np.flatnonzero(angle <= 0.0)
     opposite = np.array([np.argmin(np.abs(angle + angle[at])) for at in below])
     if np.any(np.abs(angle[below] + angle[opposite]) >= 1e-6):
         return False
-    for name, near in _SYMMETRIC.items():
-        if name in table:
-            one, two = table[name].values[below], table[name].values[opposite]
-            off = one - two if name == "cd" else one + two
-            if not np.all(np.abs(off) <= near * (np.abs(two) if name == "cd" else 1.0)):
-                return False
+    for name in _SYMMETRIC.keys() & table.keys():
+        expected = _OPPOSITE.get(name, 1.0) * table[name].values[opposite]
+        if not np.allclose(table[name].values[below], expected, *_SYMMETRIC[name]):
+            return False
     return True
 
 
@@ -236,27 +237,25 @@ def _mirrored(table: Mapping[str, Column]) -> dict[str, Column]:
     lacking = np.flatnonzero(angle > -angle[0])[::-1]
     rows = np.append(lacking, np.arange(angle.size))
     other = dict(zip(SURFACES, SURFACES[::-1], strict=True))
-    signs = {"alpha": -1.0, "cl": -1.0, "cm": -1.0}
     made = {}
     for name, column in table.items():
         opposite = table.get(other.get(name, name), column).values[lacking]
-        values = np.append(signs.get(name, 1.0) * opposite, column.values)
+        values = np.append(_OPPOSITE.get(name, 1.0) * opposite, column.values)
         made[name] = replace(column.at(rows), values=values)
     return made
 
 
-def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray, bool]:
-    """Return the angles in radians, and whether they run round; constant: lift and drag are so."""
-    angle = given.values if in_degrees else np.rad2deg(given.values)
+def _angles(given: Column, constant: bool) -> tuple[np.ndarray, bool]:
+    """Return the angles in degrees, and whether they run round; constant: lift and drag are so."""
+    angle, in_radians = given.values.copy(), given.name.endswith("alpha_rad")
     remedy = "angles of attack run from -180 to 180 degrees"
-    remedy += "" if in_degrees else "; if these are degrees, name the column alpha_deg"
+    remedy += "; if these are degrees, name the column alpha_deg" * in_radians
     given.refuse(np.abs(angle) > 180.0 + CIRCLE_EDGE, "lies beyond the full circle", remedy)
     first, last = angle[0], angle[-1]
     circle = bool(first <= -180 + CIRCLE_EDGE and last >= 180 - CIRCLE_EDGE)
-    radians = np.deg2rad(given.values) if in_degrees else given.values.copy()
     if circle:
-        radians[0], radians[-1] = -np.pi, np.pi
-    given.check_rising("angles", radians)
+        angle[0], angle[-1] = -180.0, 180.0
+    given.check_rising("angles", angle)
     low, high = NEEDED_RANGE
     if angle.size < FEWEST_ROWS and not (circle and constant):
         problem = f"the polar has {angle.size} rows, at least {FEWEST_ROWS} are needed"
@@ -265,12 +264,12 @@ def _angles(given: Column, in_degrees: bool, constant: bool) -> tuple[np.ndarray
         problem = f"the table must reach from {low:g} or less to {high:g} or more and stay within "
         problem += "-90 and 90 degrees, or run from -180 to 180"
         remedy = "extend or cut it (beyond the table the polar is extended by Viterna)"
-        if in_degrees and np.max(np.abs(angle)) < 1.01 * np.pi:  # files round
+        if not in_radians and np.max(np.abs(angle)) < 1.01 * np.pi:  # files round
             other = " or name the column alpha_rad" * given.name.endswith("alpha_deg")
             remedy = f"if these are radians, convert them{other}; {remedy}"
     else:
-        return radians, circle
-    span = f"{given.values[0]:g} … {given.values[-1]:g}"
+        return angle, circle
+    span = f"{angle[0]:g} … {angle[-1]:g}"
     raise InputError(problem, remedy, file=given.file, key=given.name, value=span)
 
 

@@ -303,7 +303,7 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
     for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
         rotor, mesh = physics.rotor_in(scenario), scenario.mesh
         plant = plant_of(physics, scenario, result.point.blade)
-        plant = plant.tabulated(TABULATED)[0] if tabulated else plant
+        plant = plant.tabulated(TABULATED) if tabulated else plant
         options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
             plant = replace(plant, wake=None)  # in equilibrium, as the rotor is

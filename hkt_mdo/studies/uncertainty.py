@@ -13,12 +13,10 @@ import numpy as np
 from scipy import signal
 
 from hkt_mdo.case import Case
-from hkt_mdo.compiled import compiled
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.design import Design, phase_in
-from hkt_mdo.rotor.scales import torque_scale
 
 RATIOS = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
 """Tip speed ratios of the tabulated torque of the noisy runs."""
@@ -157,7 +155,7 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     plant, radius = design.plant, design.plant.blade.rotor_radius
-    tabulated, curve = plant.tabulated(RATIOS)
+    tabulated = plant.tabulated(RATIOS)
     n_samples = round(duration * sensor.rate)
     period = duration / n_samples
     longest = LONGEST_STEP * plant.inertia / _largest_slope(plant, quiet)
@@ -186,9 +184,8 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
         before, control = measured, law.torque(measured, design.gains, *states)
         states = _advanced(law, measured, heard, design.gains, states, period)
         record[:, k] = speed[0], control[0], tabulated.torque(speed[:1], flows[k, 0])[0]
-        scales = torque_scale(plant.density, radius, flows[k]), radius / flows[k]
         held = control + plant.generator.friction(speed)
-        speed, captured = _runge_kutta(speed, held, step, plant.inertia, *scales, curve.x, curve.c)
+        speed, captured = _runge_kutta(tabulated, speed, held, flows[k], step)
         energy += captured
         if not np.all(np.isfinite(speed)):  # which is not the same as a rotor that stops
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
@@ -200,8 +197,8 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     flow, record = flows[kept, 0], record[:, kept]
     ratio = record[0, ::10] * radius / flow[::10]
     exact = plant.coefficient(ratio)
-    error = float(np.max(np.abs(curve(ratio) - exact)) / np.max(np.abs(exact)))
-    return Ensemble(energy, stopped, deviation, times[kept], flow, *record, error)
+    error = np.max(np.abs(tabulated.coefficient(ratio) - exact)) / np.max(np.abs(exact))
+    return Ensemble(energy, stopped, deviation, times[kept], flow, *record, float(error))
 
 
 def _largest_slope(plant, run):
@@ -224,34 +221,23 @@ def _advanced(law, speed, flow, gains, states, period):
     return [each + change[:, i, 0] for i, each in enumerate(states)]
 
 
-@compiled()
-def _runge_kutta(speed, control, step, inertia, scale, ratio_of_speed, nodes, coefficients):
+def _runge_kutta(plant, speed, control, flows, step):
     """Return the speeds after some steps with the torques held, and the energies captured.
 
-    scale (N*m) and ratio_of_speed (s/rad) turn the torque coefficient and the speed into torque and
-    tip speed ratio, at both ends and in the middle of each step; nodes and coefficients are those
-    of the coefficient's spline.
+    flows (m/s) are those at both ends and in the middle of each step (s).
     """
-    places, weights, shares = (0, 1, 1, 2), (1.0, 2.0, 2.0, 1.0), (0.5, 0.5, 1.0, 0.0)
-    after, captured = np.empty_like(speed), np.zeros_like(speed)
-    for run in range(speed.size):
-        now = speed[run]
-        for first in range(0, scale.size - 2, 2):
-            at, pull = now, 0.0
-            for stage in range(4):
-                place = first + places[stage]
-                ratio = min(max(at * ratio_of_speed[place], nodes[0]), nodes[-1])
-                piece = min(np.searchsorted(nodes, ratio, side="right"), nodes.size - 1) - 1
-                off, value = ratio - nodes[piece], 0.0
-                for power in range(4):
-                    value = value * off + coefficients[power, piece]
-                driving = scale[place] * value
-                pull += weights[stage] * (driving - control[run])
-                captured[run] += step / 6.0 * weights[stage] * driving * at
-                at = now + shares[stage] * step * (driving - control[run]) / inertia
-            now += step / 6.0 * pull / inertia
-        after[run] = now
-    return after, captured
+    captured = np.zeros_like(speed)
+    for before, middle, after in zip(flows[:-2:2], flows[1::2], flows[2::2], strict=True):
+        at, change = speed, np.zeros_like(speed)
+        stages = (before, 1.0, 0.5), (middle, 2.0, 0.5), (middle, 2.0, 1.0), (after, 1.0, 0.0)
+        for flow, weight, share in stages:
+            driving = plant.torque(at, flow)
+            slope = (driving - control) / plant.inertia
+            change += step / 6.0 * weight * slope
+            captured += step / 6.0 * weight * driving * at
+            at = speed + share * step * slope
+        speed = speed + change
+    return speed, captured
 
 
 def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
