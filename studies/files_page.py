@@ -57,8 +57,8 @@ def outline(entry: dict) -> str:
 def record(entry: dict) -> str:
     """Read a record and say what it is."""
     found = read_record(FOLDER / entry["file"], **entry["options"])
-    about = f"{found.speed.size} samples every {found.step:.4g} s, mean {np.mean(found.speed):.4g}"
-    return f"{about} m/s, {span(found.speed)} m/s low-passed"
+    about = f"{found.speed.size} samples every {found.time[1]:.4g} s"
+    return f"{about}, mean {np.mean(found.speed):.4g} m/s, {span(found.speed)} m/s low-passed"
 
 
 READERS = {"blades": blade, "polars": polar, "outlines": outline, "records": record}

@@ -48,9 +48,9 @@ class Aggregate(Section):
         return np.empty(0)
 
     def binding(self, rates: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Return which scenarios decide the measure, (n_scenarios,); None: all of them.
+        """Return which scenarios decide the measure, (n_scenarios,); all False: all do.
 
-        None by default. The worst rate, for example, is that of one scenario or a few.
+        That is the default. The worst rate, for example, is that of one scenario or a few.
         """
         return np.zeros(shares.size, dtype=bool)
 

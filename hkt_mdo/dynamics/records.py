@@ -1,12 +1,12 @@
 """Measured records of a flow: checked, brought to even samples, and low-passed.
 
 A record of a flow in which no turbine could work is refused with file, place and remedy. Nothing is
-repaired unless an option says so, and every repair is named in `Record.messages`.
+repaired unless an option says so, and every repair is named in its messages.
 """
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -56,21 +56,6 @@ _READERS |= dict.fromkeys((".nc", ".nc4", ".cdf"), ("NetCDF", read_netcdf))
 _READERS |= dict.fromkeys((".parquet", ".pq"), ("Parquet", read_parquet))
 
 
-@dataclass(frozen=True, eq=False)
-class Record:
-    """Even samples of a measured flow: times from 0 (s), and speeds (m/s), positive and low-passed.
-
-    `cutoff` is the frequency at which the low-pass halves an amplitude. `messages` say what was
-    read and what was done to it, one line each.
-    """
-
-    time: np.ndarray
-    speed: np.ndarray
-    step: float  # s
-    cutoff: float  # Hz
-    messages: tuple[str, ...]
-
-
 class RecordInflow(RecordFile, SampledInflow):
     """A measured flow: the samples of a file, low-passed, with a cubic spline through them.
 
@@ -96,8 +81,8 @@ class RecordInflow(RecordFile, SampledInflow):
     """Cutoff of the low-pass, without phase shift; null: half of Nyquist's frequency."""
 
     @cached_property
-    def _record(self):
-        """The record of the file, read once for equal options."""
+    def _record(self) -> Columns:
+        """Even samples from t = 0, positive and low-passed, read once for equal options."""
         return _read(self, file_state(self.file))
 
     def samples(self):
@@ -111,7 +96,7 @@ class RecordInflow(RecordFile, SampledInflow):
 
     @property
     def highest_frequency(self):
-        return self._record.cutoff
+        return self.cutoff or 0.25 / float(self._record.time[1])
 
     @property
     def mean_speed(self):
@@ -123,21 +108,21 @@ class RecordInflow(RecordFile, SampledInflow):
 
 
 @lru_cache(maxsize=2)  # a case is built more than once, and reading takes longest
-def _read(flow: RecordInflow, state: object) -> Record:
+def _read(flow: RecordInflow, state: object) -> Columns:
     """Return the record of a flow; one that needs several repairs is refused with all of them."""
     raw = read_columns(flow)
 
-    def tried(**allowed: str) -> Record | InputError:
+    def tried(**allowed: str) -> Columns | InputError:
         try:
             return _made(raw, flow.model_copy(update=allowed))
         except InputError as error:
             return error
 
     record = tried()
-    if isinstance(record, Record):
+    if isinstance(record, Columns):
         return record
     every = {key: word for key, word in REPAIRS.items() if getattr(flow, key) == "refuse"}
-    if isinstance(tried(**every), Record):
+    if isinstance(tried(**every), Columns):
         needed = [key for key in every if isinstance(tried(**every | {key: "refuse"}), InputError)]
         if len(needed) > 1:
             repairs = ", ".join(f"{key}: {every[key]}" for key in needed)
@@ -145,12 +130,13 @@ def _read(flow: RecordInflow, state: object) -> Record:
     raise record
 
 
-def read_record(path: str | Path, **options: Any) -> Record:
+def read_record(path: str | Path, **options: Any) -> Columns:
     """Read a record from a CSV, JSON, NetCDF or Parquet file; the ending says which.
 
     `.csv` or `.txt`: a header line, commas, UTF-8; empty cells and `nan` are gaps. `.json`: tidal
     data as MHKiT saves them, or a response of USGS. `.nc`, `.nc4` or `.cdf`, `.parquet` or `.pq`:
-    as MHKiT's data are saved. The options are the keys of `RecordInflow`. Raises InputError, with
+    as MHKiT's data are saved. The options are the keys of `RecordInflow`. Times are even,
+    from 0 s, and speeds, m/s, low-passed; `messages` say what was done. Raises InputError, with
     file, line, column, value and remedy, if anything in the file is not as they say, it has more
     than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
@@ -271,7 +257,7 @@ def check_speeds(
     return spikes, notes
 
 
-def _made(raw: Columns, options: RecordInflow) -> Record:
+def _made(raw: Columns, options: RecordInflow) -> Columns:
     """Return the record of columns: checked, cut, repaired as far as allowed, low-passed."""
     check_order(raw)
     raw = _cut(raw, options)
@@ -301,7 +287,7 @@ def _made(raw: Columns, options: RecordInflow) -> Record:
     summary += f"{smooth.mean():.4g} m/s, from {smooth.min():.4g} to {smooth.max():.4g} m/s"
     removed = 1.0 - float(np.var(smooth)) / variance if variance > 0.0 else 0.0
     note = f"low-passed at {cutoff:.4g} Hz, which removed {100.0 * removed:.2g} % of the variance"
-    return Record(even.time, smooth, step, cutoff, (summary, *even.messages, note))
+    return replace(even, speed=smooth, parts=None, messages=(summary, *even.messages, note))
 
 
 def _cut(raw: Columns, options: RecordInflow) -> Columns:

@@ -157,8 +157,7 @@ def _stations(found: Findings) -> Rows:
     ratio = np.array(found.working)[:, None] * blade.r / blade.rotor_radius
     flow = np.array([[found.slowest], [found.fastest]]) * np.cos(blade.cone)
     met = blade.chord * flow * np.hypot(1.0, ratio) / found.case.fluid.kinematic_viscosity
-    for severity, message in found.stations.messages("starting blade"):
-        yield _warning("rotor.polar", message, severity)
+    yield from found.stations.messages("starting blade")
     numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
     known = powers(list(numbers)) if numbers else "a Reynolds number that the file does not contain"
     if len(numbers) > 1 and turbine.reynolds_number and found.case.rotor.reynolds == "invariant":

@@ -14,7 +14,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import OVER_TIME
-from hkt_mdo.results.words import measured, number
+from hkt_mdo.results.words import Row, measured, number
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.checks import energy_bound
@@ -64,14 +64,12 @@ class Stations:
         """Return in words where some stations lie."""
         return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
 
-    def messages(self, of: str) -> Iterator[tuple[str, str]]:
-        """Yield severity and text of messages on stations of a blade, `of`, beyond their tables."""
+    def messages(self, of: str) -> Iterator[Row]:
+        """Yield notes and warnings on stations of a blade, `of`, beyond their tables."""
         if np.any(self.unsolved):
-            yield (
-                "warning",
-                "blade element momentum theory has no solution at "
-                f"{self.places(self.unsolved)} of the {of}: no load counts there",
-            )
+            text = f"blade element momentum theory has no solution at {self.places(self.unsolved)}"
+            text += f" of the {of}: no load counts there"
+            yield Row("rotor.polar", text, severity="warning")
         below, above = self.table[0] - self.met[0], self.met[1] - self.table[1]
         over = np.maximum(above, below)
         outside = over > 1e-9
@@ -79,14 +77,11 @@ class Stations:
             worst, share = int(np.argmax(over)), float(self.share[:, outside].sum(axis=1).max())
             angle = np.rad2deg(self.met[int(above[worst] >= below[worst]), worst])
             table = measured(np.rad2deg(self.table[:, worst]), "deg", 4)
-            yield (
-                "warning" if share > LIGHT else "note",
-                f"{outside.sum()} of the stations of the {of}, at {self.places(outside)}, with "
-                f"{number(100.0 * share, 2)} % of the torque, are outside the polar's table, "
-                f"{table}, in Viterna's extension, with "
-                f"angles of attack up to {angle:.3g} deg, at tip speed ratios of "
-                f"{measured(self.working, '', 3)}",
-            )
+            text = f"{outside.sum()} of the stations of the {of}, at {self.places(outside)}, with "
+            text += f"{number(100.0 * share, 2)} % of the torque, are outside the polar's table, "
+            text += f"{table}, in Viterna's extension, with angles of attack up to {angle:.3g} deg,"
+            text += f" at tip speed ratios of {measured(self.working, '', 3)}"
+            yield Row("rotor.polar", text, severity="warning" if share > LIGHT else "note")
 
 
 class Flow:

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hkt_mdo.dynamics import records
-from hkt_mdo.dynamics.records import low_pass, read_record
+from hkt_mdo.dynamics.records import RecordInflow, low_pass, read_record
 from hkt_mdo.errors import InputError, install
 from hkt_mdo.files import record_table
 from tests.conftest import DATA, refused
@@ -47,9 +47,9 @@ def told(record, *words):
 
 
 def test_a_record_is_its_samples_low_passed(tmp_path):
-    record = read_record(csv(tmp_path))
-    assert record.step == pytest.approx(STEP, rel=1e-12)
-    assert record.cutoff == pytest.approx(1.0, rel=1e-12)  # half of Nyquist's 2 Hz
+    record = read_record(path := csv(tmp_path))
+    # half of Nyquist's 2 Hz, by the step of 0.25 s
+    assert RecordInflow(file=str(path)).highest_frequency == pytest.approx(1.0, rel=1e-12)
     np.testing.assert_allclose(record.time, TIME, atol=1e-9)
     np.testing.assert_allclose(record.speed, low_pass(SPEED, STEP, 1.0), rtol=1e-12)
     removed = 100.0 * (1.0 - np.var(record.speed) / np.var(SPEED))
@@ -234,11 +234,11 @@ def test_rounded_and_drifting_times_are_even(tmp_path):
     message = refused(read_record, csv(tmp_path, np.round(time, 2), speed))
     assert "off an even spacing of 0.03333" in message
     record = read_record(csv(tmp_path, np.round(time, 3), speed))
-    assert record.step == pytest.approx(1.0 / 30.0, rel=1e-5)
+    assert record.time[1] == pytest.approx(1.0 / 30.0, rel=1e-5)
     assert told(record, "times taken as even", "% of a step off")
     gap = np.delete(np.arange(3000), [1000, 1001])
     whole = read_record(csv(tmp_path, np.round(time, 3)[gap], speed[gap]), gaps="interpolate")
-    assert (whole.time.size, whole.step) == (3000, record.step)
+    assert (whole.time.size, whole.time[1]) == (3000, record.time[1])
     assert told(whole, "1 gap interpolated, 2 samples")
 
 
@@ -286,7 +286,7 @@ def test_usgs_data(tmp_path, form, options):
         case "csv":
             data.to_csv(path)
     record = read_record(path, **options) if path.exists() else saved(tmp_path, data, **options)
-    assert record.step == 900.0
+    assert record.time[1] == 900.0
     np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
 
 
@@ -475,14 +475,14 @@ def test_json_times_are_in_the_unit_of_a_plausible_year(put, unit, seconds):
     times = [round((1_478_606_640 + 60 * row) / seconds) for row in range(TIME.size)]
     path = put("a.json", json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
     record = read_record(path, speed_unit="m/s")
-    assert record.step == pytest.approx(60.0, rel=1e-6)
+    assert record.time[1] == pytest.approx(60.0, rel=1e-6)
     chosen = read_record(path, speed_unit="m/s", time_unit=unit)
     np.testing.assert_allclose(chosen.time, record.time, atol=1e-3)
     times = [60_000 * row for row in range(TIME.size)]  # of no plausible year
     path = put("a.json", json.dumps({"v": dict(zip(times, SPEED.tolist(), strict=True))}))
     with pytest.raises(InputError, match=r"column time: has no unit that is known.*give time_unit"):
         read_record(path, speed_unit="m/s")
-    assert read_record(path, speed_unit="m/s", time_unit="ms").step == pytest.approx(60.0)
+    assert read_record(path, speed_unit="m/s", time_unit="ms").time[1] == pytest.approx(60.0)
 
 
 def test_one_of_several_sensors_or_sites_of_usgs_is_chosen_by_name(put):

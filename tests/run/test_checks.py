@@ -18,6 +18,7 @@ from hkt_mdo.problem.evaluation import broken_limits, on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.results.summary import CheckEntry
+from hkt_mdo.results.words import Row
 from hkt_mdo.run.checks import _behind_open_loop, explain, explain_all
 from hkt_mdo.run.findings import Stations
 from hkt_mdo.run.passes import Pass, Task, _finer_curve, none_found
@@ -439,11 +440,10 @@ def test_a_failed_run_claims_only_what_was_tried(open_loop):
 
 def test_stations_beyond_their_polars_are_a_warning_or_a_note(feedback, monkeypatch):
     """As in `hkt check`, by their share of the torque."""
-    told = ("warning", "heavy"), ("note", "light")
+    told = [Row("", x, severity=y) for x, y in (("heavy", "warning"), ("light", "note"))]
     monkeypatch.setattr(Stations, "messages", lambda *_: told)
     summary = summarize(feedback)
-    assert summary.doubts[-1] == "heavy"
-    assert ("light" in summary.notes, "heavy" in summary.notes) == (True, False)
+    assert (summary.doubts[-1], *map(summary.notes.count, ("light", "heavy"))) == ("heavy", 1, 0)
 
 
 def test_a_thickness_that_is_not_designed_is_that_of_the_sections(feedback):
