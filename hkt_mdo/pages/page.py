@@ -52,7 +52,7 @@ def write_report(
     chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
-    (path,) = write_new({Path(out): _page(chosen, shared, script).encode()}, force=True)
+    (path,) = write_new({Path(out): _page(chosen, shared, script)}, force=True)
     return path
 
 
@@ -108,7 +108,7 @@ def write_sweep_report(
         data=json.dumps(charts, allow_nan=False),
     )
     out = table.folder / "report.html"
-    write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
+    write_files({table.folder / "plotly.js": script, out: text})
     return out
 
 
