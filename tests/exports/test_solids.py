@@ -52,7 +52,7 @@ def paper(tmp_path_factory):
 
 def files(design, name, *options):
     (made,) = chosen([name], [f"{name}.{option}" for option in options])
-    return made.files(design)
+    return {n: x if isinstance(x, bytes) else x.encode() for n, x in made.files(design).items()}
 
 
 def mesh(content):
