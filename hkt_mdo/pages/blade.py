@@ -58,26 +58,27 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
             design = each.solution.design()
             outline_names(each.solution, design.turbine)  # refuses polars without an outline
             start, kind = _start(design), SOLIDS[len(labelled) > FEW]
-            name = each.label or ("blade" if start is None else "optimized blade")
+            shape = _shape(start)
+            changed = not np.allclose(shape, _shape(design))
+            name = each.label or ("optimized blade" if changed else "blade")
             found.append(_body(design, kind, name, each.color()))
-            if start is None:
-                continue
-            shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist)).tobytes()
-            if shape not in starts:
+            if changed and shape.tobytes() not in starts:
                 name = "blade at the start" + (f" of {each.label}" if starts else "")
-                starts[shape] = _body(start, kind, name, GREY)
+                starts[shape.tobytes()] = _body(start, kind, name, GREY)
         except InputError as error:
             reasons.append(f"{each.label or each.solution.name}: {error}")
     return [*found, *starts.values()], reasons
 
 
-def _start(design: Design) -> Design | None:
-    """Return the design with the blade at the start; None if that is the same."""
-    blade, thickness_of = design.physics.blade, design.physics.rotor.thickness_of
-    start, found = ((x.chord, x.twist, thickness_of(x)) for x in (blade, design.blade))
-    if np.allclose(start, found):
-        return None
+def _start(design: Design) -> Design:
+    """Return the design with the blade at the start."""
+    blade = design.physics.blade
     return replace(design, blade=blade, turbine=design.turbine._replace(blade=blade))
+
+
+def _shape(design: Design) -> np.ndarray:
+    """Return what a design may change of a blade: radii, chord, twist and thickness."""
+    return np.stack((design.blade.r, design.blade.chord, design.blade.twist, design.thickness))
 
 
 def _body(design: Design, kind: Stl, name: str, color: str) -> Body:
