@@ -117,16 +117,12 @@ def solid(found: Sequence[Body]) -> Chart:
         mesh = {axis: _packed(x, "f4") for axis, x in zip("xyz", points.T, strict=True)}
         kind = "u2" if len(points) < 2**16 else "u4"
         mesh |= {key: _packed(x, kind) for key, x in zip("ijk", corner, strict=True)}
-        look = {"color": body.color, "flatshading": False, "hoverinfo": "name"}
-        # faces of a few mm have normals, too
-        exact = {"vertexnormalsepsilon": 0, "facenormalsepsilon": 0}
-        light = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.3, "roughness": 0.4} | exact
-        data.append(
-            {"type": "mesh3d", "name": escaped(body.name), "showlegend": True}
-            | mesh
-            | look
-            | {"lighting": light, "lightposition": {"x": -2000, "y": 1500, "z": 4000}}
-        )
+        light = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.3, "roughness": 0.4}
+        light |= {"vertexnormalsepsilon": 0, "facenormalsepsilon": 0}  # of faces of a few mm, too
+        look = {"color": body.color, "flatshading": False, "lighting": light}
+        look["lightposition"] = {"x": -2000, "y": 1500, "z": 4000}
+        named = {"name": escaped(body.name), "hoverinfo": "name", "showlegend": True}
+        data.append({"type": "mesh3d"} | named | mesh | look)
     extent = np.ptp(np.concatenate([corners.reshape(-1, 3) for corners in beside]), axis=0)
     scene: Chart = {"aspectmode": "manual", "dragmode": "orbit"}
     scene |= {f"{axis}axis": {"visible": False} for axis in "xyz"}

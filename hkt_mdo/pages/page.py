@@ -224,5 +224,4 @@ def not_modelled(case: Case) -> list[str]:
     """
     weight = any(getattr(each, "weight", False) for each in case.all_limits)
     depth = case.site.hub_depth or any(getattr(each, "depth", None) for each in case.all_limits)
-    known = {"weight": weight, "depth": depth, "lossless": case.generator == type(case.generator)()}
-    return rendered("not_modelled.txt", case=case, **known).splitlines()
+    return rendered("not_modelled.txt", case=case, weight=weight, depth=depth).splitlines()
