@@ -166,10 +166,7 @@ def _told(result: Labelled) -> dict[str, Any]:
 def _headline(solution: Solution) -> Iterator[Row]:
     """Yield the figures that a designer asks for first, of which some may not be known."""
     summary, largest = solution.summary, solution.summary.largest
-    entries = (summary.scenarios or {}).values()
-    duration = sum((x.weight or 0.0) * (x.duration_s or 0.0) for x in entries)
-    if not duration and len(solution.scenarios) == 1:  # an older result
-        duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
+    duration = solution.case.phase.duration  # the energies of all scenarios are those in this time
     yield Row("verdict", summary.verdict(solution.case))
     yield from summary.year.rows() if summary.year else ()
     energies = {"captured": summary.simulated_energy_J or summary.energy_J}
