@@ -57,7 +57,7 @@ def make_result(folder: Path, law: str = "quadratic", limit: float | None = 700.
     case = read_case(
         f"name: sine_{law}\ninflow: {{profile: sine}}\n"
         f"control: {{law: {law}, torque_limit: {torque_limit}}}\n"
-        "design: {chord_bounds: [0.01, 1.0]}\n"  # a run writes those of the blade
+        "design: {chord_bounds: [0.01, 1.0]}\nphase: {duration: 60}\n"  # a run writes these
     )
     (folder / "case.yaml").write_text(case.to_yaml(), encoding="utf-8")
 

@@ -54,5 +54,4 @@ def write_new_case(path: str | Path, kind: str = "paper", *, force: bool = False
     about = {"file": path, "about": KINDS[kind], "keys": commented_case(values, _USUAL)}
     text = templates(Path(__file__).parent).get_template("new_case.yaml").render(about)
     read_case(text, file=str(path), check_files=False)
-    texts = {path: text} | texts
-    return write_new({file: text.encode() for file, text in texts.items()}, force)
+    return write_new({path: text} | texts, force)

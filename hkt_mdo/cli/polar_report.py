@@ -142,7 +142,7 @@ def parse_alpha(text: str) -> np.ndarray:
     raise InputError(problem, remedy, key="--alpha", value=text)
 
 
-def _csv(polars: Sequence[ComputedPolar], remark: str) -> bytes:
+def _csv(polars: Sequence[ComputedPolar], remark: str) -> str:
     """Return the polars, one below the other, as CSV with a remark and a header."""
     rows: list[list[str]] = []
     for table, confidence in polars:
@@ -151,7 +151,7 @@ def _csv(polars: Sequence[ComputedPolar], remark: str) -> bytes:
         values = np.column_stack(columns)
         rows += [[*(f"{x:.6f}" for x in row), f"{table.reynolds:.10g}"] for row in values]
     names = "alpha_deg", "cl", "cd", "cm", *SURFACES, "confidence", "reynolds"
-    return csv_text(names, rows, [remark]).encode()
+    return csv_text(names, rows, [remark])
 
 
 def _reynolds(table: PolarTable) -> str:

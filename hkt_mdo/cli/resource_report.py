@@ -49,28 +49,27 @@ def report_resource(
         If a key or the record is not as it should be, or a file is there already.
     """
     record = validated(RecordResource, {"file": str(file)}, "hkt resource", keys)
-    samples = record.samples
+    samples, length = record.samples, record.samples.time[-1]
     speed, share = in_bins(samples.speed, samples.share, record.bin_width)
     rows = zip(speed, HOURS * share, strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
-    section = {"resource": {"profile": "histogram", "file": "resource.csv"}}
-    texts, length = {"resource.csv": table, "case.yaml": dump(section)}, samples.time[-1]
+    section = dump({"resource": {"profile": "histogram", "file": "resource.csv"}})
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
-        texts["case.yaml"] = note + texts["case.yaml"]
+        section = note + section
+    files: dict[str, str | bytes] = {"resource.csv": table, "case.yaml": section}
     lines = [*samples.messages, *_statistics(record, bool(asked))]
     panels = {"resource": resource_panels(speed, share, samples)}
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        texts["tide.yaml"] = dump({"resource": tide.section})
+        files["tide.yaml"] = dump({"resource": tide.section})
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
-    contents = {out / name: text.encode() for name, text in texts.items()}
     for name, each in panels.items():
         figure = style.figure_of_panels(each, 7.0, 3.0, f"{file.name}: {name}")
-        contents[out / f"{name}.png"] = style.picture(figure)
-    files = [path.name for path in write_new(contents, force)]
+        files[f"{name}.png"] = style.picture(figure)
+    write_new({out / name: content for name, content in files.items()}, force)
     return [*lines, f"Written: {out}: {', '.join(files)}"]
 
 

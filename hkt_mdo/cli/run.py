@@ -128,8 +128,7 @@ def _run_one(
         parts.print_tables(solution.overview)
         echo(f"\n{case.name}: {solution.summary.verdict(solution.case)}. Results: {folder}")
     if not solution.success:
-        reason = solution.message or "the run gives no reason"
-        raise parts.failed(f"no success: {reason} (the result is in {folder})")
+        raise parts.failed(f"no success: {solution.message} (the result is in {folder})")
 
 
 class _Live(Progress):

@@ -5,7 +5,7 @@ subclass of `Format` and name it in `hkt_mdo.exports.FORMATS`.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
@@ -31,7 +31,7 @@ class Format(Section, ABC):
     """A format: its fields are its options, with units, given as ``--set NAME.KEY=VALUE``."""
 
     @abstractmethod
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> Mapping[str, str | bytes]:
         """Return the content of each file by its path below the folder of the export.
 
         Parameters
@@ -41,8 +41,8 @@ class Format(Section, ABC):
 
         Returns
         -------
-        dict of bytes
-            Content by relative path.
+        mapping of str or bytes
+            Content by relative path; a text in UTF-8.
 
         Raises
         ------

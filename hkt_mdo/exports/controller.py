@@ -34,7 +34,7 @@ class Controller(Format):
     """Time step of a law with states; null: a fifth of the loop's time constant J / kp, and a
     hundredth of a second at most."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         law: Any = design.law
         if law.law not in LAWS:
             problem = f"has no code for {law.law}: an open loop is a torque over time, and a law "
@@ -54,7 +54,7 @@ class Controller(Format):
             "sample_time": self._sample_time(design) if law.states else 0.0,
         }
         names = ("controller.h", "controller.c", "controller.py")
-        return {name: filled(f"{name}.in", design, words).encode() for name in names}
+        return {name: filled(f"{name}.in", design, words) for name in names}
 
     def _sample_time(self, design: Design) -> float:
         """Return the time between two steps; refuse one at which a held torque is unstable."""

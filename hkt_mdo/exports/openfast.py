@@ -59,7 +59,7 @@ class OpenFast(Format):
     """Volume of the hub, with which AeroDyn computes buoyancy; null: no buoyancy of hub and blades,
     since AeroDyn takes both or none."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         blade = design.blade
         if blade.blade_count > MOST_BLADES:
             problem = f"takes {MOST_BLADES} blades, and the rotor has {blade.blade_count}"
@@ -83,7 +83,7 @@ class OpenFast(Format):
         for name, kind in sections.items():
             about = _airfoil_words(design, kind, columns)
             texts[name] = filled("airfoil.dat", design, words | about)
-        return {f"openfast/{name}": text.encode() for name, text in texts.items()}
+        return {f"openfast/{name}": text for name, text in texts.items()}
 
     def _water(self, design: Design) -> dict[str, Any]:
         """Return depths and heights (m)."""

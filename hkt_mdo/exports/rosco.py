@@ -39,7 +39,7 @@ class Rosco(Format):
     """Corner frequency of ROSCO's filter of the rotor speed; null: five times the frequency of the
     control loop, and at least 60 rad/s."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         solution, law = design.solution, design.law
         if not law.is_feedback or (law.states and not isinstance(law, Tracking)):
             problem = f"has no entries for {law.law}: neither for a torque over time nor for states"
@@ -63,8 +63,8 @@ class Rosco(Format):
         own_filter = max(SLOWEST_FILTER, float(f"{MARGIN * loop:.3g}"))
         words["speed_filter"] = self.speed_filter or own_filter
         words["step"] = f"{1.0 / (MARGIN * loop):.2g}"
-        texts = {name: filled(name, design, words) for name in ("DISCON.IN", "Cp_Ct_Cq.txt")}
-        return {f"rosco/{name}": text.encode() for name, text in texts.items()}
+        names = "DISCON.IN", "Cp_Ct_Cq.txt"
+        return {f"rosco/{name}": filled(name, design, words) for name in names}
 
 
 def _law_words(design: Design) -> dict[str, Any]:

@@ -137,7 +137,7 @@ class Outer(Format, ABC):
 class Sections(Outer):
     """Coordinates of the section at each station, one CSV file a station."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         remarks, blade, found = self.remarks(design), design.blade, {}
         both = self.stations(design, blade.r), self.plane(design, blade.r)
         across = both[1][..., 1]  # over the upper side and back: opposite points are equally far
@@ -153,7 +153,7 @@ class Sections(Outer):
             )
             rows = ([f"{value:.9g}" for value in row] for row in points)
             text = csv_text(_COORDINATES, rows, (*remarks, *own))
-            found[f"sections/station_{n + 1:03d}.csv"] = text.encode()
+            found[f"sections/station_{n + 1:03d}.csv"] = text
         return found
 
 
@@ -248,7 +248,7 @@ class Stl(Solid):
             bodies.append(triangles(np.array(rings)))
         return bodies
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str | bytes]:
         remarks, solution = self.remarks(design), design.solution
         blade = triangles(self.stations(design, self.radii(design)))
         bodies = self.rotor(design)
@@ -264,7 +264,7 @@ class Stl(Solid):
         return {
             "blade.stl": binary_stl(blade, header),
             "rotor.stl": binary_stl(np.concatenate(bodies), header),
-            "stl.txt": ("\n".join(remarks) + "\n").encode(),
+            "stl.txt": "\n".join(remarks) + "\n",
         }
 
 

@@ -74,21 +74,21 @@ class _Tables(Format):
 class Csv(_Tables):
     """One CSV file a table; lines that begin with # are comments."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         found, source = {}, provenance(design.solution)
         for table in tables(design, self.flow_range):
             about = (f"{name} [{c.unit or '-'}]: {c.text}" for name, c in table.columns.items())
             plain = (np.asarray(column.values).tolist() for column in table.columns.values())
             rows = zip(*plain, strict=True)
-            text = csv_text(table.columns, rows, (*source, table.title, *about))
-            found[f"{table.name}.csv"] = text.encode()
+            remarks = *source, table.title, *about
+            found[f"{table.name}.csv"] = csv_text(table.columns, rows, remarks)
         return found
 
 
 class Json(_Tables):
     """One JSON file of all tables; NaN is null."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         solution, found = design.solution, {}
         for table in tables(design, self.flow_range):
             columns = {
@@ -97,7 +97,7 @@ class Json(_Tables):
             }
             found[table.name] = {"title": table.title, "columns": columns}
         data = {"provenance": provenance(solution), "case": solution.case.model_dump(mode="json")}
-        return {"result.json": f"{to_json(data | {'tables': found})}\n".encode()}
+        return {"result.json": f"{to_json(data | {'tables': found})}\n"}
 
 
 class Netcdf(_Tables):

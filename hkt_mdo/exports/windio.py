@@ -32,7 +32,7 @@ class Windio(Format):
     stacking: Annotated[float, Quantity(ge=0, le=1)] = STACKING
     """Place of the blade's straight axis on the chord, from the leading edge, over the chord."""
 
-    def files(self, design: Design) -> dict[str, bytes]:
+    def files(self, design: Design) -> dict[str, str]:
         blade, case, tables = design.blade, design.physics.case, design.solution.tables.values()
         root: dict[str, Any] = yaml.safe_load((TEMPLATES / "turbine.yaml").read_text("utf-8"))
         (material,), parts = root["materials"], root["components"]
@@ -62,7 +62,7 @@ class Windio(Format):
         steady = None if case.generator.lossless else steady_operation(design)
         if steady is not None:
             parts["drivetrain"]["generator"] = {"rpm_efficiency": _efficiency(steady)}
-        return {"turbine.yaml": dump(json.loads(to_json(root)), width=1000).encode()}
+        return {"turbine.yaml": dump(json.loads(to_json(root)), width=1000)}
 
 
 def _comments(design: Design, poisson: float) -> str:

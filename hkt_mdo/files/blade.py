@@ -174,4 +174,4 @@ def write_blade_csv(
     names = "r_m", "chord_m", "twist_deg", "twist_rad", "thickness_over_chord"
     columns = blade.r, blade.chord, np.rad2deg(blade.twist), blade.twist, thickness
     lines = "\n".join(map(str, remarks)).splitlines()
-    write_files({Path(path): csv_text(names, np.column_stack(columns).tolist(), lines).encode()})
+    write_files({Path(path): csv_text(names, np.column_stack(columns).tolist(), lines)})

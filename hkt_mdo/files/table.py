@@ -118,7 +118,7 @@ def file_state(path: str | Path) -> tuple[int, int] | None:
     return None
 
 
-def write_files(contents: Mapping[Path, bytes]) -> None:
+def write_files(contents: Mapping[Path, str | bytes]) -> None:
     """Replace files atomically: a reader never sees an incomplete one.
 
     Their folder must be there: one that was taken away during a run must not come back with half a
@@ -126,8 +126,8 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
 
     Parameters
     ----------
-    contents : mapping of pathlib.Path to bytes
-        What each file is to hold.
+    contents : mapping of pathlib.Path to str or bytes
+        What each file is to hold; a text in UTF-8.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
     parts = {file: file.with_name(f"{file.name}.part") for file in contents}
     try:
         for file, content in contents.items():
-            parts[file].write_bytes(content)
+            parts[file].write_bytes(content if isinstance(content, bytes) else content.encode())
         for file, part in parts.items():
             part.replace(file)
     except OSError as error:
@@ -172,13 +172,13 @@ def refuse_existing(files: Iterable[Path], force: bool) -> None:
             raise InputError("is there already", remedy, file=file)
 
 
-def write_new(contents: Mapping[Path, bytes], force: bool = False) -> list[Path]:
+def write_new(contents: Mapping[Path, str | bytes], force: bool = False) -> list[Path]:
     """Write files and the folders that they need; nothing if one of them must not be replaced.
 
     Parameters
     ----------
-    contents : mapping of pathlib.Path to bytes
-        What each file is to hold.
+    contents : mapping of pathlib.Path to str or bytes
+        What each file is to hold; a text in UTF-8.
     force : bool
         Whether files that are there may be replaced.
 

@@ -58,26 +58,27 @@ def bodies(labelled: Sequence[Labelled]) -> tuple[list[Body], list[str]]:
             design = each.solution.design()
             outline_names(each.solution, design.turbine)  # refuses polars without an outline
             start, kind = _start(design), SOLIDS[len(labelled) > FEW]
-            name = each.label or ("blade" if start is None else "optimized blade")
+            shape = _shape(start)
+            changed = not np.allclose(shape, _shape(design))
+            name = each.label or ("optimized blade" if changed else "blade")
             found.append(_body(design, kind, name, each.color()))
-            if start is None:
-                continue
-            shape = np.stack((start.blade.r, start.blade.chord, start.blade.twist)).tobytes()
-            if shape not in starts:
+            if changed and shape.tobytes() not in starts:
                 name = "blade at the start" + (f" of {each.label}" if starts else "")
-                starts[shape] = _body(start, kind, name, GREY)
+                starts[shape.tobytes()] = _body(start, kind, name, GREY)
         except InputError as error:
             reasons.append(f"{each.label or each.solution.name}: {error}")
     return [*found, *starts.values()], reasons
 
 
-def _start(design: Design) -> Design | None:
-    """Return the design with the blade at the start; None if that is the same."""
-    blade, thickness_of = design.physics.blade, design.physics.rotor.thickness_of
-    start, found = ((x.chord, x.twist, thickness_of(x)) for x in (blade, design.blade))
-    if np.allclose(start, found):
-        return None
+def _start(design: Design) -> Design:
+    """Return the design with the blade at the start."""
+    blade = design.physics.blade
     return replace(design, blade=blade, turbine=design.turbine._replace(blade=blade))
+
+
+def _shape(design: Design) -> np.ndarray:
+    """Return what a design may change of a blade: radii, chord, twist and thickness."""
+    return np.stack((design.blade.r, design.blade.chord, design.blade.twist, design.thickness))
 
 
 def _body(design: Design, kind: Stl, name: str, color: str) -> Body:
@@ -116,16 +117,12 @@ def solid(found: Sequence[Body]) -> Chart:
         mesh = {axis: _packed(x, "f4") for axis, x in zip("xyz", points.T, strict=True)}
         kind = "u2" if len(points) < 2**16 else "u4"
         mesh |= {key: _packed(x, kind) for key, x in zip("ijk", corner, strict=True)}
-        look = {"color": body.color, "flatshading": False, "hoverinfo": "name"}
-        # faces of a few mm have normals, too
-        exact = {"vertexnormalsepsilon": 0, "facenormalsepsilon": 0}
-        light = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.3, "roughness": 0.4} | exact
-        data.append(
-            {"type": "mesh3d", "name": escaped(body.name), "showlegend": True}
-            | mesh
-            | look
-            | {"lighting": light, "lightposition": {"x": -2000, "y": 1500, "z": 4000}}
-        )
+        light = {"ambient": 0.45, "diffuse": 0.7, "specular": 0.3, "roughness": 0.4}
+        light |= {"vertexnormalsepsilon": 0, "facenormalsepsilon": 0}  # of faces of a few mm, too
+        look = {"color": body.color, "flatshading": False, "lighting": light}
+        look["lightposition"] = {"x": -2000, "y": 1500, "z": 4000}
+        named = {"name": escaped(body.name), "hoverinfo": "name", "showlegend": True}
+        data.append({"type": "mesh3d"} | named | mesh | look)
     extent = np.ptp(np.concatenate([corners.reshape(-1, 3) for corners in beside]), axis=0)
     scene: Chart = {"aspectmode": "manual", "dragmode": "orbit"}
     scene |= {f"{axis}axis": {"visible": False} for axis in "xyz"}

@@ -52,7 +52,7 @@ def write_report(
     chosen = [solutions] if isinstance(solutions, Solution) else list(solutions)
     if not chosen:
         raise InputError("a report needs a result", "give a result folder")
-    (path,) = write_new({Path(out): _page(chosen, shared, script).encode()}, force=True)
+    (path,) = write_new({Path(out): _page(chosen, shared, script)}, force=True)
     return path
 
 
@@ -108,7 +108,7 @@ def write_sweep_report(
         data=json.dumps(charts, allow_nan=False),
     )
     out = table.folder / "report.html"
-    write_files({table.folder / "plotly.js": script.encode(), out: text.encode()})
+    write_files({table.folder / "plotly.js": script, out: text})
     return out
 
 
@@ -166,10 +166,7 @@ def _told(result: Labelled) -> dict[str, Any]:
 def _headline(solution: Solution) -> Iterator[Row]:
     """Yield the figures that a designer asks for first, of which some may not be known."""
     summary, largest = solution.summary, solution.summary.largest
-    entries = (summary.scenarios or {}).values()
-    duration = sum((x.weight or 0.0) * (x.duration_s or 0.0) for x in entries)
-    if not duration and len(solution.scenarios) == 1:  # an older result
-        duration = float(np.ptp(solution.trajectory.get("time_s", [0.0])))
+    duration = solution.case.phase.duration  # the energies of all scenarios are those in this time
     yield Row("verdict", summary.verdict(solution.case))
     yield from summary.year.rows() if summary.year else ()
     energies = {"captured": summary.simulated_energy_J or summary.energy_J}
@@ -224,5 +221,4 @@ def not_modelled(case: Case) -> list[str]:
     """
     weight = any(getattr(each, "weight", False) for each in case.all_limits)
     depth = case.site.hub_depth or any(getattr(each, "depth", None) for each in case.all_limits)
-    known = {"weight": weight, "depth": depth, "lossless": case.generator == type(case.generator)()}
-    return rendered("not_modelled.txt", case=case, **known).splitlines()
+    return rendered("not_modelled.txt", case=case, weight=weight, depth=depth).splitlines()

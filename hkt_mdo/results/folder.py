@@ -119,7 +119,7 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replace a file, as `write_files` does."""
-    write_files({path: text.encode()})
+    write_files({path: text})
 
 
 def write_json(path: Path, data) -> None:

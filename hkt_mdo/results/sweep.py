@@ -82,7 +82,7 @@ def write_table(folder: Path, sweep: Sweep, rows: Sequence[Row]) -> None:
     names = list(dict.fromkeys(name for row in rows for name in row))
     names.sort(key="message".__eq__)  # a text, the last one
     text = csv_text(names, ([row.get(name) for name in names] for row in rows))
-    files = {folder / TABLE: text.encode()}
+    files: dict[Path, str | bytes] = {folder / TABLE: text}
     columns = {name: _column(row.get(name) for row in rows) for name in names}
     if all(map(find_spec, ("pandas", "pyarrow"))):
         from pandas import DataFrame

@@ -510,6 +510,6 @@ def write(folder: Path, runs: Iterable[Run]) -> list[Path]:
         The files.
     """
     entries, header = records(runs), ("scenario", "seed", "quantity", *FIELDS)
-    table = csv_text(header, (record.values() for record in entries)).encode()
-    data = f"{to_json(entries)}\n".encode()
+    table = csv_text(header, (record.values() for record in entries))
+    data = f"{to_json(entries)}\n"
     return write_new({folder / "simulations.csv": table, folder / "simulations.json": data}, True)

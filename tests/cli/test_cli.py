@@ -288,7 +288,7 @@ def test_compare_ranks_by_mean_power_where_durations_differ(tmp_path, result_fol
         shutil.copytree(result_folder, tmp_path / name)
         edit_summary(tmp_path / name, simulated_energy_J=joules)
         case = tmp_path / name / "case.yaml"
-        case.write_text(case.read_text().replace("duration: null", f"duration: {seconds}", 1))
+        case.write_text(case.read_text().replace("duration: 60.0", f"duration: {seconds}"))
     assert main(["compare", "long", "short"]) == 0
     out = capsys.readouterr().out
     assert out.splitlines()[0].split() == ["short", "long"]

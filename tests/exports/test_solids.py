@@ -52,7 +52,7 @@ def paper(tmp_path_factory):
 
 def files(design, name, *options):
     (made,) = chosen([name], [f"{name}.{option}" for option in options])
-    return made.files(design)
+    return {n: x if isinstance(x, bytes) else x.encode() for n, x in made.files(design).items()}
 
 
 def mesh(content):
@@ -158,9 +158,8 @@ def test_leading_edges_lead_and_the_lift_drives(paper, rotation, about_x):
 
 def test_trailing_edge_has_its_thickness(paper):
     def across(option):
-        made = files(paper, "sections", f"trailing_edge={option}", "points=100")
-        texts = map(io.BytesIO, made.values())
-        rows = [np.loadtxt(text, delimiter=",", comments=["#", "x"]) for text in texts]
+        made = files(paper, "sections", f"trailing_edge={option}", "points=100").values()
+        rows = [np.loadtxt(io.BytesIO(x), delimiter=",", comments=["#", "x"]) for x in made]
         return [(each[:, 3], each[:51, 4][::-1] - each[50:, 4]) for each in rows]
 
     for (_, before), (_, after) in zip(across("0"), across("0.4 mm"), strict=True):
