@@ -13,10 +13,11 @@ from study_common import LAWS, SCENARIOS, percent, text_page
 
 from hkt_mdo.errors import program_version
 from hkt_mdo.files.shipped import locate
+from hkt_mdo.files.table import write_files
 from hkt_mdo.pages import rendered
 from hkt_mdo.results import charts, style
 from hkt_mdo.results.charts import figure_of
-from hkt_mdo.results.folder import write_json, write_text
+from hkt_mdo.results.folder import write_json
 from hkt_mdo.studies.uncertainty import REFERENCES, Sensor
 
 FLOWS = ("A", "B", "C")
@@ -113,8 +114,8 @@ def write_report(solutions: dict, ensembles: dict, out: Path, report: Callable) 
     about["number"] = _number
     text = rendered(Path(__file__).with_name("paper_report.md"), **about)
     write_json(out / "paper.json", data)
-    write_text(out / "report.md", text)
-    write_text(out / "report.html", text_page(TITLE, text, out))
+    write_files({out / "report.md": text})
+    write_files({out / "report.html": text_page(TITLE, text, out)})
     return data
 
 

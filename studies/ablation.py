@@ -23,7 +23,6 @@ from hkt_mdo.results.solution import Solution
 from hkt_mdo.run import passes, refine
 from hkt_mdo.run.run import run_case
 from hkt_mdo.solve import stationary
-from hkt_mdo.start import build as starts
 from hkt_mdo.start import find
 from hkt_mdo.start.result import GIVEN
 
@@ -59,9 +58,10 @@ def sections(result):
 
 def stagnated(result):
     """Tell whether the last optimization ended where no iterate was better, not at a small gap."""
+    most = stationary.NO_GAP * result.case.driver.tolerance
     details = [each.detail or "" for each in result.summary.checks or ()]
     found = [each for each in details if each.startswith("no better iterate")]
-    return any(float(each.split()[-1]) > stationary.NO_GAP * 1e-7 for each in found)
+    return any(float(each.split()[-1]) > most for each in found)
 
 
 def open_loop(result):
@@ -131,7 +131,7 @@ PARTS = {  # in which runs a part has a share, and what switches it off
     ),
     "a first rotor with inertia": (
         open_loop,
-        [(starts, "in_motion", lambda physics, point: point)],
+        [(passes, "in_motion", lambda physics, point: point)],
     ),
     "a finer first curve with several sections": (sections, [(passes, "curve_nodes", usual_curve)]),
     "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),

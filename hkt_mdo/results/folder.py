@@ -104,7 +104,7 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
     with usable(out):
         before = mark.read_text("utf-8", errors="replace").splitlines()[1:] if mark.exists() else []
         names = [name for name in before if re.fullmatch(r"\w+", name)]
-        write_text(mark, "\n".join([_MARKED, *dict.fromkeys([*names, *scenarios])]) + "\n")
+        write_files({mark: "\n".join([_MARKED, *dict.fromkeys([*names, *scenarios])]) + "\n"})
         written = re.compile(_WRITTEN.format(f"({''.join(f'|_{name}' for name in names)})"))
         # a link to a folder may lead to files that no run wrote
         folders = [out, figures] if figures.is_dir() and not figures.is_symlink() else [out]
@@ -112,19 +112,14 @@ def claim(out: Path, scenarios: Sequence[str] = ()) -> None:
         for path in sorted(found, key=lambda path: path.name != "summary.json"):
             if written.fullmatch(path.relative_to(out).as_posix()):
                 path.unlink()
-        write_text(mark, "\n".join([_MARKED, *scenarios]) + "\n")
+        write_files({mark: "\n".join([_MARKED, *scenarios]) + "\n"})
         with suppress(OSError):  # it holds a file of the user
             figures.rmdir()
 
 
-def write_text(path: Path, text: str) -> None:
-    """Replace a file, as `write_files` does."""
-    write_files({path: text})
-
-
 def write_json(path: Path, data) -> None:
     """Write data as JSON (`to_json`)."""
-    write_text(path, to_json(data) + "\n")
+    write_files({path: to_json(data) + "\n"})
 
 
 def to_json(data) -> str:
@@ -135,5 +130,5 @@ def to_json(data) -> str:
 
 def write_csv(path: Path, table: Mapping[str, Iterable[float]]) -> None:
     """Write columns of numbers, to ten digits, below their names."""
-    rows = zip(*table.values(), strict=True)
-    write_text(path, csv_text(table, ([f"{float(value):.10g}" for value in row] for row in rows)))
+    rows = ([f"{float(value):.10g}" for value in row] for row in zip(*table.values(), strict=True))
+    write_files({path: csv_text(table, rows)})

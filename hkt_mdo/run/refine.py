@@ -98,8 +98,8 @@ def excesses_at_nodes(setup: Setup, verifications: tuple[Verification, ...]) -> 
     """Return how near limits were at the nodes of each segment, as a `Setup` has it.
 
     Of an open loop without memory: else no limit is left out, or held between the nodes. A segment
-    that was near a limit once keeps it: a rate of the torque that nothing holds oscillates, held it
-    is far from its limit, and the passes would alternate
+    that was near a limit once keeps it: a rate of the torque oscillates where it is not held, and
+    where it is held it may be far from its limit; without that the passes alternate
     (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`).
     """
     found = {}

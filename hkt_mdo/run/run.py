@@ -24,7 +24,7 @@ from hkt_mdo.problem.evaluation import broken_limits
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.point import StartingPoint, StartRecord
-from hkt_mdo.results.folder import check_folder, claim, locked, usable, write_text
+from hkt_mdo.results.folder import check_folder, claim, locked, usable
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import PassEntry, Summary
 from hkt_mdo.run.checks import explain_all
@@ -93,7 +93,7 @@ def run_case(
         physics = _prepared(case)
         names = tuple(physics.groups)
         claim(out, names if len(names) > 1 else ())
-        write_text(out / "case.yaml", physics.case.to_yaml())
+        write_files({out / "case.yaml": physics.case.to_yaml()})
         return _run(RunState(physics, out, records, [], progress, on_pass, on_start), figures)
 
 

@@ -15,7 +15,8 @@ from hkt_mdo.case import Case
 from hkt_mdo.case.kinds import Extension
 from hkt_mdo.case.sweep import SWEEP, Sweep, load_sweep
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.folder import InUseError, locked, write_text
+from hkt_mdo.files.table import write_files
+from hkt_mdo.results.folder import InUseError, locked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.sweep import ERROR, VERIFIED, Row, row_of, write_table
 from hkt_mdo.run.batch import ended_result, finished_result, improved, is_current
@@ -57,7 +58,7 @@ def run_sweep(
         raise InputError("holds files that are not of a sweep", remedy, file=out)
     with locked(out):
         (out / RUNS).mkdir(exist_ok=True)
-        write_text(out / SWEEP, sweep.to_yaml())
+        write_files({out / SWEEP: sweep.to_yaml()})
         plan = Plan(sweep, out, run, report, most or sweep.size)
         try:
             in_processes(plan.tasks(), jobs, plan.ended, scheduler, out)

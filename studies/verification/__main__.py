@@ -10,7 +10,7 @@ from itertools import count
 from pathlib import Path
 
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.folder import write_text
+from hkt_mdo.files.table import write_files
 from studies.study_common import text_page
 from studies.verification.study import PARTS, report, run_part
 
@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             page = given.page.read_text(encoding="utf-8") if given.page.exists() else ""
             text = report(given.out, page)
             given.page.write_text(text, encoding="utf-8")
-            write_text(given.out / "report.html", text_page("Verification", text, given.out))
+            write_files({given.out / "report.html": text_page("Verification", text, given.out)})
     except InputError as error:
         raise SystemExit(f"error: {error}") from None
 

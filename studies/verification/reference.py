@@ -5,8 +5,8 @@ import json
 import numpy as np
 from scipy.optimize import differential_evolution
 
+from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.folder import write_text
 from hkt_mdo.rotor.scales import power_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.build import start_of_case
@@ -94,7 +94,7 @@ def reference(study) -> list[str]:
                 )
                 told = {"objective_J": -1e6 * float(found.fun), "evaluations": int(found.nfev)}
                 file.parent.mkdir(parents=True, exist_ok=True)
-                write_text(file, json.dumps(told | {"unknowns": found.x.tolist()}) + "\n")
+                write_files({file: json.dumps(told | {"unknowns": found.x.tolist()}) + "\n"})
                 study.done(file, "ok")
             ends.append(json.loads(file.read_text(encoding="utf-8")))
         _, setup = start_of_case(case)

@@ -18,8 +18,8 @@ from scipy.optimize import brentq
 from hkt_mdo.case import Case
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import POLAR_FAMILIES
+from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.results.folder import write_text
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.run.batch import run_batch
@@ -246,7 +246,7 @@ def _run_and_tell(study, plan):
     for run, energy in energies.items():
         _, problem, _ = plan[run]
         best[problem] = max(best.get(problem, 0.0), energy)
-    write_text(path, json.dumps(best, indent=1) + "\n")
+    write_files({path: json.dumps(best, indent=1) + "\n"})
     below = {run: 1.0 - energy / best[plan[run][1]] for run, energy in energies.items()}
     rows = []
     for group in [*dict.fromkeys(group for *_, group in plan.values()), None]:
@@ -466,7 +466,7 @@ def run_part(
         figures = "\n".join(run(study)).rstrip()
         command = f"`make verify PART={part} COUNT={study.count} SEED={seed}`"
         text = f"## {title}\n\n{getdoc(run)}\n\n{command}\n\n{figures}\n"
-        write_text(out / f"{part}.md", text)
+        write_files({out / f"{part}.md": text})
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from error
     return text

@@ -4,7 +4,7 @@ import pytest
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.charts import FIGURES
-from hkt_mdo.results.folder import MARKER, check_folder, claim, write_text
+from hkt_mdo.results.folder import MARKER, check_folder, claim
 
 OWN = [
     *("case.yaml", "summary.json", "iterate.json", "trajectory.csv", "simulation.csv"),
@@ -76,7 +76,7 @@ def test_a_killed_run_is_replaced(tmp_path):
     """Killed before it wrote its case, and after."""
     fill(tmp_path, ["lock", "lock-journal", ".hkt_result.part"])
     check_folder(tmp_path, force=False)
-    write_text(tmp_path / MARKER, "")
+    (tmp_path / MARKER).touch()
     fill(tmp_path, ["case.yaml.part"])
     check_folder(tmp_path, force=False)
     fill(tmp_path, ["case.yaml"])

@@ -8,8 +8,9 @@ import time
 from pathlib import Path
 
 from hkt_mdo.case.sweep import load_sweep
+from hkt_mdo.files.table import write_files
 from hkt_mdo.problem.physics import complete
-from hkt_mdo.results.folder import locked, write_text
+from hkt_mdo.results.folder import locked
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import CheckEntry, ObjectiveEntry, Summary
 from hkt_mdo.run.digest import digest
@@ -23,7 +24,6 @@ FACTORS = {}
 
 def run(case, folder, **_):
     """Write a result of a case, and a line about it in a log; the objective is its torque limit."""
-    folder = Path(folder)
     torque = case.control.torque_limit
     objective = torque * (FACTORS[torque] if case.start.from_ else 1.0)
     attempts = folder.with_name(f"attempts_{folder.name}")
@@ -32,7 +32,7 @@ def run(case, folder, **_):
     if dies == "begins":
         die()
     with locked(folder):
-        write_text(folder / "case.yaml", complete(case).to_yaml())
+        write_files({folder / "case.yaml": complete(case).to_yaml()})
         if dies == "writes":
             die()
         time.sleep(SECONDS)
@@ -44,7 +44,7 @@ def run(case, folder, **_):
         )  # fmt: skip
         with (folder.parent / "log").open("a", encoding="utf-8") as file:
             file.write(f"{folder.name}\n")
-        write_text(folder / "summary.json", summary.model_dump_json())
+        write_files({folder / "summary.json": summary.model_dump_json()})
     if dies == "ends":
         die()
     return Solution.load(folder)
