@@ -267,6 +267,8 @@ class Simulation:
         The states of the control law.
     filters : ndarray, shape (n_times, n_filters)
         The state of the wake's filters, with no columns where the wake has no memory.
+    path : PPoly or None
+        Speed, states and filters over time, s, by its steps; None if the rotor stops.
     """
 
     time: np.ndarray
@@ -283,6 +285,7 @@ class Simulation:
     speed_at: Callable
     states: np.ndarray
     filters: np.ndarray
+    path: PPoly | None = None
 
 
 class IntegrationError(InputError):
@@ -313,6 +316,7 @@ def simulate(
     time: np.ndarray,
     max_step: float | None = None,
     tolerance: float = 1e-9,
+    guess: PPoly | None = None,
 ) -> Simulation:
     """Integrate J dw/dt = Q(w, v(t)) - u(t, w) - F(w) (paper eq. 6) and the energies.
 
@@ -341,6 +345,9 @@ def simulate(
         Longest step, s; None: a hundredth of the duration.
     tolerance : float
         Largest error of a step, relative to the speed, to a state and to the energy so far.
+    guess : PPoly or None
+        The `path` of nearly the same motion, whose steps and values are tried first; None: those of
+        a rotor that follows the flow.
 
     Returns
     -------
@@ -358,7 +365,7 @@ def simulate(
     if plant.wake is not None:  # it begins in equilibrium
         rest = plant.wake.at_rest(start[:1], np.atleast_1d(inflow.speed_at(begin)))
         first = np.append(start, rest[0])
-    motion = _Motion(plant, inflow, controller, first, dense, begin, duration, tolerance)
+    motion = _Motion(plant, inflow, controller, first, dense, begin, duration, tolerance, guess)
     path, energies, stopped = motion.march(max_step or duration / 100.0)
     end = float(path.x[-1])
     time = begin + (time - begin) * (end - begin) / duration
@@ -375,6 +382,7 @@ def simulate(
         lambda at: path(np.minimum(at, end))[..., 0],
         np.array(states),
         values[:, dense:],
+        None if stopped else path,
     )
 
 
@@ -394,10 +402,12 @@ class _Motion:
     begin: float
     duration: float
     tolerance: float
+    guess: PPoly | None
 
     def march(self, longest):
         """Return the motion over time (`PPoly`), the energies, and whether the rotor stops."""
-        edges, count, failures, stop = self._mesh(longest), WINDOW, 0, None
+        edges = self._mesh(longest) if self.guess is None else self.guess.x
+        count, failures, stop = WINDOW, 0, None
         paths, energies, begun, start = [], np.zeros(4), edges.size, self.start
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
@@ -535,7 +545,7 @@ class _Motion:
         flow = float(self.inflow.speed_at(self.begin))
         power = power_scale(self.plant.density, self.plant.blade.rotor_radius, flow)
         unit = energy + 0.01 * self.duration * power
-        path = None
+        path = self.guess
         while edges.size <= MOST_STEPS:
             step = np.diff(edges)[:, None]
             # a controller may jump at the end of a segment: stay before it

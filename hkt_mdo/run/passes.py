@@ -76,13 +76,9 @@ class Task:
 
     @classmethod
     def first(cls, physics: Physics, start: StartingPoint, why: str = "") -> "Task":
-        """Return the first optimization from a start; a designed hub makes its loop stable.
-
-        The torque of several sections is rough: their curve has twice the nodes, since its
-        accuracy for the blade of the start says little of others (iea3_4 needed five passes).
-        """
-        nodes = curve_nodes(physics, start, finer=physics.rotor.polar.several)
-        setup = Setup(in_motion(physics, start), nodes, least_hub=first_hub(physics, start))
+        """Return the first optimization from a start; a designed hub makes its loop stable."""
+        nodes, hub = curve_nodes(physics, start), first_hub(physics, start)
+        setup = Setup(in_motion(physics, start), nodes, least_hub=hub)
         return cls(start, physics, setup, why=why)
 
 
@@ -95,14 +91,14 @@ class Pass:
     state : RunState
     task : Task
     result : Optimized
-    exact : bool
-        Whether its integrations have their torque by direct BEM, however long they are.
+    rough : tuple of Verification
+        Its integrations by a spline of the torque; the others begin from them, by direct BEM.
     """
 
     state: RunState
     task: Task
     result: Optimized
-    exact: bool = False
+    rough: tuple[Verification, ...] = ()
 
     @property
     def approximate(self) -> bool:
@@ -111,8 +107,13 @@ class Pass:
         They are long then, and the torque depends on the tip speed ratio alone.
         """
         physics = self.physics
-        exact = self.exact or physics.remembers or physics.rotor.polar.follows_reynolds
+        exact = self.rough or physics.remembers or physics.rotor.polar.follows_reynolds
         return not exact and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
+
+    @property
+    def exactly(self) -> "Pass":
+        """The same pass with integrations by direct BEM."""
+        return replace(self, rough=self.verifications) if self.approximate else self
 
     @property
     def physics(self) -> Physics:
@@ -138,7 +139,7 @@ class Pass:
     @cached_property
     def verifications(self) -> tuple[Verification, ...]:
         """The integration of the end in each scenario."""
-        return verify(self.result, self.approximate)
+        return verify(self.result, self.approximate, self.rough)
 
     @cached_property
     def division(self) -> Division:
@@ -315,7 +316,7 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
         this = Pass(state, task, solve(state, task.physics, task.setup, driver))
         following = next_task(this)
         if following is None and this.approximate:
-            this = replace(this, exact=True)
+            this = this.exactly
             following = next_task(this)
         state.note_pass(this.entry(time.perf_counter() - began, following))
         if following is None or following.start is not task.start:
@@ -405,7 +406,7 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
         others.append((state.first, end.start, "the start"))
     for physics, point, words in others:
         stands = as_it_stands(physics, point, end.result)
-        known = Pass(state, Task(end.start, physics, stands.setup), stands, exact=True).end
+        known = Pass(state, Task(end.start, physics, stands.setup), stands).exactly.end
         if known.rank > best.rank:
             best, held = known, words
     return best, held

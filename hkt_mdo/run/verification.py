@@ -292,15 +292,18 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
     return Simulation(*found, lambda _: speed, rest, none), controller
 
 
-def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ...]:
+def verify(
+    result: Optimized, tabulated: bool = False, rough: tuple[Verification, ...] = ()
+) -> tuple[Verification, ...]:
     """Integrate the optimized design and controller with direct BEM, in each scenario.
 
     With the wake of the case; if it has memory, with filters at all stations, and again with the
     two of the optimization. `tabulated` replaces direct BEM by a spline through it, which is enough
-    to choose a remedy.
+    to choose a remedy; `rough` are the integrations by it, from whose motions these are found.
     """
     physics, verifications = result.physics, []
-    for scenario, nodes in zip(physics.scenarios, result.trajectories, strict=True):
+    guesses = [each.simulation.path for each in rough] or [None] * len(physics.scenarios)
+    for scenario, nodes, guess in zip(physics.scenarios, result.trajectories, guesses, strict=True):
         rotor, mesh = physics.rotor_in(scenario), scenario.mesh
         plant = plant_of(physics, scenario, result.point.blade)
         plant = plant.tabulated(TABULATED) if tabulated else plant
@@ -317,7 +320,7 @@ def verify(result: Optimized, tabulated: bool = False) -> tuple[Verification, ..
             mean = plant.with_mean_wake(result.setup.band(physics))
             run = _simulated(mean, *about), controller
             options["two_filters"] = Verification(physics, rotor, mean, *run, **options)
-        run = _simulated(plant, *about), controller
+        run = _simulated(plant, *about, guess=guess), controller
         verifications.append(Verification(physics, rotor, plant, *run, **options))
     return tuple(verifications)
 
@@ -354,7 +357,7 @@ def start_against_friction(plant: Plant, scenarios) -> tuple[str, bool]:
     ), False
 
 
-def _simulated(plant, scenario, controller, start, max_step, share=1.0) -> Simulation:
+def _simulated(plant, scenario, controller, start, max_step, share=1.0, guess=None) -> Simulation:
     """Integrate a share of a scenario; without a solution to its end, up to where there is one.
 
     Then as if the rotor stopped there.
@@ -362,7 +365,7 @@ def _simulated(plant, scenario, controller, start, max_step, share=1.0) -> Simul
     first = scenario.edges[0]
     time = first + share * (scenario.dense - first)
     try:
-        return simulate(plant, scenario.inflow, controller, start, time, max_step)
+        return simulate(plant, scenario.inflow, controller, start, time, max_step, guess=guess)
     except IntegrationError as error:  # an infinite torque has no integral
         shorter = (error.time - first) / scenario.duration * (1.0 if share == 1.0 else SHORTER)
         if shorter < LEAST_SHARE:
