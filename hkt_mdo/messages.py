@@ -217,5 +217,4 @@ def _suggest_key(place: str, key: str, section: type[Section], root: type[Sectio
         if key in home.model_fields and f"{name}.{key}" != place
     )
     guess = f"did you mean {' or '.join(elsewhere)}? " if elsewhere else ""
-    guess = did_you_mean(key, known) or guess
-    return f"{guess}known here: {', '.join(known) or 'none'}"
+    return f"{did_you_mean(key, known) or guess}known here: {', '.join(known) or 'none'}"

@@ -31,7 +31,7 @@ sys.path.insert(0, str(ROOT / "scripts"))
 SKIPPED = "turbines/", "river25/open_loop"  # parts of the names of cases that take too long
 SAME = 1e-5  # relative difference of objectives that counts as none
 ALIKE = 0.1  # relative difference of iterations that counts as none
-CURVE, OPTIMA = passes.curve_nodes, find.Search.optima
+OPTIMA = find.Search.optima
 
 
 def went_on(text, result):
@@ -49,11 +49,6 @@ def tied(result):
     ends = [each for each in result.summary.starts or () if each.law == result.case.control.law]
     best = max(ends, key=lambda each: each.objective or 0.0, default=None)
     return best is not None and not best.kept
-
-
-def sections(result):
-    """Tell whether a rotor has several sections."""
-    return len(result.case.rotor.sections or ()) > 1
 
 
 def stagnated(result):
@@ -81,11 +76,6 @@ def blades(without):
         return OPTIMA(self, [each for each in candidates if each.strategy != without])
 
     return find.Search, "optima", optima
-
-
-def usual_curve(physics, start, finer=False):
-    """Return the nodes of the torque curve, at the start of a search no more than usual."""
-    return CURVE(physics, start, finer=finer and not start.strategy)
 
 
 PARTS = {  # in which runs a part has a share, and what switches it off
@@ -133,7 +123,6 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         open_loop,
         [(passes, "in_motion", lambda physics, point: point)],
     ),
-    "a finer first curve with several sections": (sections, [(passes, "curve_nodes", usual_curve)]),
     "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),
     "the end at a small gap": (open_loop, [(stationary, "NO_GAP", 0.0)]),
     "a barrier that does not grow on finer meshes": (

@@ -86,8 +86,7 @@ def report(
     from hkt_mdo.results.sweep import TABLE, SweepTable
 
     if len(results) == 1 and (results[0] / TABLE).is_file():
-        table = SweepTable.load(results[0])
-        echo(str(write_sweep_report(table, echo, parts.EXTENSIONS.get())))
+        echo(str(write_sweep_report(SweepTable.load(results[0]), echo, parts.EXTENSIONS.get())))
         return
     refuse_existing([out], force)
     echo(str(write_report([read_result(result) for result in results], out)))
@@ -184,8 +183,7 @@ def export(
     from hkt_mdo.exports.base import export
 
     formats = [name.strip() for each in to for name in each.split(",")]
-    solution = read_result(result)
-    parts.print_lines(export(solution, formats, out, options=options or (), force=force))
+    parts.print_lines(export(read_result(result), formats, out, options=options or (), force=force))
 
 
 def simulate(

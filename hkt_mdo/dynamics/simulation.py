@@ -209,8 +209,7 @@ class RecordedTorque:
 
     def rate(self, time, _speed, acceleration, *_):
         """Return the rate of the torque before it is cut, N*m/s; acceleration in rad/s**2."""
-        held = self.stiffness * (acceleration - self._held_rate(time))
-        return self.unlimited_rate(time) + held
+        return self.unlimited_rate(time) + self.stiffness * (acceleration - self._held_rate(time))
 
 
 @dataclass(frozen=True, eq=False)

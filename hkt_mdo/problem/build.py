@@ -200,8 +200,7 @@ def _declare_design(model, physics, setup) -> tuple[dict, dict]:
         about = {"val": value, "units": units, "desc": text}
         (designed if name in bounds else kept)[name] = about
     for number, rotor in enumerate(physics.rotors.values()):
-        density = meta_of("density") | {"val": rotor.water_density}
-        kept[numbered("density", number)] = density
+        kept[numbered("density", number)] = meta_of("density") | {"val": rotor.water_density}
     if "thickness" not in control and physics.asks_for("thickness"):
         given = np.broadcast_to(physics.turbine.thickness, blade.r.shape)
         kept["thickness"] = meta_of("thickness") | {"val": given}

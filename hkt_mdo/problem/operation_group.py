@@ -325,8 +325,7 @@ def is_quantity(limit: Limit) -> bool:
 
     One would add a quarter to the time for the derivatives of an open loop with three such limits.
     """
-    plain = type(limit).value is Limit.value and len(limit.inputs) == 1
-    return plain and limit.place == "time"
+    return type(limit).value is Limit.value and len(limit.inputs) == 1 and limit.place == "time"
 
 
 def constraint_of(physics: Physics, limit: Limit, number: int = 0) -> str:

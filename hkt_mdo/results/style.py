@@ -128,8 +128,7 @@ def draw(panel: Panel, ax: Axes) -> Axes:
 
 def legend_name(name: str) -> str:
     """Return a name for Matplotlib's legend, which omits `_name` and reads ``$`` as mathematics."""
-    shown = " " + name if name.startswith("_") else name or "_"
-    return shown.replace("$", r"\$")
+    return (" " + name if name.startswith("_") else name or "_").replace("$", r"\$")
 
 
 def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:

@@ -114,8 +114,7 @@ class Polar(Polars):
         Polar
             Of the same range.
         """
-        factors = np.repeat((lift, drag), 4)
-        return replace(self, coefficients=self.coefficients * factors)
+        return replace(self, coefficients=self.coefficients * np.repeat((lift, drag), 4))
 
     def evaluate(self, alpha, reynolds=None):
         """Return lift and drag coefficient at an angle of attack (rad).

@@ -132,8 +132,7 @@ class BladeComp(om.ExplicitComponent):
 
     def setup(self):
         for name in self._inputs_of_blade:
-            value = getattr(self._blade, name)
-            self.add_input(name, val=value, **meta_of(name))
+            self.add_input(name, val=getattr(self._blade, name), **meta_of(name))
 
 
 class TablesComp(BladeComp):

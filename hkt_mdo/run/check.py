@@ -445,8 +445,7 @@ def _limits(found: Findings) -> Rows:
             broken, speed = limit.excess(values) > START_EXCESS, values["inflow_speed"]
             if known and np.any(broken):
                 where = f"in flows from {speed[broken].min():.4g} m/s" * (broken.size == speed.size)
-                row = limits[limit.name].row(limit.name)
-                text = joined(f"broken at the start, {row}", where)
+                text = joined(f"broken at the start, {limits[limit.name].row(limit.name)}", where)
                 yield _warning(name + limit.key, f"{text}: the run has to meet it")
         largest = loads.largest([values]) if found.running else {}
         case, start = found.case.of_scenario(flow.name), Achieved(limits=limits, loads=largest)

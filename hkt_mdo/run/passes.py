@@ -128,8 +128,7 @@ class Pass:
     @cached_property
     def memory(self) -> MemoryEntry | None:
         """Stability of an optimum's loop in a case with dynamic inflow."""
-        remembers = self.physics.remembers and self.converged
-        return stability_of(self.result) if remembers else None
+        return stability_of(self.result) if self.physics.remembers and self.converged else None
 
     @property
     def runs_away(self) -> bool:

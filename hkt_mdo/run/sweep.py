@@ -96,8 +96,7 @@ class Plan:
                 self.computed += 1
                 self.done(name, {"state": ERROR, "message": str(error)})
                 continue
-            about = case.model_dump_json(exclude={"name"}).encode()
-            name = hashlib.sha256(about).hexdigest()[:16]
+            name = hashlib.sha256(case.model_dump_json(exclude={"name"}).encode()).hexdigest()[:16]
             case = case.model_copy(update={"name": f"{case.name[:80]}-{name[:8]}"})
             self.points.append((self.sweep.row_at(point), name))
             if name in self.rows:  # the same case at another point

@@ -158,8 +158,7 @@ class Verification(SimulatedDesign):
     @property
     def constrained(self) -> list[Limit]:
         """The limits over time that the optimization constrains in the scenario."""
-        limits = self.scenario.limits
-        return [limit for limit in limits if limit.constrains(self.physics.law)]
+        return [limit for limit in self.scenario.limits if limit.constrains(self.physics.law)]
 
     @property
     def energy_error(self) -> float:
@@ -220,8 +219,7 @@ class Verification(SimulatedDesign):
 
     def objective(self, objective) -> float:
         """Return the integral of an objective's rate over the integration, in its unit."""
-        rate = objective.rate_of(self.simulated)
-        return float(simpson(rate, x=self.simulation.time))
+        return float(simpson(objective.rate_of(self.simulated), x=self.simulation.time))
 
     def between_nodes(self, limit: Limit) -> tuple[np.ndarray, np.ndarray]:
         """Return how far a limit is exceeded in each segment between its nodes, and when (s).

@@ -298,8 +298,7 @@ class Search:
         over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
         exceeds = tuple(name for name, x in over.items() if x > START_EXCESS)
         excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
-        objective = objective_at(own, point)
-        return replace(point, objective=objective, excess=excess, exceeds=exceeds)
+        return replace(point, objective=objective_at(own, point), excess=excess, exceeds=exceeds)
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
         """Return the end of an optimization under a law, noted."""
