@@ -143,8 +143,7 @@ def validator():
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_schema_takes_every_shipped_case_short_and_written_out(validator, path):
-    text = path.read_text(encoding="utf-8")
-    validator.validate(parse(text, path.name))
+    validator.validate(parse(path.read_text(encoding="utf-8"), path.name))
     validator.validate(parse(load_case(path, check_files=False).to_yaml(), path.name))
 
 

@@ -60,8 +60,7 @@ def test_the_conditional_value_at_risk_is_that_of_a_linear_program(share):
     for rate, part in sorted(zip(RATES, SHARES, strict=True)):
         total, left = total + rate * min(part, left), left - min(part, left)
     assert found == pytest.approx(total / share, rel=1e-12)
-    rows = cvar.rows(RATES, SHARES, cvar.best_unknowns(RATES, SHARES))
-    assert np.all(rows >= 0.0)
+    assert np.all(cvar.rows(RATES, SHARES, cvar.best_unknowns(RATES, SHARES)) >= 0.0)
 
 
 def test_the_measures_meet_at_their_ends():

@@ -29,8 +29,7 @@ def year(**resource):
 
 def test_bins_keep_time_and_power_of_the_flow():
     speed = np.random.default_rng(1).weibull(2.0, 1000)
-    share = np.full(1000, 1e-3)
-    mean, found = in_bins(speed, share, 0.1)
+    mean, found = in_bins(speed, np.full(1000, 1e-3), 0.1)
     assert np.sum(found) == pytest.approx(1.0, rel=1e-12)
     assert found @ mean**3 == pytest.approx(np.mean(speed**3), rel=1e-12)
     assert np.all((mean / 0.1).astype(int) == np.unique((speed / 0.1).astype(int)))

@@ -143,8 +143,7 @@ def test_a_part_is_taken(tmp_path):
     np.testing.assert_allclose(record.time, TIME[:241], atol=1e-9)
     np.testing.assert_allclose(record.speed, low_pass(SPEED[part], STEP, 1.0), rtol=1e-12)
     assert told(record, "taken from 100 s to 160 s of the record")
-    whole = read_record(csv(tmp_path), duration=599.75)
-    assert whole.time.size == TIME.size
+    assert read_record(csv(tmp_path), duration=599.75).time.size == TIME.size
 
 
 # Gaps, spikes, uneven samples ---------------------------------------------------------------------
@@ -193,8 +192,7 @@ def test_spikes_are_replaced_or_kept(tmp_path):
     record = read_record(path, spikes="replace")
     assert told(record, "4 spikes replaced (0.17 %), at t = 0, 100, 225, 225.25 s")
     np.testing.assert_allclose(record.speed, SLOW, atol=0.02)
-    kept = read_record(path, spikes="keep")
-    assert np.max(kept.speed) > 3.0
+    assert np.max(read_record(path, spikes="keep").speed) > 3.0
 
 
 def test_a_record_that_needs_several_repairs_is_refused_with_all_of_them(tmp_path):
@@ -292,8 +290,7 @@ def test_usgs_data(tmp_path, form, options):
 
 def test_one_column_needs_no_name(tmp_path):
     data = usgs()
-    record = saved(tmp_path, data[[VELOCITY]])
-    np.testing.assert_allclose(record.speed, SMOOTH, rtol=1e-9)
+    np.testing.assert_allclose(saved(tmp_path, data[[VELOCITY]]).speed, SMOOTH, rtol=1e-9)
     with pytest.raises(InputError, match="give speed_column: of 'Discharge, cubic feet"):
         saved(tmp_path, data)
 

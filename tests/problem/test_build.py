@@ -256,8 +256,7 @@ def test_the_public_problem_is_optimized_as_it_stands():
         "phase": {"segments": 15, "duration": 15, "final_speed": "free"},
     }
     problem = build_problem(load_case(case))
-    world = physics(load_case(case))
-    start = find_start(world).operation.energy
+    start = find_start(physics(load_case(case))).operation.energy
     problem.run_driver()
     assert problem.driver.outcome().success
     assert problem.get_val("energy")[0] == pytest.approx(start, rel=5e-4)

@@ -105,8 +105,7 @@ def test_points_reach_as_far_as_the_outline(name):
 
 @pytest.mark.parametrize("exponent", [8, 50, 400])
 def test_norm_is_smooth_and_never_below_the_largest(exponent):
-    rng = np.random.default_rng(1)
-    values = rng.normal(size=(200, 7))
+    values = np.random.default_rng(1).normal(size=(200, 7))
     values[:50, 1] = values[:50, 0]  # ties
     smooth, share = norm(values, exponent)
     most = np.maximum(np.max(values, axis=1), 0.0)

@@ -105,8 +105,7 @@ def test_split_polar_has_the_kink_between_the_curves_alone(shift):
     """
     both = np.maximum(upper(ALPHA + shift), lower(ALPHA + shift))
     found = Polar.from_polar_table(table({"cpmin": -both}))
-    rows = found.suction_at(np.deg2rad(ALPHA))[0].max(axis=0)
-    assert np.allclose(rows, both, atol=1e-12)
+    assert np.allclose(found.suction_at(np.deg2rad(ALPHA))[0].max(axis=0), both, atol=1e-12)
     fine = np.linspace(ALPHA[0], ALPHA[-1], 2001)
     true = np.maximum(upper(fine + shift), lower(fine + shift))
     assert np.max(np.abs(found.suction_at(np.deg2rad(fine))[0].max(axis=0) - true)) < 0.03

@@ -18,8 +18,7 @@ def start(law, limits="{}", torque_limit=None):
     control = {"law": law} if isinstance(law, str) else dict(law)
     case = {"inflow": "sine", "control": control | {"torque_limit": torque_limit}}
     world = physics(load_case(case, [f"limits={limits}", f"rotor.stations={NINE}"]))
-    found = find_start(world)
-    return world, found
+    return world, find_start(world)
 
 
 def below(law, limits="{}", torque_limit=None):

@@ -55,8 +55,7 @@ def test_quadratic_feedback_with_the_matching_gain_captures_the_largest_power(bl
 def test_a_rotor_near_its_largest_torque_does_not_recover(table):
     """A constant torque holds no speed below that of the largest torque; K2 w^2 does."""
     problem, gains = quasi_steady(table, QuadraticFeedback()), [10.0]
-    operation = problem.operate(gains)
-    assert problem.recovers(gains, operation)
+    assert problem.recovers(gains, problem.operate(gains))
     peak = SPLINE.nodes[np.argmax(table)]
     stalled = problem.held(0.98 * peak * FLOW / RADIUS)
     torque = np.min(stalled.hydrodynamic_torque)

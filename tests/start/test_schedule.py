@@ -30,8 +30,7 @@ def world(law="open_loop", **limits):
 
 @cache
 def start(law="open_loop", **limits):
-    case = world(law, **limits)
-    return find_start(case)
+    return find_start(world(law, **limits))
 
 
 def from_another_blade(case, seed):
