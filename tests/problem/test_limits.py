@@ -241,6 +241,6 @@ def test_a_table_that_is_left_is_no_success(run, tmp_path):
     found = run(**sections, design={"blade": "fixed"})
     assert not found.success
     assert found.message.startswith("generator_table = ")
-    assert "leave generator.table, over its range (try a larger table, or" in found.message
+    assert "leave generator.table, over its range (try a control.torque_limit" in found.message
     share = found.summary.electrical_energy_J / found.summary.generator_energy_J
     assert 0.85 < share < 0.915
