@@ -1,7 +1,7 @@
-"""A case as an OpenMDAO problem: the one place where case and physics meet.
+"""Physics and a start as an OpenMDAO problem.
 
 `BladeGroup` (shape, inertia, tables by BEM) feeds `OperationGroup` (phases, limits, integrals);
-here both are put together, and design variables, constraints and objective are declared.
+here both are put together, and design variables and objective are declared.
 """
 
 from dataclasses import replace
