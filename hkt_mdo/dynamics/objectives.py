@@ -45,7 +45,8 @@ class Objective(Formula):
 
     @property
     def function_unit(self):
-        return (f"({self.unit})/s" if self.unit else "1/s") if self.is_rate else self.unit
+        rate = f"({self.unit})/s" if self.unit else "1/s"
+        return rate if self.is_rate else self.unit
 
     @property
     def is_energy(self) -> bool:

@@ -128,7 +128,8 @@ def draw(panel: Panel, ax: Axes) -> Axes:
 
 def legend_name(name: str) -> str:
     """Return a name for Matplotlib's legend, which omits `_name` and reads ``$`` as mathematics."""
-    return (" " + name if name.startswith("_") else name or "_").replace("$", r"\$")
+    shown = " " + name if name.startswith("_") else name or "_"
+    return shown.replace("$", r"\$")
 
 
 def _draw_curve(curve: Curve, ax: Axes, ranks: Sequence[int]) -> None:

@@ -23,6 +23,7 @@ from hkt_mdo.dynamics.simulation import (
 )
 from hkt_mdo.errors import InputError
 from hkt_mdo.rotor.bem import Coefficients, Table
+from hkt_mdo.run.verification import TABULATED
 
 DENSITY = 1000.0
 TIME = np.linspace(0.0, 20.0, 2001)
@@ -89,7 +90,7 @@ def test_stiff_limit_follows_the_slow_solution(blade, polar, rate):
 
 
 def test_a_tabulated_torque_is_that_of_bem(plant):
-    quick = plant.tabulated(np.linspace(SLOWEST_RATIO, 25.0, 2500))
+    quick = plant.tabulated(TABULATED)
     speed = np.linspace(2.0, 14.0, 101)
     flow = 1.5 + 0.2 * np.sin(speed)
     exact = plant.torque(speed, flow)
@@ -106,13 +107,10 @@ def test_a_motion_is_found_from_one_that_is_near(plant):
         count[-1] += ratio.size
         return plant.coefficients(blade, polar, ratio, *others)
 
-    near = simulate(
-        plant.tabulated(np.linspace(SLOWEST_RATIO, 25.0, 2500)), flow, control, 6.0, TIME
-    )
-    found = []
+    near = simulate(plant.tabulated(TABULATED), flow, control, 6.0, TIME)
+    exact, found = replace(plant, coefficients=coefficients), []
     for guess in (None, near.path):
         count.append(0)
-        exact = replace(plant, coefficients=coefficients)
         found.append(simulate(exact, flow, control, 6.0, TIME, guess=guess))
     alone, after = (each.rotor_speed for each in found)
     np.testing.assert_allclose(after, alone, rtol=1e-9)
