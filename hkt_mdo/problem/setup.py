@@ -116,20 +116,18 @@ class Setup:
         return by_node.ravel()[nodes]
 
 
-def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> np.ndarray:
+def curve_nodes(physics: Physics, start: StartingPoint) -> np.ndarray:
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 
     The blade will change, so nodes are added until the curve of the start's blade is twenty times
     as accurate as the case asks for, and those of the limited loads are to `LOAD_ERROR`, or until
     more do not help: in and beside the intervals that need them, which are those where a station
-    changes from attached to stalled flow. `finer` halves every interval.
+    changes from attached to stalled flow.
     """
     flow, _ = physics.sampled_flow
+    ratios = start.operation.rotor_speed * start.blade.rotor_radius / flow
     # an optimizer that diverged may have stopped the rotor somewhere
-    ratios = np.maximum(
-        start.operation.rotor_speed * start.blade.rotor_radius / flow, SLOWEST_RATIO
-    )
-    low, high = float(np.min(ratios)), float(np.max(ratios))
+    low, high = (max(float(end), SLOWEST_RATIO) for end in (np.min(ratios), np.max(ratios)))
     middle = 0.5 * (low + high)
     lowest = max(low - 0.06 * middle, 0.5 * low)
     nodes = _graded(lowest, high + 0.06 * middle, 0.01 * middle, 0.5 * low, 1.6 * high)
@@ -137,33 +135,30 @@ def curve_nodes(physics: Physics, start: StartingPoint, finer: bool = False) -> 
     for _ in range(6):
         centers = 0.5 * (nodes[1:] + nodes[:-1])
         used = (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
-        both = (_coefficients(physics, start.blade, ratios) for ratios in (nodes, centers))
-        errors = [
-            np.abs(TorqueSpline(nodes).basis(centers) @ table / exact - 1.0) / least
-            for (table, least), (exact, _) in zip(*both, strict=True)
-        ]
-        errors = used * np.max(errors, axis=0)
+        errors = used * np.max([*_errors(physics, start.blade, nodes, centers)], axis=0)
         before, worst = worst, np.max(errors)
         if worst <= 1.0 or worst > KEPT * before:
             break
         # beside a jump of the torque the spline oscillates
         coarse = np.convolve(errors > 1.0, np.ones(3), mode="same") > 0.0
         nodes = np.sort(np.r_[nodes, centers[coarse]])
-    return np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])]) if finer else nodes
+    return nodes
 
 
-def _coefficients(physics, blade, ratios):
-    """Yield the coefficients of torque and of each limited load, and the error that each may have.
+def _errors(physics, blade, nodes, centers):
+    """Yield the relative errors of the curves of torque and limited loads over those allowed.
 
-    Those of the sections in every scenario, which may be fouled or reversed. The torque decides the
-    energy; a load only how far its limit is kept.
+    Between their nodes, for the sections in every scenario, which may be fouled or reversed. The
+    torque decides the energy; a load only how far its limit is kept.
     """
-    error = {"torque_coefficient": 0.05 * physics.case.hydrodynamics.tolerance}
-    rotors = map(physics.rotor_in, physics.scenarios)
+    allowed = {"torque_coefficient": 0.05 * physics.case.hydrodynamics.tolerance}
+    names = ["torque_coefficient", *physics.load_names]
+    basis, rotors = TorqueSpline(nodes).basis(centers), map(physics.rotor_in, physics.scenarios)
     for rotor in {each.polar: each for each in rotors}.values():
-        tables = rotor.tables(blade, ratios, ["torque_coefficient", *physics.load_names])
-        for name, table in tables.items():
-            yield table.values, error.get(name, LOAD_ERROR)
+        tables, exact = (rotor.tables(blade, ratios, names) for ratios in (nodes, centers))
+        for name in names:
+            error = np.abs(basis @ tables[name].values / exact[name].values - 1.0)
+            yield error / allowed.get(name, LOAD_ERROR)
 
 
 def _graded(low, high, spacing, lowest, highest):

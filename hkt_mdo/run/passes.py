@@ -257,7 +257,8 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
     none of a spline does.
     """
     physics, point = result.physics, result.point
-    nodes = curve_nodes(physics, point, finer=True)
+    nodes = curve_nodes(physics, point)
+    nodes = np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])])
     curve = physics.rotor.coefficients(point.blade, nodes).torque
     finer = replace(result, setup=replace(result.setup, nodes=nodes), curve=curve)
     return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None

@@ -118,8 +118,7 @@ def test_a_blade_under_limits_has_stations_that_resolve_it(limits):
     assert given.rotor.station_count is None
     # stations that are given stay, though they are those of the shipped blade
     assert given.with_overrides("phase.duration=30").rotor.stations == tuple(NINE)
-    alone = read_case(MINIMAL + "limits: {power: null}")
-    assert alone.rotor.station_count is None
+    assert read_case(MINIMAL + "limits: {power: null}").rotor.station_count is None
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,7 @@ def test_estimate_is_the_flow_that_has_the_torque(plant):
     speed = ratio * flow / plant.blade.rotor_radius
     driving = plant.torque(speed.ravel(), flow.ravel()).reshape(speed.shape)
     acceleration = (driving - 300.0) / plant.inertia
-    found = FlowEstimate(plant)(speed, 300.0, acceleration)
-    np.testing.assert_allclose(found, flow, rtol=2e-6)
+    np.testing.assert_allclose(FlowEstimate(plant)(speed, 300.0, acceleration), flow, rtol=2e-6)
 
 
 def test_dense_water_looks_like_a_fast_flow(blade, polar):

@@ -271,8 +271,7 @@ def test_loft_goes_through_the_sections(design):
     points = step.stations(design, r)
     poles, (around, along) = lofted(points, r)
     found = BSpline(along, np.moveaxis(poles, 1, 0), DEGREE)(r)
-    edges = np.linalg.norm(points[:, [0, -1]] - found[:, [0, -1]], axis=-1)
-    assert np.max(edges) < 1e-9
+    assert np.max(np.linalg.norm(points[:, [0, -1]] - found[:, [0, -1]], axis=-1)) < 1e-9
     fine = BSpline(around, np.moveaxis(found, 1, 0), DEGREE)(np.linspace(0.0, 1.0, 20001))
     for row, section in zip(np.moveaxis(fine, 1, 0), points, strict=True):
         chord = np.linalg.norm(section[0] - section[section.shape[0] // 2])

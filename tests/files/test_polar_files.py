@@ -202,8 +202,7 @@ def symmetric_text(first, camber=0.0, noise=0.0):
 @pytest.mark.parametrize("first", [-2.0, -4.0, 0.0])
 def test_half_of_a_symmetric_section_is_mirrored_and_reported(put, first):
     (table,) = read_polars(put("section.dat", symmetric_text(first, noise=0.002)))
-    degrees = np.round(np.rad2deg(table.alpha), 9)
-    assert degrees.tolist() == list(range(-16, 17))
+    assert np.round(np.rad2deg(table.alpha), 9).tolist() == list(range(-16, 17))
     mirrored = slice(None, int(16 + first))
     for values, sign in ((table.lift, -1), (table.drag, 1), (table.moment, -1)):
         assert values[mirrored].tolist() == (sign * values[::-1])[mirrored].tolist()

@@ -11,9 +11,12 @@ from hkt_mdo import build_problem, load_case
 from hkt_mdo.case import Phase, read_case
 from hkt_mdo.dynamics.flows import StepInflow
 from hkt_mdo.problem.build import assemble
+from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup, curve_nodes
+from hkt_mdo.rotor.bem import Table
+from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.start.find import find_start
 from tests.test_extension_faults import TwoStates
 
@@ -232,6 +235,21 @@ def test_a_torque_curve_has_no_more_nodes_than_its_tolerance_needs():
     )
     sizes = [curve_nodes(world, assembled(world)[1]).size for world in worlds]
     assert sizes[0] > 1.2 * sizes[1]
+
+
+def test_a_torque_curve_has_more_nodes_where_the_torque_bends_but_none_at_a_jump(monkeypatch):
+    world, sizes = coarse_physics(VARIANTS["linear"]), []
+    start = assembled(world)[1]
+    middle = np.mean(on_start(world, start)[0]["tip_speed_ratio"])
+    for width in (10.0, 0.01, 1e-9):
+
+        def step(_rotor, _blade, ratios, _names, width=width):
+            return {"torque_coefficient": Table(1.0 + 0.01 * np.tanh((ratios - middle) / width))}
+
+        monkeypatch.setattr(RotorModel, "tables", step)
+        sizes.append(curve_nodes(world, start).size)
+    smooth, bent, jump = sizes
+    assert smooth < jump < 0.9 * bent
 
 
 def test_a_rotor_is_held_to_its_distance_from_stall_where_it_has_settled():

@@ -45,8 +45,7 @@ def test_derivatives_are_those_of_the_values(polar):
 
 
 def test_drag_is_positive_and_flow_at_right_angles_is_that_over_a_plate(polar):
-    alpha = np.linspace(-np.pi, np.pi, 5000)
-    assert np.min(polar.evaluate(alpha)[1]) > 0.0
+    assert np.min(polar.evaluate(np.linspace(-np.pi, np.pi, 5000))[1]) > 0.0
     if polar.alpha_max == np.pi:
         return  # its table says itself what happens at right angles
     lift, drag = polar.evaluate(0.5 * np.pi)

@@ -39,8 +39,7 @@ def test_its_best_blade_is_that_of_the_shape(rotor, blade):
     assert fixed.power_coefficient == rotor.best_operation(blade).power_coefficient
     turned = rotor.best_of_shape(Shape.fixed(blade, 0.0, (-0.1, 0.1)), blade)
     assert fixed.power_coefficient < turned.power_coefficient < best.power_coefficient
-    own = best_operation(blade, rotor.polar)
-    assert own.tip_speed_ratio == fixed.tip_speed_ratio
+    assert best_operation(blade, rotor.polar).tip_speed_ratio == fixed.tip_speed_ratio
 
 
 # The group

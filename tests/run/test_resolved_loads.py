@@ -70,8 +70,7 @@ def test_a_designed_thickness_is_resolved_too():
     case = load_case("cases/examples/designed_thickness.yaml", ["rotor.stations=" + str(NINE)])
     made = physics(case)
     own = loads_along(made.rotor, made.blade, KNOWN, ("stress",))
-    found = resolved(made, made.blade, KNOWN | own)
-    assert np.max(found["stress"]) > np.max(own["stress"])
+    assert np.max(resolved(made, made.blade, KNOWN | own)["stress"]) > np.max(own["stress"])
 
 
 def test_loads_that_nobody_asks_for_are_not_resolved():

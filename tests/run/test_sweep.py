@@ -176,8 +176,7 @@ def test_a_bad_case_is_a_row(here, tmp_path):
     laws = ", ".join((*loop, "{law: quadratic, torque_limit: 700}"))
     sweep = sweep_of(tmp_path, f"{{control: [{laws}], phase.final_speed: [free, initial]}}")
     rows = run_sweep(sweep, tmp_path / "out", run=run)
-    states = [row["state"] for row in rows]
-    assert states == ["verified"] * 4 + ["error"] * 2
+    assert [row["state"] for row in rows] == ["verified"] * 4 + ["error"] * 2
     assert [rows[0]["run"], rows[1]["run"]] == [rows[2]["run"], rows[3]["run"]]
     assert rows[4]["message"] == "ArithmeticError: as an optimizer may"
     assert "phase.final_speed = 'initial': is for open loop" in rows[5]["message"]
