@@ -315,8 +315,7 @@ def _smallest_pressure(table: Mapping[str, Column]) -> np.ndarray | None:
         remedy = f"give {' and '.join(SURFACES)}, or cpmin, the smaller of both"
         file, key = surfaces[0].file, surfaces[0].name
         raise InputError("is of one surface alone", remedy, file=file, key=key)
-    columns = [column.values for column in surfaces or given.values()]
-    return np.stack(columns)
+    return np.stack([column.values for column in surfaces or given.values()])
 
 
 def read_reynolds(cell: str, file: object, key: str, unit: float = 1.0) -> float:

@@ -290,8 +290,7 @@ class _Lean:
         """Give states or controls, by name with Dymos' options, their initial values."""
         start = self.options["start"]
         for name, options in known.items():
-            about = {"xs": start["time"], "kind": "cubic"}
-            options["val"] = phase.interp(name, ys=start[name], **about)
+            options["val"] = phase.interp(name, xs=start["time"], ys=start[name], kind="cubic")
 
     def init_grid(self):
         """Give the grid matrices that are sparse from the start."""

@@ -497,8 +497,7 @@ def sections(blade, polar, tip_speed_ratio, derivatives=False):
         Where one of the conditions above does not hold.
     """
     points, cosine = _points(tip_speed_ratio), float(np.cos(blade.cone))
-    about = *_arguments(blade, polar, points), derivatives
-    state, gradient = _solve(points / cosine, *about)
+    state, gradient = _solve(points / cosine, *_arguments(blade, polar, points), derivatives)
     gradient[:, :1] /= cosine
     return Sections(*state.transpose(0, 2, 1), gradient.transpose(0, 1, 3, 2))
 

@@ -167,8 +167,8 @@ class RotorModel(LoadModel):
         ellipse = water_inertia(blade, self.water_density, self.thickness_of(blade))
         return {"plate": water_inertia(blade, self.water_density), "ellipse": ellipse}
 
-    def torque_jumps(self, blade, lowest, highest):
-        """Tell whether the torque of a blade jumps between two tip speed ratios.
+    def torque_jump(self, blade, tip_speed_ratio, near=0.0):
+        """Return where the torque of a blade jumps most between some tip speed ratios.
 
         It does where the flow at a station stalls at once: a root of blade element momentum theory
         vanishes (docs/studies/bem.md).
@@ -177,19 +177,26 @@ class RotorModel(LoadModel):
         ----------
         blade : Blade
             The blade.
-        lowest, highest : float
-            Omega R / V of the disc.
+        tip_speed_ratio : array_like
+            Omega R / V of the disc, between whose smallest and largest value it may jump.
+        near : float
+            Share of these by which the range is wider.
 
         Returns
         -------
-        bool
-            True if, between neighbours of many ratios, the torque differs from what its slopes
-            say by more than `JUMP` of the largest.
+        float or None
+            Radius of the station (m) whose torque differs most, between neighbours of many ratios,
+            from what its slopes say; None if that is nowhere more than `JUMP` of the largest torque
+            of the blade.
         """
-        ratios = np.linspace(lowest, highest, JUMP_SAMPLES)
-        torque, slope, *_ = self.coefficients(blade, ratios, derivatives=True).torque_table
-        off = np.diff(torque) - 0.5 * (slope[1:] + slope[:-1]) * np.diff(ratios)
-        return bool(np.max(np.abs(off)) > JUMP * np.max(np.abs(torque)))
+        ends = (1.0 - near) * np.min(tip_speed_ratio), (1.0 + near) * np.max(tip_speed_ratio)
+        ratios, weights = np.linspace(*ends, JUMP_SAMPLES), bem.torque_weights(blade)
+        flow = bem.sections(blade, self.polar, ratios, derivatives=True)
+        torque, slope = weights * flow.tangential_load, weights * flow.derivatives[0, 0]
+        change = 0.5 * (slope[1:] + slope[:-1]) * np.diff(ratios)[:, None]
+        off = np.max(np.abs(np.diff(torque, axis=0) - change), axis=0)
+        jumps = np.max(off) > JUMP * np.max(np.abs(np.sum(torque, axis=1)))
+        return float(blade.r[np.argmax(off)]) if jumps else None
 
     def best_operation(self, blade):
         """Return where a blade has its largest power coefficient.

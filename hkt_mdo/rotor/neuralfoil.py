@@ -76,8 +76,7 @@ def compute_polars(
     degrees = np.rad2deg(alpha)
 
     def polar(number: float) -> ComputedPolar:
-        about = {"Re": number, "n_crit": n_crit, "model_size": model}
-        result = analysis(points, alpha=degrees, **about)
+        result = analysis(points, alpha=degrees, Re=number, n_crit=n_crit, model_size=model)
         lift, drag, moment, confidence = (
             np.asarray(result[key], dtype=float)
             for key in ("CL", "CD", "CM", "analysis_confidence")

@@ -241,8 +241,7 @@ class Shape:
             The blade of this design.
         """
         radius = self.blade.rotor_radius if rotor_radius is None else rotor_radius
-        shape = self.stations(control, radius)
-        return self.blade.with_rotor_radius(radius).with_shape(**shape)
+        return self.blade.with_rotor_radius(radius).with_shape(**self.stations(control, radius))
 
     def within(self, blade):
         """Return the control points nearest to a blade, each within its bounds.

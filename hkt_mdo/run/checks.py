@@ -47,6 +47,7 @@ BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its dista
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
 RESOLVED = 1e-2  # by which a load may be larger on a blade of many stations
 REDUCED_ENERGY, REDUCED_SPEED = 1e-3, 1e-2  # two filters for all stations (docs/studies/memory.md)
+NEAR = 0.03  # of tip speed ratios beside those of the operation, at which a torque must not jump
 PROBES = 200  # tip speed ratios at which the slope of the mean induction is checked
 
 
@@ -98,11 +99,25 @@ class Checked:
     def checks(self) -> list[CheckEntry]:
         """All checks, that of the optimizer first."""
         status = self.result.outcome
-        how = "" if status.success else "the optimizer did not converge: "
-        checks = [entry("optimizer", not status.success, 0.0, how + status.message)]
+        word = status.message
+        if not status.success:
+            word = f"the optimizer did not converge: {word}{self.jump}"
+        checks = [entry("optimizer", not status.success, 0.0, word)]
         for verification, suffix in _suffixed(self.verifications):
             checks += [entry(name + suffix, *about) for name, *about in _of_scenario(verification)]
         return checks + [entry(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
+
+    @cached_property
+    def jump(self) -> str:
+        """Where the flow stalls at once near the operation, in words; empty if nowhere.
+
+        There neither an optimization nor a torque curve converges, as with a blade of thick root
+        sections (IEA 3.4 MW, `make verify PART=real`).
+        """
+        ratios = np.concatenate([x["tip_speed_ratio"] for x in self.result.trajectories])
+        place = self.physics.rotor.torque_jump(self.result.point.blade, ratios, NEAR)
+        word = f"; near it the torque jumps: the flow at r = {place or 0.0:.4g} m stalls at once"
+        return "" if place is None else word
 
     def total(self, of: Callable[[Verification], float]) -> float:
         """Return the weighted sum over the scenarios of something of each verification."""
@@ -196,13 +211,13 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     yield from of_flow(verification.scenario)
     when = verification.scenario.when
     word = "the rotor generates until the end"
-    if stopped is not None:
-        flow = integrated["inflow_speed"][-1]
-        word = f"rotor stops at {when(stopped)} in a flow of {flow:.3g} m/s, not generating"
-    if stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
-        word = f"the rotor's motion has no solution after {when(stopped)}"
     if stopped is not None and verification.scenario.steady:
         word = f"the rotor has no equilibrium in {when(stopped)}"
+    elif stopped is not None and integrated["tip_speed_ratio"][-1] > 2.0 * SLOWEST_RATIO:
+        word = f"the rotor's motion has no solution after {when(stopped)}"
+    elif stopped is not None:
+        flow = measured(integrated["inflow_speed"][-1], "m/s", 3)
+        word = f"rotor stops at {when(stopped)} in a flow of {flow}, not generating"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
     power = np.interp(time, own["time"], own["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
@@ -267,6 +282,7 @@ def _of_design(ended):
     ratios, errors = curve_errors(result)
     worst = int(np.argmax(errors))
     word = f"torque by the curve over direct BEM, less one, at tip speed ratio {ratios[worst]:.3f}"
+    word += ended.jump if errors[worst] > physics.case.hydrodynamics.tolerance else ""
     yield "surrogate_error", errors[worst], physics.case.hydrodynamics.tolerance, word
     if physics.law.is_feedback:
         yield from recovery(physics, verifications)

@@ -153,14 +153,8 @@ class Pass:
             meshes = [each.scenarios[0].mesh for each in (self.physics, physics)]
             # objectives of polynomials of different orders are no series
             coarser = (*coarser, self.result.objective) if meshes[0] == meshes[1] else ()
-        return replace(
-            task,
-            physics=physics or self.physics,
-            setup=setup,
-            why=why,
-            passes=task.passes + 1,
-            coarser=coarser,
-        )
+        physics, passes = physics or self.physics, task.passes + 1
+        return replace(task, physics=physics, setup=setup, why=why, passes=passes, coarser=coarser)
 
     def entry(self, seconds: float, following: Task | None) -> PassEntry:
         """Return the report of this optimization, which took some seconds, and of what follows."""
@@ -256,10 +250,10 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
     That is where the error of the same blade falls by less than a tenth: where its torque jumps, as
     none of a spline does.
     """
-    physics, point = result.physics, result.point
-    nodes = curve_nodes(physics, point)
+    physics, blade = result.physics, result.point.blade
+    nodes = max(result.setup.nodes, curve_nodes(physics, result.point), key=np.size)
     nodes = np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])])
-    curve = physics.rotor.coefficients(point.blade, nodes).torque
+    curve = physics.rotor.coefficients(blade, nodes).torque
     finer = replace(result, setup=replace(result.setup, nodes=nodes), curve=curve)
     return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 
@@ -356,12 +350,8 @@ def _moving_reference(physics, start, result) -> float:
     stops = any(each.simulation.stopped_at is not None for each in verifications)
     near = recovery(physics, verifications) if physics.law.is_feedback else ()
     # a law with states has other states over time than in equilibrium
-    over = [
-        np.max(limit.excess(known))
-        for each in verifications
-        for limit in each.scenario.limits
-        for known in (each.at_nodes, each.simulated)
-    ]
+    both = [(each, known) for each in verifications for known in (each.at_nodes, each.simulated)]
+    over = [np.max(x.excess(known)) for each, known in both for x in each.scenario.limits]
     if stops or max(over) > START_EXCESS or any(value > most for _, value, most, _ in near):
         return 0.0
     return Checked(start, stands, verifications).objective

@@ -134,8 +134,8 @@ def _jumps(physics: Physics, point: StartingPoint) -> bool:
     """
     both = zip(physics.scenarios, on_start(physics, point), strict=True)
     ratios = [known["tip_speed_ratio"] for each, known in both if not each.steady]
-    ends = np.quantile(np.concatenate(ratios), [0.0, 1.0]) if ratios else None
-    return ends is not None and physics.rotor.torque_jumps(point.blade, *ends)
+    place = physics.rotor.torque_jump(point.blade, np.concatenate(ratios)) if ratios else None
+    return place is not None
 
 
 @dataclass(frozen=True, eq=False)

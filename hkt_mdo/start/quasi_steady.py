@@ -52,8 +52,8 @@ class QuasiSteady:
     @classmethod
     def of(cls, physics: Physics, blade: Blade, curve: Callable) -> "QuasiSteady":
         """Return the operation of a blade, with a curve of its torque, in all flows of a case."""
-        about = physics.density, by_curve(curve), physics.case.generator
-        plant = Plant(blade, Polars(), np.nan, *about)
+        density, generator = physics.density, physics.case.generator
+        plant = Plant(blade, Polars(), np.nan, density, by_curve(curve), generator)
         return cls(plant, physics.law, *physics.sampled_flow)
 
     def operate(self, gains) -> Operation:

@@ -142,8 +142,7 @@ class SteadyFlow:
 
     def side(self, blade: Blade, ratio: float) -> str:
         """Return the branch of a blade that works at a tip speed ratio in the fastest flow."""
-        fastest = replace(self, speeds=self.speeds[-1:])
-        rate, _ = fastest.at_nodes(blade)
+        rate, _ = replace(self, speeds=self.speeds[-1:]).at_nodes(blade)
         best = self.spline.nodes[np.argmax(rate)]
         return "overspeed" if ratio >= best else "underspeed"
 

@@ -49,9 +49,9 @@ def test_the_torque_jumps_where_a_root_vanishes(rotor, blade):
     changes = [ratio for _, ratio in root_changes(blade, rotor.polar, 0.5, 15.0)]
     assert len(changes) == 2
     for change in changes:
-        assert rotor.torque_jumps(blade, 0.9 * change, 1.1 * change)
+        assert rotor.torque_jump(blade, [change], near=0.1) in blade.r
     for ends in (1.01 * changes[0], 0.99 * changes[1]), (1.01 * changes[1], 15.0):
-        assert not rotor.torque_jumps(blade, *ends)
+        assert rotor.torque_jump(blade, ends) is None
 
 
 @pytest.mark.parametrize("family", ["stations", "spline", "set angle", "none"])
