@@ -25,8 +25,7 @@ def made(folder: Path, text: str, gains=None, extensions=(), **summary) -> Solut
             own["thrust_N"] *= 1.0 + place
             write_csv(folder / f"{table}{suffix}.csv", own)
     columns = ("tip_speed_ratio", "power_coefficient", "start_power_coefficient")
-    curve = {name: np.linspace(1.0, 2.0, 3) for name in columns}
-    write_csv(folder / "coefficients.csv", curve)
+    write_csv(folder / "coefficients.csv", {name: np.linspace(1.0, 2.0, 3) for name in columns})
     found = {
         "case": case.name,
         "success": True,

@@ -86,8 +86,7 @@ def test_plots_show_the_numbers(solution: Solution) -> None:
     rpm = 30.0 / np.pi * solution.trajectory["rotor_speed_rad_s"]
     np.testing.assert_allclose(nodes.get_ydata(), rpm, rtol=1e-14)
     shown = PLOTS["control_torque over time"](solution)
-    limit = line_of(shown, "generator torque limit 700 N m")
-    assert list(limit.get_ydata()) == [700.0, 700.0]
+    assert list(line_of(shown, "generator torque limit 700 N m").get_ydata()) == [700.0, 700.0]
     reach = solution.summary.tip_speed_ratio
     for plot in (PLOTS["power_coefficient"], PLOTS["thrust_coefficient"]):
         (span,) = plot(solution).patches

@@ -83,8 +83,7 @@ def test_default_section_has_its_published_proportions(naca):
     found = Structure.of(naca, 2700.0)
     numbers = [found.area[0], found.xx[0], found.yy[0], abs(found.xy[0])]
     assert numbers == pytest.approx([0.0940, 1.250e-4, 4.42e-3, 8.2e-5], rel=1e-3)
-    extent = np.max(np.abs(found.points[0]), axis=1)
-    assert extent == pytest.approx([0.594, 0.0800], rel=1e-3)
+    assert np.max(np.abs(found.points[0]), axis=1) == pytest.approx([0.594, 0.0800], rel=1e-3)
 
 
 # The points that are kept, and the norm

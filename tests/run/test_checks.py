@@ -314,6 +314,12 @@ def test_a_finer_torque_curve_is_tried_only_where_it_helps(feedback):
     assert _finer_curve(result, 1e-15) is None
 
 
+def test_a_refused_result_names_the_station_whose_flow_stalls_at_once(feedback, monkeypatch):
+    monkeypatch.setattr("hkt_mdo.rotor.model.RotorModel.torque_jump", lambda *_: 1.204)
+    for name, doctor in (("optimizer", not_converged), ("surrogate_error", wrong_curve)):
+        assert "at r = 1.204 m stalls at once" in doctor(feedback).by_name[name].detail
+
+
 def test_every_judge_is_asked(feedback, open_loop):
     assert {name for name, *_ in REFUSALS} == {*feedback.by_name, *open_loop.by_name}
 

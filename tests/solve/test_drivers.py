@@ -118,8 +118,7 @@ def brachistochrone(driver):
     driver.declare_coloring(show_summary=False)
     transcription = dm.GaussLobatto(num_segments=10, order=3)
     phase = dm.Phase(ode_class=example.BrachistochroneODE, transcription=transcription)
-    trajectory = problem.model.add_subsystem("trajectory", dm.Trajectory())
-    trajectory.add_phase("phase", phase)
+    problem.model.add_subsystem("trajectory", dm.Trajectory()).add_phase("phase", phase)
     phase.set_time_options(fix_initial=True, duration_bounds=(0.5, 10.0))
     phase.add_state("x", fix_initial=True, fix_final=True)
     phase.add_state("y", fix_initial=True, fix_final=True)
@@ -250,8 +249,7 @@ def test_cases_are_recorded(package, optimizer, empty_directory):
 @every_optimizer
 def test_progress_is_reported_in_physical_objective_and_scaled_violation(package, optimizer):
     told = []
-    driver = make_driver(package, optimizer, progress=lambda *news: told.append(news))
-    bowl(driver).run_driver()
+    bowl(make_driver(package, optimizer, progress=lambda *news: told.append(news))).run_driver()
     counts, objectives, violations = zip(*told, strict=True)
     assert list(counts) == list(range(counts[0], counts[0] + len(counts)))
     assert objectives[-1] == pytest.approx(2.25, abs=1e-5)
