@@ -15,9 +15,6 @@ from hkt_mdo.rotor.torque_curve import TorqueSpline
 
 TWIST_UNIT, THICKNESS_UNIT = np.deg2rad(5.0), 0.03  # typical changes of twist and thickness / chord
 LOAD_ERROR = 5e-5  # of a load between the nodes of its curve, relatively
-KEPT = 0.7
-"""Share of its error that a curve keeps on finer nodes, from which these do not help: at a jump,
-which no spline resolves. With nodes there the search of `all_oloc` took twice the time."""
 FAR, NEAR = (0.2, 4.0, np.inf, np.inf), (0.6, 1.5, 1.2, 5.0)
 """How far from its start an optimization may go, besides the case's own bounds: factors on the
 start's smallest and largest rotor speed, on the disc radius and on the gains. Near its start it
@@ -116,13 +113,14 @@ class Setup:
         return by_node.ravel()[nodes]
 
 
-def curve_nodes(physics: Physics, start: StartingPoint) -> np.ndarray:
+def curve_nodes(physics: Physics, start: StartingPoint, kept: float = np.inf) -> np.ndarray:
     """Return tip speed ratios for the torque curve: dense where the start works, sparse beyond.
 
     The blade will change, so nodes are added until the curve of the start's blade is twenty times
-    as accurate as the case asks for, and those of the limited loads are to `LOAD_ERROR`, or until
-    more do not help: in and beside the intervals that need them, which are those where a station
-    changes from attached to stalled flow.
+    as accurate as the case asks for, and those of the limited loads are to `LOAD_ERROR`: in and
+    beside the intervals that need them, which are those where a station changes from attached to
+    stalled flow. No more are added where they leave a share of the largest error, `kept`: at a jump
+    of the torque they leave nearly all of it.
     """
     flow, _ = physics.sampled_flow
     ratios = start.operation.rotor_speed * start.blade.rotor_radius / flow
@@ -137,7 +135,7 @@ def curve_nodes(physics: Physics, start: StartingPoint) -> np.ndarray:
         used = (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
         errors = used * np.max([*_errors(physics, start.blade, nodes, centers)], axis=0)
         before, worst = worst, np.max(errors)
-        if worst <= 1.0 or worst > KEPT * before:
+        if worst <= 1.0 or worst > kept * before:
             break
         # beside a jump of the torque the spline oscillates
         coarse = np.convolve(errors > 1.0, np.ones(3), mode="same") > 0.0

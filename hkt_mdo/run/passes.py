@@ -250,10 +250,10 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
     That is where the error of the same blade falls by less than a tenth: where its torque jumps, as
     none of a spline does.
     """
-    physics, blade = result.physics, result.point.blade
-    nodes = max(result.setup.nodes, curve_nodes(physics, result.point), key=np.size)
+    physics, point = result.physics, result.point
+    nodes = curve_nodes(physics, point)
     nodes = np.sort(np.r_[nodes, 0.5 * (nodes[1:] + nodes[:-1])])
-    curve = physics.rotor.coefficients(blade, nodes).torque
+    curve = physics.rotor.coefficients(point.blade, nodes).torque
     finer = replace(result, setup=replace(result.setup, nodes=nodes), curve=curve)
     return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 

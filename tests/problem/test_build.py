@@ -247,7 +247,7 @@ def test_a_torque_curve_has_more_nodes_where_the_torque_bends_but_none_at_a_jump
             return {"torque_coefficient": Table(1.0 + 0.01 * np.tanh((ratios - middle) / width))}
 
         monkeypatch.setattr(RotorModel, "tables", step)
-        sizes.append(curve_nodes(world, start).size)
+        sizes.append(curve_nodes(world, start, 0.7).size)
     smooth, bent, jump = sizes
     assert smooth < jump < 0.9 * bent
 
