@@ -31,10 +31,10 @@ class SteadyScenario(Scenario):
 
     `edges` (s) are the ends of each speed's share in the order of rising speeds, in the time of its
     `inflow`, a duration curve; the rest of the mesh's duration is standstill. `bins` has the speeds
-    and their bins (None: they are samples of a flow over time), `resource` is the resource of the speeds, and `backwards` tells whether they are
-    those of reversed flow, in which the rotor turns backwards. The first and the last speed are the
-    ends of the flow's range, at which limits hold, and have no energy. There are no limits on
-    rates.
+    and their bins, None where they are samples of a flow over time; `resource` is the resource of
+    the speeds, and `backwards` tells whether they are those of reversed flow, in which the rotor
+    turns backwards. The first and the last speed are the ends of the flow's range, at which limits
+    hold, and have no energy. There are no limits on rates.
     """
 
     resource: Inflow = None  # type: ignore[assignment]
