@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hkt_mdo.problem.build import MANY_SEGMENTS, assemble, make_driver, point_of
+from hkt_mdo.problem.build import assemble, make_driver, point_of
 from hkt_mdo.problem.evaluation import excesses, in_motion
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
@@ -104,11 +104,10 @@ class Pass:
     def approximate(self) -> bool:
         """Whether the integrations have their torque by a spline, not by direct BEM.
 
-        They are long then, and the torque depends on the tip speed ratio alone.
+        So they have between passes where the torque depends on the tip speed ratio alone.
         """
         physics = self.physics
-        exact = self.rough or physics.remembers or physics.rotor.polar.follows_reynolds
-        return not exact and sum(each.segments for each in physics.scenarios) > MANY_SEGMENTS
+        return not (self.rough or physics.remembers or physics.rotor.polar.follows_reynolds)
 
     @property
     def exactly(self) -> "Pass":
