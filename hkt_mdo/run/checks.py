@@ -114,10 +114,11 @@ class Checked:
         There neither an optimization nor a torque curve converges, as with a blade of thick root
         sections (IEA 3.4 MW, `make verify PART=real`).
         """
-        ratios = np.concatenate([x["tip_speed_ratio"] for x in self.result.trajectories])
-        place = self.physics.rotor.torque_jump(self.result.point.blade, ratios, NEAR)
-        word = f"; near it the torque jumps: the flow at r = {place or 0.0:.4g} m stalls at once"
-        return "" if place is None else word
+        ratios = [np.maximum(x["tip_speed_ratio"], SLOWEST_RATIO) for x in self.result.trajectories]
+        place = self.physics.rotor.torque_jump(self.result.point.blade, np.hstack(ratios), NEAR)
+        if place is None:
+            return ""
+        return f"; near it the torque jumps: the flow at r = {place:.4g} m stalls at once"
 
     def total(self, of: Callable[[Verification], float]) -> float:
         """Return the weighted sum over the scenarios of something of each verification."""
