@@ -97,8 +97,7 @@ stable).
 Limits: `hkt run cases/limits/all_oloc.yaml` (power, speed, thrust, stress, cavitation) takes
 **{over("limits, process", "none, process")}** as `sine_limited_oloc` does on as many stations
 (40), figures and records included; without them, in a process that has imported all,
-**{over("limits", "none")}**. The start under limits is a
-search of its own, and as the rotor stores energy under a limit of the power, it takes a finer mesh.
+**{over("limits", "none")}**: a search of its own, and a finer mesh.
 """
 
 
