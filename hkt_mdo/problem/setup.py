@@ -119,8 +119,8 @@ def curve_nodes(physics: Physics, start: StartingPoint, kept: float = np.inf) ->
     The blade will change, so nodes are added until the curve of the start's blade is twenty times
     as accurate as the case asks for, and those of the limited loads are to `LOAD_ERROR`: in and
     beside the intervals that need them, which are those where a station changes from attached to
-    stalled flow. No more are added where they leave a share of the largest error, `kept`: at a jump
-    of the torque they leave nearly all of it.
+    stalled flow. No more are added where they leave a share of the largest error in the operation,
+    `kept`: at a jump that the rotor passes.
     """
     flow, _ = physics.sampled_flow
     ratios = start.operation.rotor_speed * start.blade.rotor_radius / flow
@@ -134,8 +134,8 @@ def curve_nodes(physics: Physics, start: StartingPoint, kept: float = np.inf) ->
         centers = 0.5 * (nodes[1:] + nodes[:-1])
         used = (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
         errors = used * np.max([*_errors(physics, start.blade, nodes, centers)], axis=0)
-        before, worst = worst, np.max(errors)
-        if worst <= 1.0 or worst > kept * before:
+        before, worst = worst, np.max(errors * ((centers > low) & (centers < high)))
+        if np.max(errors) <= 1.0 or worst > kept * before:
             break
         # beside a jump of the torque the spline oscillates
         coarse = np.convolve(errors > 1.0, np.ones(3), mode="same") > 0.0
