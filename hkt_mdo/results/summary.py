@@ -622,7 +622,7 @@ class Summary(Achieved):
             own, best = branches[0].objective_J, each.objective_J
             if each.kept and own and best and best - own > BETTER * abs(own):
                 text = f"without time, branch {each.name} is better by {per_cent(best - own, own)}"
-                yield f"{text}, but the run found no verified result there"
+                yield f"{text}, but has no verified result; start.branch={each.name} begins there"
 
     def breaks(self, case: Case) -> dict[str, str]:
         """Return that the stress would break the blade, or its loads do not hold, and why."""
