@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import date
 from inspect import getdoc
 from pathlib import Path
 
@@ -421,11 +422,10 @@ def _over_start(energy, summary):
 
 def _told(rows, found):
     """Return a table, and a line for each run that did not succeed, with its reason."""
-    failures = [
-        f"- `{run}`: {solution.message if solution else 'could not be run'}"
-        for run, solution in found.items()
-        if solution is None or not solution.success
-    ]
+    failed = {run: each for run, each in found.items() if each is None or not each.success}
+    reasons = (each.message if each else "could not be run" for each in failed.values())
+    short = (re.sub(r" \(try [^)]*\)", "", reason) for reason in reasons)
+    failures = [f"- `{run}`: {reason}" for run, reason in zip(failed, short, strict=True)]
     return [*markdown_table(rows[0], map(dict.values, rows)), "", *failures]
 
 
@@ -467,7 +467,8 @@ def run_part(
         out.mkdir(parents=True, exist_ok=True)
         figures = "\n".join(run(study)).rstrip()
         command = f"`make verify PART={part} COUNT={study.count} SEED={seed}`"
-        text = f"## {title}\n\n{getdoc(run)}\n\n{command}\n\n{figures}\n"
+        made = f"{command}, {date.today():%d %B %Y}"
+        text = f"## {title}\n\n{getdoc(run)}\n\n{made}\n\n{figures}\n"
         write_files({out / f"{part}.md": text})
     except OSError as error:
         raise InputError(f"cannot be written ({error.strerror})", file=out) from error
