@@ -390,9 +390,8 @@ def _real(study):
 
     Reference Model 1 and the files of `tests/data/blades`, each with and without a torque limit, in
     the sine flow. Goal: every run succeeds, at no less energy than its start has. In brackets:
-    sections of the start are closer to stall than a result may have them. At the root of IEA 3.4 MW
-    the flow stalls at once, by which the torque jumps in its operation; so it runs a second time
-    with a hub of 0.2 of the radius.
+    sections of the start are closer to stall than a result may have them. IEA 3.4 MW, at whose root
+    the flow stalls at once, runs a second time with a hub of 0.2 of the radius.
     """
     plan = {f"real/{name}": case for name, case in real_cases().items()}
     found, rows = study.run(plan), []
@@ -424,7 +423,7 @@ def _told(rows, found):
     """Return a table, and a line for each run that did not succeed, with its reason."""
     failed = {run: each for run, each in found.items() if each is None or not each.success}
     reasons = (each.message if each else "could not be run" for each in failed.values())
-    short = (re.sub(r" \(try [^)]*\)", "", reason) for reason in reasons)
+    short = (re.sub(r" \(try [^)]*\)|; the folder.*", "", reason) for reason in reasons)
     failures = [f"- `{run}`: {reason}" for run, reason in zip(failed, short, strict=True)]
     return [*markdown_table(rows[0], map(dict.values, rows)), "", *failures]
 
