@@ -135,7 +135,7 @@ def curve_nodes(physics: Physics, start: StartingPoint, kept: float = np.inf) ->
         used = (centers > low - 0.03 * middle) & (centers < high + 0.03 * middle)
         errors = used * np.max([*_errors(physics, start.blade, nodes, centers)], axis=0)
         before, worst = worst, np.max(errors * ((centers > low) & (centers < high)))
-        if np.max(errors) <= 1.0 or worst > kept * before:
+        if np.max(errors) <= 1.0 or worst / kept > before:
             break
         # beside a jump of the torque the spline oscillates
         coarse = np.convolve(errors > 1.0, np.ones(3), mode="same") > 0.0
