@@ -421,11 +421,19 @@ def _over_start(energy, summary):
 
 def _told(rows, found):
     """Return a table, and a line for each run that did not succeed, with its reason."""
-    failed = {run: each for run, each in found.items() if each is None or not each.success}
-    reasons = (each.message if each else "could not be run" for each in failed.values())
-    short = (re.sub(r" \(try [^)]*\)|; the folder.*", "", reason) for reason in reasons)
-    failures = [f"- `{run}`: {reason}" for run, reason in zip(failed, short, strict=True)]
+    failures = [
+        f"- `{run}`: {_reason(solution)}"
+        for run, solution in found.items()
+        if solution is None or not solution.success
+    ]
     return [*markdown_table(rows[0], map(dict.values, rows)), "", *failures]
+
+
+def _reason(solution):
+    """Return why a run did not succeed, without what to try and what its folder holds."""
+    if solution is None:
+        return "could not be run"
+    return re.sub(r" \(try [^)]*\)|; the folder.*", "", solution.message)
 
 
 PARTS = {
@@ -466,7 +474,7 @@ def run_part(
         out.mkdir(parents=True, exist_ok=True)
         figures = "\n".join(run(study)).rstrip()
         command = f"`make verify PART={part} COUNT={study.count} SEED={seed}`"
-        made = f"{command}, {date.today():%d %B %Y}"
+        made = f"{command}, {date.today():%d %B %Y}"  # the page has parts of several days
         text = f"## {title}\n\n{getdoc(run)}\n\n{made}\n\n{figures}\n"
         write_files({out / f"{part}.md": text})
     except OSError as error:
