@@ -25,7 +25,6 @@ from hkt_mdo.run.optimization import collect, solve
 from hkt_mdo.run.refine import Division, divided, division, excesses_at_nodes, lowered
 from hkt_mdo.run.state import RunState
 from hkt_mdo.run.verification import Optimized, Verification, verify
-from hkt_mdo.start.find import other_branch as start_on_other_branch
 
 MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
@@ -75,11 +74,11 @@ class Task:
     coarser: tuple[float, ...] = ()
 
     @classmethod
-    def first(cls, physics: Physics, start: StartingPoint, why: str = "") -> "Task":
+    def first(cls, physics: Physics, start: StartingPoint) -> "Task":
         """Return the first optimization from a start; a designed hub makes its loop stable."""
         nodes, hub = curve_nodes(physics, start), first_hub(physics, start)
         setup = Setup(in_motion(physics, start), nodes, least_hub=hub)
-        return cls(start, physics, setup, why=why)
+        return cls(start, physics, setup)
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,21 +256,7 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
     return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 
 
-def other_branch(this: Pass) -> Task | None:
-    """Begin on the start's other branch where checks refuse the end."""
-    task, physics = this.task, this.state.first
-    if this.runs_away or this.approximate:
-        return None
-    refused = {check.name for check in this.end.checks if not check.passed}
-    # another start does not resolve loads better
-    start = start_on_other_branch(physics, task.start) if refused - {"loads_resolved"} else None
-    if start is None:
-        return None
-    why = f"{len(refused)} checks refuse the result on branch {task.start.branch}"
-    return Task.first(physics, measured(physics, start), why)
-
-
-FOLLOW_UPS = begin_again, heavier_hub, refine, other_branch
+FOLLOW_UPS = begin_again, heavier_hub, refine
 
 
 def next_task(this: Pass) -> Task | None:
@@ -296,13 +281,12 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
     Returns
     -------
     Checked
-        The end, on its mesh: of the branches of the start the best that passes, else the first.
+        The end, on its mesh.
     """
-    task: Task | None = Task.first(state.first, start)
-    ends = []
-    while task is not None:
+    task = Task.first(state.first, start)
+    while True:
         if task.passes == 0 or task.physics is not state.physics:
-            state.go_on_from(task.physics, task.setup.start, task.start)
+            state.go_on_from(task.physics, task.setup.start, start)
         began = time.perf_counter()
         most = None if task.name == "begin again" else FIRST_ITERATIONS
         driver = make_driver(task.physics, state, most, refined=task.name == "refine")
@@ -312,10 +296,9 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
             this = this.exactly
             following = next_task(this)
         state.note_pass(this.entry(time.perf_counter() - began, following))
-        if following is None or following.start is not task.start:
-            ends.append(this.end)
+        if following is None:
+            return this.end
         task = following
-    return max((end for end in ends if end.passed), key=lambda end: end.rank, default=ends[0])
 
 
 def measured(physics: Physics, start: StartingPoint) -> StartingPoint:

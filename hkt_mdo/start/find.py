@@ -112,20 +112,6 @@ def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]
         yield Candidate(name, shape.nearest(other.blade).with_rotor_radius(shape.radii[1]))
 
 
-def other_branch(physics: Physics, start: StartingPoint) -> StartingPoint | None:
-    """Return the start on a starting point's other branch; None if there is no good one.
-
-    A good one keeps the limits, and its torque does not jump; the case must not have chosen a
-    branch, and it has no other branch itself.
-    """
-    if len(start.branches) < 2:
-        return None
-    _, other = start.branches
-    if other.excess > START_EXCESS or _jumps(physics, other):
-        return None
-    return replace(other, starts=start.starts, messages=start.messages)
-
-
 def _jumps(physics: Physics, point: StartingPoint) -> bool:
     """Tell whether the torque of a rotor jumps in its operation, where no optimization converges.
 

@@ -12,7 +12,7 @@ from hkt_mdo.problem.evaluation import broken_limits, excesses, objective_at, on
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.start import find
-from hkt_mdo.start.find import find_start, other_branch
+from hkt_mdo.start.find import find_start
 from studies.verification.study import random_start
 from tests.conftest import NINE
 
@@ -59,15 +59,6 @@ def test_power_is_kept_by_turning_faster_or_slower():
         order = np.argsort(known["inflow_speed"])
         change = np.diff(known["tip_speed_ratio"][order[[0, -1]]])
         assert change[0] * sign > 1.0
-
-
-def test_a_refused_optimum_may_be_sought_on_the_other_branch():
-    case, first = world("open_loop", power="5 kW"), start(power="5 kW")
-    other = other_branch(case, first)
-    assert {other.branch, first.branch} == {"overspeed", "underspeed"}
-    assert other.excess < 1e-4
-    assert other.objective == pytest.approx(first.objective, rel=1e-3)
-    assert other_branch(case, start()) is None  # without limits there is one branch
 
 
 @pytest.mark.parametrize(("better", "branch"), [(1.05, "underspeed"), (1.01, "overspeed")])
