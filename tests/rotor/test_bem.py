@@ -400,3 +400,12 @@ def test_nrel_5mw_rotor_has_its_published_peak(study):
     power = bem.rotor_coefficients(rotor.blade, rotor.polar, ratio).power
     assert power.max() == pytest.approx(0.482, abs=0.012)
     assert ratio[np.argmax(power)] == pytest.approx(7.55, abs=0.4)
+
+
+@pytest.mark.parametrize(
+    ("slopes", "uneven"), [((-1, -1), False), ((-2, -1), True), ((-1, -2), True)]
+)
+def test_a_curve_of_uneven_slope_may_hide_turning_points(slopes, uneven):
+    change = (-1.0 + 0.25 * sum(slopes)) / 1.5  # of the cubic whose slope in the middle is -1
+    left, right = ((phi, *4 * (0.0,), float(slopes[phi]), 3.0 + phi * change) for phi in (0, 1))
+    assert bem._uneven(left, right) == uneven
