@@ -26,7 +26,7 @@ PARTS, PARTS_OF_RATES = 4, 8
 the speed (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`)."""
 NEARLY_ALL, HIGHER_ORDER = 0.5, 5
 """Share of the segments that are too coarse from which an open loop's polynomials are too low, and
-their order then."""
+their order then: `river25` takes 2.4 times as long with more segments instead."""
 MOST_SEGMENTS, MOST_DENSE = 10_000, 400
 """Segments: the problem takes several gigabytes; that of a dense optimizer, minutes."""
 MOST_LOWERED = 5e-3
