@@ -71,7 +71,8 @@ class OperationGroup(om.Group):
             limits = [*scenario.limits]
             if physics.law.is_feedback and physics.has_curve:
                 spline = TorqueSpline(setup.nodes)
-                limits.append(DistanceFromStall(law=physics.law_in(scenario), spline=spline))
+                law, sampled = physics.law_in(scenario), scenario.steady and scenario.bins is None
+                limits.append(DistanceFromStall(law=law, spline=spline, sampled=sampled))
             for limit in limits:
                 if limit.constrains(physics.law):
                     self._hold(limit, number)
