@@ -20,7 +20,8 @@ BETWEEN = 1e-4  # relative excess between the nodes at which a limit still count
 ALLOWABLE = "allowable"  # in place of a number: the allowable stress of the material
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
 # the same where a few speeds stand for a flow in time, between which the rotor must not leave its
-# equilibrium for another one beyond stall (`cases/examples/turbulent_hour_linear`, 0.07 %)
+# equilibrium for another one beyond stall (16 % of turbine 4 of `make verify PART=turbines` with
+# `quadratic`)
 SLOWED_BETWEEN = 0.08
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
 QUICK, LAG = 0.05, 5.0  # see `settled`
