@@ -70,9 +70,8 @@ class OperationGroup(om.Group):
         for number, scenario in enumerate(physics.scenarios):
             limits = [*scenario.limits]
             if physics.law.is_feedback and physics.has_curve:
-                spline = TorqueSpline(setup.nodes)
-                law, sampled = physics.law_in(scenario), scenario.steady and scenario.bins is None
-                limits.append(DistanceFromStall(law=law, spline=spline, sampled=sampled))
+                law, spline = physics.law_in(scenario), TorqueSpline(setup.nodes)
+                limits += [DistanceFromStall(law=law, spline=spline, sampled=scenario.sampled)]
             for limit in limits:
                 if limit.constrains(physics.law):
                     self._hold(limit, number)

@@ -63,6 +63,8 @@ class Scenario:
 
     steady: ClassVar[bool] = False
     """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
+    sampled: ClassVar[bool] = False
+    """Whether it has no time, and its speeds stand for a flow over time."""
 
     @property
     def group(self) -> str:

@@ -73,13 +73,6 @@ class Task:
     passes: int = 0
     coarser: tuple[float, ...] = ()
 
-    @classmethod
-    def first(cls, physics: Physics, start: StartingPoint) -> "Task":
-        """Return the first optimization from a start; a designed hub makes its loop stable."""
-        nodes, hub = curve_nodes(physics, start), first_hub(physics, start)
-        setup = Setup(in_motion(physics, start), nodes, least_hub=hub)
-        return cls(start, physics, setup)
-
 
 @dataclass(frozen=True, eq=False)
 class Pass:
@@ -283,7 +276,9 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
     Checked
         The end, on its mesh.
     """
-    task = Task.first(state.first, start)
+    physics, hub = state.first, first_hub(state.first, start)  # by which the loop is stable
+    setup = Setup(in_motion(physics, start), curve_nodes(physics, start), least_hub=hub)
+    task = Task(start, physics, setup)
     while True:
         if task.passes == 0 or task.physics is not state.physics:
             state.go_on_from(task.physics, task.setup.start, start)

@@ -123,7 +123,7 @@ def optimized(
         ipopt["max_soc"] = 0
     driver = drivers.make_driver("casadi", "IPOPT", TOLERANCE, most, ipopt=ipopt, progress=progress)
     # a year does not pass a jump between its flows, and beside it nodes help
-    sampled = any(each.steady and each.bins is None for each in physics.scenarios)
+    sampled = any(each.sampled for each in physics.scenarios)
     nodes = curve_nodes(physics, point, KEPT if sampled else np.inf)
     problem = assemble(physics, Setup(point, nodes, near=not free), driver)
     given_up = False

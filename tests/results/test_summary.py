@@ -73,7 +73,7 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     deflection, doubt = bent.summary.warnings(bent.case)
     assert deflection == "the largest deflection of a tip is 10.7 % of the radius, above 10 %"
     assert doubt == "x"
-    # the other branch is better without time, but led to no verified result
+    # the other branch is better without time, but was not taken
     objectives = {"overspeed": 1e5, "underspeed": 1.014e5}
     branches = [{"name": x, "objective_J": y, "kept": True} for x, y in objectives.items()]
     branches[0]["taken"] = True
