@@ -1,6 +1,6 @@
 """The start of one optimization, and how far it may go from there."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ FAR, NEAR = (0.2, 4.0, np.inf, np.inf), (0.6, 1.5, 1.2, 5.0)
 """How far from its start an optimization may go, besides the case's own bounds: factors on the
 start's smallest and largest rotor speed, on the disc radius and on the gains. Near its start it
 stays on its branch."""
+AT_END = 1e-3  # relative distance from an end of a move at which an optimum is not one
 UNUSED = 0.2
 """Relative distance of an open loop's coarser optimum from a limit, beyond which a segment does not
 hold it: half of the time of `river25_record`, whose thrust and stress are far from their limits, as
@@ -72,6 +73,18 @@ class Setup:
             if low < high:
                 found[f"gain_{i}"] = low, high
         return found
+
+    def stops(self, physics: Physics, end: StartingPoint) -> bool:
+        """Tell whether an optimization ended as far from its start as it may go."""
+        values = dict(zip(physics.law.named_gains, end.gains, strict=True))
+        values |= {"rotor_speed": end.operation.rotor_speed, "rotor_radius": end.blade.rotor_radius}
+        own, free = self.bounds(physics), replace(self, near=False).bounds(physics)
+        return any(
+            np.any(np.abs(values[name] / move - 1.0) < AT_END)
+            for name in values.keys() & own.keys()
+            for move, bound in zip(own[name], free[name], strict=True)
+            if move != bound
+        )
 
     def band(self, physics: Physics) -> Band | None:
         """Return the tables of a wake with memory; None without memory.

@@ -223,7 +223,7 @@ class Search:
         begin = replace(self, physics=replace(self.physics, law=law)).optima(candidates)[0]
         physics = replace(self.steady, law=law, scenarios=self.physics.scenarios)
         begin = replace(begin, strategy=f"law fitted to {law.law}")
-        end, _ = optimized(physics, begin, free=True)
+        end, *_ = optimized(physics, begin, free=True)
         self._noted(law.law, end)
         # in equilibrium a heavy rotor has a wider range of speeds
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])

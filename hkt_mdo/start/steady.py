@@ -91,9 +91,9 @@ def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -
         torque curve is an excess only beyond `CURVE_ERROR`: it decided between blades that tie.
     """
     for _ in range(ROUNDS):
-        end, given_up = optimized(steady, point, rival)
+        end, given_up, stops = optimized(steady, point, rival)
         error = _curve_error(steady, end)
-        if error <= CURVE_ERROR and end.excess <= START_EXCESS:
+        if not stops and error <= CURVE_ERROR and end.excess <= START_EXCESS:
             return end
         if given_up:
             break
@@ -103,8 +103,10 @@ def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -
 
 def optimized(
     physics: Physics, point: StartingPoint, rival: float = -np.inf, free: bool = False
-) -> tuple[StartingPoint, bool]:
-    """Return the end of one optimization by the point's torque curve, and if it was given up.
+) -> tuple[StartingPoint, bool, bool]:
+    """Return the end of one optimization by the point's torque curve.
+
+    And whether it was given up, and whether it ended as far from the point as it may go.
 
     The parameters are those of `co_designed`; the physics may have time. `free` tells whether the
     optimization may go far from the point, for which it has twice the iterations: where `rated` had
@@ -125,7 +127,8 @@ def optimized(
     # a year does not pass a jump between its flows, and beside it nodes help
     sampled = any(each.sampled for each in physics.scenarios)
     nodes = curve_nodes(physics, point, KEPT if sampled else np.inf)
-    problem = assemble(physics, Setup(point, nodes, near=not free), driver)
+    setup = Setup(point, nodes, near=not free)
+    problem = assemble(physics, setup, driver)
     given_up = False
     try:
         problem.run_model()
@@ -138,7 +141,8 @@ def optimized(
         exceeds = ["balance_of_torques"]
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
     objective = sign * float(problem.get_val("objective")[0])
-    return replace(end, objective=objective, exceeds=tuple(exceeds), **about), given_up
+    end = replace(end, objective=objective, exceeds=tuple(exceeds), **about)
+    return end, given_up, setup.stops(physics, end)
 
 
 def _curve_error(steady: Physics, end: StartingPoint) -> float:

@@ -9,7 +9,8 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import power_scale
-from hkt_mdo.start.find import CONSTANT, find_start
+from hkt_mdo.start.find import BEST, CONSTANT, find_start
+from hkt_mdo.start.result import GIVEN
 from hkt_mdo.start.steady import without_time
 from hkt_mdo.start.steady_flow import KNOTS
 
@@ -95,3 +96,13 @@ def test_gains_that_a_law_does_not_need_are_given_as_they_are():
     start = find_start(world)
     assert list(start.gains) == list(world.law.starting_gains())
     assert start.operation.running
+
+
+@pytest.mark.parametrize("gain", [1.5, 150.0])
+def test_it_goes_on_where_an_optimization_ends_as_far_as_it_may_go(gain):
+    """From a gain far from the best one, 22.6 N m s², it reaches the same optimum."""
+    control = {"law": "quadratic", "gain": gain}
+    case = {"inflow": "sine", "control": control, "design": {"blade": "fixed"}}
+    starts = find_start(physics(load_case(case)), improve=True).starts
+    assert [each.strategy for each in starts] == [BEST, GIVEN]
+    assert starts[1].objective == pytest.approx(starts[0].objective, rel=1e-5)
