@@ -20,6 +20,7 @@ from study_common import markdown_table
 
 from hkt_mdo.case import load_case
 from hkt_mdo.problem import build as problems
+from hkt_mdo.problem import setup
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.run import passes, refine
 from hkt_mdo.run.run import run_case
@@ -110,15 +111,14 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         [(find.Search, "_heaviest", lambda self, found: found[0])],
     ),
     "search from the given blade": (partial(began, GIVEN), [blades(GIVEN)]),
-    "search from a slower rotor": (partial(began, find.SLOWER[0]), [blades(find.SLOWER[0])]),
-    "search from a faster rotor": (partial(began, find.FASTER[0]), [blades(find.FASTER[0])]),
+    "search from a faster rotor": (partial(began, find.FASTER), [blades(find.FASTER)]),
     "search from a solid blade": (
         partial(began, find.CONSTANT),
         [(find.Search, "_at_constant_torque", lambda self: ())],
     ),
-    "an open loop led along overspeed": (
-        open_loop,
-        [(find.Search, "_held_at_overspeed", lambda self, each: self._begin(each, "overspeed"))],
+    "a search that goes on from the end of its moves": (
+        lambda result: True,
+        [(setup.Setup, "stops", lambda self, physics, end: False)],
     ),
     "a first rotor with inertia": (
         open_loop,

@@ -16,7 +16,6 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.equilibrium import at_rest
 from hkt_mdo.dynamics.laws import OpenLoop
-from hkt_mdo.dynamics.wide_laws import RatedFeedback
 from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
@@ -28,8 +27,7 @@ from hkt_mdo.start.steady import co_designed, optimized, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
 
 BEST = "best blade"
-# names, and tip speed ratios over that of the best blade
-FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
+FASTER, FASTER_RATIO = "best blade of a faster rotor", 1.5  # over the best tip speed ratio
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps
@@ -98,18 +96,17 @@ def find_start(
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
     """Yield the best blade and, under limits, the best one of another rotor.
 
-    An open loop may keep a limit by turning faster; a law of one gain has better optima where it
-    turns slower (0.5 % of the energy of `rm1_turbulent_limits`). Without limits that make branches
-    all blades led to one optimum, within 3e-5, in 24 cases of eight random turbines.
+    An open loop may keep a limit by turning faster. Without limits that make branches all blades
+    led to one optimum, within 3e-5, in 24 cases of eight random turbines. A law of one gain led to
+    no better one from a third blade but 0.09 % (turbine 20 of `make verify PART=turbines`).
     """
     shape = physics.shape
     yield Candidate(BEST, shape.nearest(optimum.blade))
-    if shape.designs_chord and has_branches(physics):
-        name, factor = SLOWER if len(physics.law.gain_units) == 1 else FASTER
-        ratio = factor * optimum.tip_speed_ratio
+    if shape.designs_chord and has_branches(physics) and len(physics.law.gain_units) != 1:
+        ratio = FASTER_RATIO * optimum.tip_speed_ratio
         other = nearest_optimum(optimum.blade, physics.rotor.polar, ratio, shape.bounds, 1e-8)
         # a large rotor, too (6 % of `river25_short` with open loop and a radius of 2 to 3 m)
-        yield Candidate(name, shape.nearest(other.blade).with_rotor_radius(shape.radii[1]))
+        yield Candidate(FASTER, shape.nearest(other.blade).with_rotor_radius(shape.radii[1]))
 
 
 def _jumps(physics: Physics, point: StartingPoint) -> bool:
@@ -188,8 +185,6 @@ class Search:
             for each in some:
                 if not follows or (each.gains is not None and law.is_static):
                     found.append(self._optimum(self._begin(each, branch)))
-                    if not law.is_feedback and branch == "overspeed" and found[-1].branch != branch:
-                        found.append(self._held_at_overspeed(each))
             followed = set()
             for each in some if follows else ():
                 begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
@@ -229,17 +224,6 @@ class Search:
         speed = np.concatenate([x.operation.rotor_speed for x in (begin, end)])
         gains = self.physics.law.fit(speed, law.demand(speed, end.gains))
         return replace(end, gains=self.physics.bounded(gains))
-
-    def _held_at_overspeed(self, candidate: Candidate) -> StartingPoint:
-        """Return the optimum of an open loop that a law has led along the branch of overspeed.
-
-        By itself it has left that branch, on which a law must stay: 1.9 % of the energy of turbine
-        10 of `make verify PART=turbines`.
-        """
-        law = RatedFeedback(torque_limit=self.physics.law.torque_limit)
-        held = replace(self, physics=replace(self.physics, law=law))
-        end = held._optimum(held._begin(candidate, "overspeed"))
-        return self._optimum(self._begin(candidate._replace(blade=end.blade), "overspeed"))
 
     def _rank(self, end: StartingPoint) -> tuple[bool, float]:
         """Return the merit of a branch; overspeed is better where they are even.
