@@ -75,7 +75,8 @@ def find_start(
     optimum = optimum or physics.rotor.best_of_shape(physics.shape, physics.blade)
     search = Search(physics, optimum, on_start)
     if improve or (improve is None and physics.case.start.method == "quasi_steady"):
-        # under limits a law may end 22 % lower without the given blade (rm1_turbulent_limits)
+        # under limits a law may end 1.3 % lower without the given blade (turbine 12 of `make verify
+        # PART=turbines` with `quadratic`)
         *results, own = given
         tried = physics.law.is_feedback and (has_branches(physics) or own.gains is not None)
         candidates = [*best_blades(physics, optimum), *(given if tried else results)]
@@ -182,9 +183,8 @@ class Search:
         follows = bool(law.states) or len(law.gain_units) > 1
         for branch in self.branches:
             some = candidates if branch == self.branches[0] else candidates[:1]
-            for each in some:
-                if not follows or (each.gains is not None and law.is_static):
-                    found.append(self._optimum(self._begin(each, branch)))
+            own = [x for x in some if not follows or (x.gains is not None and law.is_static)]
+            found += [self._optimum(self._begin(each, branch)) for each in own]
             followed = set()
             for each in some if follows else ():
                 begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
@@ -318,8 +318,7 @@ class Search:
         blade = physics.shape.nearest(replace(slow, chord=SOLID_WIDTH * slow.chord))
         problem = self._quasi_steady(blade, self.steady)
         speed = ratio * problem.inflow_speed / blade.rotor_radius
-        gains = law.fit(speed, np.full(speed.shape, DEMAND * law.torque_limit))
-        gains = physics.bounded(gains)
+        gains = physics.bounded(law.fit(speed, np.full(speed.shape, DEMAND * law.torque_limit)))
         operation = problem.operate(gains)
         if operation.running:
             yield StartingPoint(blade, gains, operation, branch=self.branches[0], strategy=CONSTANT)

@@ -136,9 +136,7 @@ def optimized(
     except _Hopeless:
         given_up = True
     end, excess = point_of(physics, problem), driver.violation()
-    exceeds = broken_limits(physics, end)
-    if excess > START_EXCESS and not exceeds:
-        exceeds = ["balance_of_torques"]
+    exceeds = broken_limits(physics, end) or ["balance_of_torques"] * (excess > START_EXCESS)
     about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
     objective = sign * float(problem.get_val("objective")[0])
     end = replace(end, objective=objective, exceeds=tuple(exceeds), **about)
