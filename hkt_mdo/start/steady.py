@@ -24,7 +24,9 @@ from hkt_mdo.start.steady_flow import in_speeds
 
 ITERATIONS, TOLERANCE = 150, 1e-6  # of one optimization: a start need not be an exact optimum
 ROUNDS, CURVE_ERROR = 3, 1e-4  # optimizations until the torque curve is that of the blade
-PATIENCE, BEHIND = 40, 0.1  # iterations after which one that is behind a rival by a share ends
+# iterations after which one that is behind a rival by a share ends: four fifths of the time of
+# `two_flows`
+PATIENCE, BEHIND = 40, 0.1
 # share of a torque curve's error that finer nodes leave where they do not help: at a jump within
 # the operation, whose nodes took a third of the time of `all_oloc`; beside it they help (IEA 3.4 MW
 # with `quadratic`, `make verify PART=real`)
