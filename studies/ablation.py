@@ -110,7 +110,8 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         [(find.Search, "_heaviest", lambda self, found: found[0])],
     ),
     "search from the given blade": (partial(began, GIVEN), [blades(GIVEN)]),
-    "search from a faster rotor": (partial(began, find.FASTER), [blades(find.FASTER)]),
+    "search from a slower rotor": (partial(began, find.SLOWER[0]), [blades(find.SLOWER[0])]),
+    "search from a faster rotor": (partial(began, find.FASTER[0]), [blades(find.FASTER[0])]),
     "search from a solid blade": (
         partial(began, find.CONSTANT),
         [(find.Search, "_at_constant_torque", lambda self: ())],

@@ -27,7 +27,8 @@ from hkt_mdo.start.steady import co_designed, optimized, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
 
 BEST = "best blade"
-FASTER, FASTER_RATIO = "best blade of a faster rotor", 1.5  # over the best tip speed ratio
+# names, and tip speed ratios over that of the best blade
+FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps
@@ -97,17 +98,19 @@ def find_start(
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
     """Yield the best blade and, under limits, the best one of another rotor.
 
-    An open loop may keep a limit by turning faster. Without limits that make branches all blades
-    led to one optimum, within 3e-5, in 24 cases of eight random turbines. A law of one gain led to
-    no better one from a third blade but 0.09 % (turbine 20 of `make verify PART=turbines`).
+    An open loop may keep a limit by turning faster; a law of one gain has better optima where it
+    turns slower (0.1 % of turbines 17 and 20 of `make verify PART=turbines` with `quadratic`).
+    Without limits that make branches all blades led to one optimum, within 3e-5, in 24 cases of
+    eight random turbines.
     """
     shape = physics.shape
     yield Candidate(BEST, shape.nearest(optimum.blade))
-    if shape.designs_chord and has_branches(physics) and len(physics.law.gain_units) != 1:
-        ratio = FASTER_RATIO * optimum.tip_speed_ratio
+    if shape.designs_chord and has_branches(physics):
+        name, factor = SLOWER if len(physics.law.gain_units) == 1 else FASTER
+        ratio = factor * optimum.tip_speed_ratio
         other = nearest_optimum(optimum.blade, physics.rotor.polar, ratio, shape.bounds, 1e-8)
         # a large rotor, too (6 % of `river25_short` with open loop and a radius of 2 to 3 m)
-        yield Candidate(FASTER, shape.nearest(other.blade).with_rotor_radius(shape.radii[1]))
+        yield Candidate(name, shape.nearest(other.blade).with_rotor_radius(shape.radii[1]))
 
 
 def _jumps(physics: Physics, point: StartingPoint) -> bool:
@@ -283,8 +286,7 @@ class Search:
         steady = steady or self.steady
         law, rivals = steady.law.law, []
         if point.branch != self.branches[0] or point.strategy == CONSTANT:
-            known = [each for each in self.tried if each.law == law]
-            rivals = [each.objective for each in known if each.excess <= START_EXCESS]
+            rivals = [x.objective for x in self.tried if x.law == law and x.excess <= START_EXCESS]
         end = co_designed(steady, point, max(rivals, default=-np.inf))
         return self._noted(law, self._on_its_side(end, steady))
 
