@@ -19,10 +19,6 @@ from hkt_mdo.sections import Quantity
 BETWEEN = 1e-4  # relative excess between the nodes at which a limit still counts as kept
 ALLOWABLE = "allowable"  # in place of a number: the allowable stress of the material
 SLOWED = 0.02  # share of its speed that a rotor may lose and still recover from
-# the same where a few speeds stand for a flow in time, between which the rotor must not leave its
-# equilibrium for another one beyond stall (16 % of turbine 4 of `make verify PART=turbines` with
-# `quadratic`)
-SLOWED_BETWEEN = 0.08
 TYPICAL = 0.05  # torque coefficient to which a recovery torque is compared
 QUICK, LAG = 0.05, 5.0  # see `settled`
 LEAST = 5e-3  # least recovery torque over a typical torque; closer to stall recovery is too slow
@@ -328,12 +324,8 @@ class DistanceFromStall(Limit):
 
     law: Any
     spline: Any
-    sampled: bool = False
-
-    @property
-    def slowed(self):
-        """Share of its speed that the rotor loses."""
-        return SLOWED_BETWEEN if self.sampled else SLOWED
+    slowed: float = SLOWED
+    """Share of its speed that the rotor loses."""
 
     @property
     def inputs(self):

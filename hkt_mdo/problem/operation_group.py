@@ -71,7 +71,7 @@ class OperationGroup(om.Group):
             limits = [*scenario.limits]
             if physics.law.is_feedback and physics.has_curve:
                 law, spline = physics.law_in(scenario), TorqueSpline(setup.nodes)
-                limits += [DistanceFromStall(law=law, spline=spline, sampled=scenario.sampled)]
+                limits += [DistanceFromStall(law=law, spline=spline, slowed=setup.slowed)]
             for limit in limits:
                 if limit.constrains(physics.law):
                     self._hold(limit, number)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import SLOWED, Limit, TorqueLimit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
@@ -47,6 +47,7 @@ class Setup:
     shares: dict = field(default_factory=dict)
     excess: dict = field(default_factory=dict)
     least_hub: float = 0.0
+    slowed: float = SLOWED
 
     def bounds(self, physics: Physics) -> dict[str, tuple]:
         """Return (lower, upper) of what the optimizer changes, speed and torque too, SI units.

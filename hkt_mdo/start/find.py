@@ -16,6 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from hkt_mdo.dynamics.equilibrium import at_rest
 from hkt_mdo.dynamics.laws import OpenLoop
+from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.problem.evaluation import excesses, objective_at, on_start, split
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
@@ -30,6 +31,10 @@ BEST = "best blade"
 # names, and tip speed ratios over that of the best blade
 FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
+# share of its speed that a rotor may lose in the search. Under limits that is made with `SLOWED`,
+# too, since the paths lead to other optima: of `make verify PART=turbines` with `quadratic` turbine
+# 29 loses 27 % without this one, turbine 18 0.4 % without the other
+FARTHER = 0.08
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps
 TIE = 1e-5  # share of the objective by which optima without time may differ and tie
@@ -123,6 +128,12 @@ def _jumps(physics: Physics, point: StartingPoint) -> bool:
     ratios = [known["tip_speed_ratio"] for each, known in both if not each.steady]
     place = physics.rotor.torque_jump(point.blade, np.concatenate(ratios)) if ratios else None
     return place is not None
+
+
+def _ties(found: Sequence[StartingPoint]) -> list[StartingPoint]:
+    """Return the best, by their merit, and those that tie with it, in their order."""
+    kept, value = max(map(MERIT, found))
+    return [each for each in found if each.merit >= (kept, value - TIE * abs(value))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,15 +250,13 @@ class Search:
         return kept, value + share * abs(value)
 
     def _heaviest(self, found: list[StartingPoint]) -> StartingPoint:
-        """Return the heaviest rotor of the optima that tie with the first, by their merit.
+        """Return the heaviest rotor of the optima that tie with the best.
 
         Inertia has no effect without time. Over time it keeps limits in gusts: of three blades that
         tie under a limit of the power in turbulence, the heaviest leads to 5 % more energy.
         """
-        kept, value = found[0].merit
-        least = kept, value - TIE * abs(value)
-        ties = [found[0], *(each for each in found[1:] if each.merit >= least)]
-        return max(ties, key=lambda end: self.physics.rotor.mass_and_inertia(end.blade)[1])
+        rotor = self.physics.rotor
+        return max(_ties(found), key=lambda end: rotor.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return a candidate as it is, in operation over the whole flow."""
@@ -284,11 +293,12 @@ class Search:
     def _optimum(self, point: StartingPoint, steady: Physics | None = None) -> StartingPoint:
         """Return the optimum that is reached from a point, by default under the case's law."""
         steady = steady or self.steady
-        law, rivals = steady.law.law, []
+        law, rivals = steady.law.law, [-np.inf]
         if point.branch != self.branches[0] or point.strategy == CONSTANT:
-            rivals = [x.objective for x in self.tried if x.law == law and x.excess <= START_EXCESS]
-        end = co_designed(steady, point, max(rivals, default=-np.inf))
-        return self._noted(law, self._on_its_side(end, steady))
+            rivals += [x.objective for x in self.tried if x.law == law and x.excess <= START_EXCESS]
+        both = steady.law.is_feedback and self.branches != ("",)
+        ends = [co_designed(steady, point, max(rivals), x) for x in [SLOWED] * both + [FARTHER]]
+        return self._noted(law, self._on_its_side(_ties(ends)[0], steady))
 
     def _on_its_side(self, point: StartingPoint, physics: Physics) -> StartingPoint:
         """Return a point with the branch on which it is: it may have left that of its schedule."""

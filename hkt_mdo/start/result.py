@@ -96,9 +96,5 @@ def _gains(physics: Physics, solution: Solution) -> np.ndarray | None:
     if not law.is_feedback or gains is None or theirs.law != law.law:
         return None
     gains = np.atleast_1d(np.asarray(gains, dtype=float))
-    fixed = type(law).in_flow is FeedbackLaw.in_flow
-    if gains.size != len(physics.law.gain_units) or not (
-        fixed or solution.case.inflow == physics.case.inflow
-    ):
-        return None
-    return physics.bounded(gains)
+    same = type(law).in_flow is FeedbackLaw.in_flow or solution.case.inflow == physics.case.inflow
+    return physics.bounded(gains) if same and gains.size == len(law.gain_units) else None

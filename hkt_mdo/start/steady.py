@@ -12,6 +12,7 @@ import numpy as np
 
 from hkt_mdo.case.design import InflowDynamics
 from hkt_mdo.dynamics.laws import OpenLoop
+from hkt_mdo.dynamics.limits import SLOWED
 from hkt_mdo.dynamics.resource import DurationCurve
 from hkt_mdo.problem.build import BARRIER, assemble, point_of
 from hkt_mdo.problem.equilibrium import SteadyScenario
@@ -74,7 +75,9 @@ class _Hopeless(Exception):
     """An optimization that cannot become the best."""
 
 
-def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -> StartingPoint:
+def co_designed(
+    steady: Physics, point: StartingPoint, rival=-np.inf, slowed=SLOWED
+) -> StartingPoint:
     """Return the optimum without time that is reached from a point.
 
     Parameters
@@ -85,6 +88,8 @@ def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -
         Blade, gains and operation at its speeds, which need not be in balance under its law.
     rival : float
         Objective of another optimum. What is far behind it after some iterations is given up.
+    slowed : float
+        Share of its speed that a rotor under feedback may lose and still recover from.
 
     Returns
     -------
@@ -93,18 +98,17 @@ def co_designed(steady: Physics, point: StartingPoint, rival: float = -np.inf) -
         torque curve is an excess only beyond `CURVE_ERROR`: it decided between blades that tie.
     """
     for _ in range(ROUNDS):
-        end, given_up, stops = optimized(steady, point, rival)
-        error = _curve_error(steady, end)
-        if not stops and error <= CURVE_ERROR and end.excess <= START_EXCESS:
-            return end
+        point, given_up, stops = optimized(steady, point, rival, slowed)
+        error = _curve_error(steady, point)
+        if not stops and error <= CURVE_ERROR and point.excess <= START_EXCESS:
+            return point
         if given_up:
             break
-        point = end
-    return replace(end, excess=max(end.excess, error))
+    return replace(point, excess=max(point.excess, error))
 
 
 def optimized(
-    physics: Physics, point: StartingPoint, rival: float = -np.inf, free: bool = False
+    physics: Physics, point: StartingPoint, rival=-np.inf, slowed=SLOWED, free=False
 ) -> tuple[StartingPoint, bool, bool]:
     """Return the end of one optimization by the point's torque curve.
 
@@ -129,7 +133,7 @@ def optimized(
     # a year does not pass a jump between its flows, and beside it nodes help
     sampled = any(each.sampled for each in physics.scenarios)
     nodes = curve_nodes(physics, point, KEPT if sampled else np.inf)
-    setup = Setup(point, nodes, near=not free)
+    setup = Setup(point, nodes, near=not free, slowed=slowed)
     problem = assemble(physics, setup, driver)
     given_up = False
     try:

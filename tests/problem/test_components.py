@@ -51,7 +51,7 @@ def operation():
     return np.linspace(4.0, 9.0, N) * flow / RADIUS, flow
 
 
-@pytest.mark.parametrize(("sampled", "left"), [(False, 0.98), (True, 0.92)])
+@pytest.mark.parametrize("slowed", [0.02, 0.08])
 @pytest.mark.parametrize(
     ("law", "gains"),
     [
@@ -62,13 +62,13 @@ def operation():
     ],
     ids=["quadratic, limited", "linear", "two gains", "states"],
 )
-def test_distance_from_stall(law, gains, sampled, left):
+def test_distance_from_stall(law, gains, slowed):
     """N(0.98 w) - N(w) less what is asked for, N = 0.5 rho pi R^3 v^2 Cq - u.
 
-    While the states of a law stay as they are; N(0.92 w) where speeds stand for a flow over time.
+    While the states of a law stay as they are; N(0.92 w) in the search for a start.
     """
     (speed, flow), spline = operation(), TorqueSpline(NODES)
-    limit = DistanceFromStall(law=law, spline=spline, sampled=sampled)
+    limit = DistanceFromStall(law=law, spline=spline, slowed=slowed)
     rest = law.at_rest(np.linspace(300.0, 650.0, N), np.linspace(1.4, 1.6, N))
     problem = checked(
         FormulaComp(formula=limit, size=N),
@@ -88,7 +88,7 @@ def test_distance_from_stall(law, gains, sampled, left):
     def net(w):
         return unit * (spline.basis(w * RADIUS / flow) @ TABLE) - braking(w)
 
-    expected = net(left * speed) - net(speed) - 5e-3 * 0.05 * unit
+    expected = net((1.0 - slowed) * speed) - net(speed) - 5e-3 * 0.05 * unit
     # a difference of torques: its rounding is theirs
     rounding = 1e-14 * float(np.max(braking(speed)))
     np.testing.assert_allclose(problem.get_val("value"), expected, rtol=1e-12, atol=rounding)
