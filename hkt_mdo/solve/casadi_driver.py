@@ -90,7 +90,8 @@ class CasadiIpoptDriver(ReportingDriver):
         self._evaluate_anew(design)
         self._message, self.iterations = status["return_status"], status["iter_count"]
         if self._message == "User_Requested_Stop":  # by `_end_iteration`: an error has been raised
-            self._message = f"no better iterate, at an optimum within {self._stationary.gap:.1e}"
+            self.gap = self._stationary.gap
+            self._message = f"no better iterate, at an optimum within {self.gap:.1e}"
             return False
         return self._message != "Solve_Succeeded"
 

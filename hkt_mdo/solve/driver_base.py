@@ -34,6 +34,8 @@ class ReportingDriver(Driver):
 
     package = ""
     iterations = 0
+    gap = 0.0
+    """Share of the objective by which an optimum may be better than the end; 0 if it converged."""
     _message = "not run"
     _sparse: Any = None
 

@@ -24,7 +24,7 @@ from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
 from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
 from hkt_mdo.start.result import Candidate, given_designs
-from hkt_mdo.start.steady import co_designed, optimized, without_time
+from hkt_mdo.start.steady import TIE, co_designed, optimized, without_time
 from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
 
 BEST = "best blade"
@@ -37,7 +37,6 @@ CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 FARTHER = 0.08
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps
-TIE = 1e-5  # share of the objective by which optima without time may differ and tie
 EVEN = 2e-4  # the same of branches, of which that without stall is better over time (`power_oloc`)
 CLOSE = 0.02  # relative difference of rotor speeds of the same equilibrium
 SOLID_RATIO, SOLID_WIDTH = 0.4, 1.7  # tip speed ratio and chord over those of the best blade

@@ -9,6 +9,8 @@ import pytest
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.physics import physics
 from hkt_mdo.rotor.scales import power_scale
+from hkt_mdo.solve import drivers
+from hkt_mdo.solve.casadi_driver import CasadiIpoptDriver
 from hkt_mdo.start.find import BEST, CONSTANT, find_start
 from hkt_mdo.start.result import GIVEN
 from hkt_mdo.start.steady import without_time
@@ -106,3 +108,18 @@ def test_it_goes_on_where_an_optimization_ends_as_far_as_it_may_go(gain):
     starts = find_start(physics(load_case(case)), improve=True).starts
     assert [each.strategy for each in starts] == [BEST, GIVEN]
     assert starts[1].objective == pytest.approx(starts[0].objective, rel=1e-5)
+
+
+def test_it_goes_on_where_an_optimization_ends_before_an_optimum(monkeypatch):
+    """At gaps of 1e-3 and 2e-5 of the objective, not at 1e-6."""
+    gaps, made, make_driver = [1e-3, 2e-5, 1e-6], [], drivers.make_driver
+
+    def make(*args, **options):
+        made.append(make_driver(*args, **options))
+        return made[-1]
+
+    gap = property(lambda driver: gaps[made.index(driver)], lambda driver, value: None)
+    monkeypatch.setattr(drivers, "make_driver", make)
+    monkeypatch.setattr(CasadiIpoptDriver, "gap", gap, raising=False)
+    find_start(physics(load_case({"inflow": "sine", "control": "open_loop"})))
+    assert len(made) == 3
