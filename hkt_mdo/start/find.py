@@ -31,9 +31,9 @@ BEST = "best blade"
 # names, and tip speed ratios over that of the best blade
 FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower rotor", 0.75)
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
-# share of its speed that a rotor may lose in the search. Under limits that is made with `SLOWED`,
-# too, since the paths lead to other optima: of `make verify PART=turbines` with `quadratic` turbine
-# 29 loses 27 % without this one, turbine 18 0.4 % without the other
+# share of its speed that a rotor may lose in the search. With one gain and limits that is made with
+# `SLOWED`, too, since the paths lead to other optima: of `make verify PART=turbines` with
+# `quadratic` turbine 29 loses 27 % without this one, turbine 18 0.4 % without the other
 FARTHER = 0.08
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps
@@ -184,6 +184,12 @@ class Search:
         # slower than at its best speed a rotor stalls if its torque follows from the speed
         return tuple(BRANCHES)[: 1 if self.physics.law.is_static else None]
 
+    @property
+    def _one_gain(self) -> bool:
+        """Whether the law has one gain, with which a rotor has several optima under limits."""
+        law = self.physics.law
+        return law.is_static and len(law.gain_units) == 1 and self.branches != ("",)
+
     def optima(self, candidates: Sequence[Candidate]) -> list[StartingPoint]:
         """Return the best optimum of each branch over the whole flow, the best first.
 
@@ -244,8 +250,7 @@ class Search:
         One whose torque jumps must be much better, since optimizations seldom converge there.
         """
         kept, value = end.merit
-        first = end.branch == next(iter(BRANCHES))
-        share = EVEN * first - JUMPING * _jumps(self.physics, end)
+        share = EVEN * (end.branch == next(iter(BRANCHES))) - JUMPING * _jumps(self.physics, end)
         return kept, value + share * abs(value)
 
     def _heaviest(self, found: list[StartingPoint]) -> StartingPoint:
@@ -295,8 +300,8 @@ class Search:
         law, rivals = steady.law.law, [-np.inf]
         if point.branch != self.branches[0] or point.strategy == CONSTANT:
             rivals += [x.objective for x in self.tried if x.law == law and x.excess <= START_EXCESS]
-        both = steady.law.is_feedback and self.branches != ("",)
-        ends = [co_designed(steady, point, max(rivals), x) for x in [SLOWED] * both + [FARTHER]]
+        shares = [SLOWED] * self._one_gain + [FARTHER]
+        ends = [co_designed(steady, point, max(rivals), each) for each in shares]
         return self._noted(law, self._on_its_side(_ties(ends)[0], steady))
 
     def _on_its_side(self, point: StartingPoint, physics: Physics) -> StartingPoint:
@@ -320,8 +325,7 @@ class Search:
         depend on the flow, or at a torque that does not.
         """
         physics, law = self.physics, self.physics.law
-        one = law.is_static and len(law.gain_units) == 1 and self.branches != ("",)
-        if not one or law.torque_limit is None or not physics.shape.designs_chord:
+        if not (self._one_gain and law.torque_limit and physics.shape.designs_chord):
             return
         ratio = SOLID_RATIO * self.optimum.tip_speed_ratio
         about = physics.rotor.polar, ratio, physics.shape.bounds, 1e-8

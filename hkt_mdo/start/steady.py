@@ -100,11 +100,10 @@ def co_designed(
     for _ in range(ROUNDS):
         point, given_up, stops = optimized(steady, point, rival, slowed)
         error = _curve_error(steady, point)
-        if not stops and error <= CURVE_ERROR and point.excess <= START_EXCESS:
-            return point
-        if given_up:
+        done = not stops and error <= CURVE_ERROR and point.excess <= START_EXCESS
+        if done or given_up:
             break
-    return replace(point, excess=max(point.excess, error))
+    return point if done else replace(point, excess=max(point.excess, error))
 
 
 def optimized(
@@ -132,9 +131,8 @@ def optimized(
         ipopt["max_soc"] = 0
     driver = drivers.make_driver("casadi", "IPOPT", TOLERANCE, most, ipopt=ipopt, progress=progress)
     # a year does not pass a jump between its flows, and beside it nodes help
-    sampled = any(each.sampled for each in physics.scenarios)
-    nodes = curve_nodes(physics, point, KEPT if sampled else np.inf)
-    setup = Setup(point, nodes, near=not free, slowed=slowed)
+    kept = KEPT if any(each.sampled for each in physics.scenarios) else np.inf
+    setup = Setup(point, curve_nodes(physics, point, kept), near=not free, slowed=slowed)
     problem = assemble(physics, setup, driver)
     given_up = False
     try:
