@@ -200,8 +200,8 @@ is switched off, one at a time, in the reference cases in which it has a share (
 all parts). Changes below 10⁻⁵ of the objective and a tenth of the iterations count as none. Where \
 parts replace each other, one at a time shows too little. Left out are `river25` with open loop, \
 whose better branch has a torque that jumps, `river25_record`, which needs the barrier (127 \
-iterations for 89), and the random turbines, of which 14 with `quadratic` and 24 with `rated` begin \
-again.
+iterations for 89), and the random turbines, of which 14 with `quadratic` and 24 with `rated` \
+begin again.
 """
 
 
