@@ -38,7 +38,8 @@ class Setup:
     relatively: most on all coarser meshes, and least on the last, shape (n_segments, 2); empty
     where limits are held at the nodes, as usual.
     `near` tells that it must stay `NEAR` the start, not only within `FAR`; `least_hub` (kg*m**2)
-    raises the lower bound of a designed `hub_inertia`.
+    raises the lower bound of a designed `hub_inertia`. `slowed` is the share of its speed that a
+    rotor under feedback may lose and still recover from.
     """
 
     start: StartingPoint

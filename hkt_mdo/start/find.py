@@ -33,7 +33,7 @@ FASTER, SLOWER = ("best blade of a faster rotor", 1.5), ("best blade of a slower
 CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 # share of its speed that a rotor may lose in the search. With one gain and limits that is made with
 # `SLOWED`, too, since the paths lead to other optima: of `make verify PART=turbines` with
-# `quadratic` turbine 29 loses 27 % without this one, turbine 18 0.4 % without the other
+# `quadratic` turbine 29 loses 27 % without this one, turbine 11 0.08 % without the other
 FARTHER = 0.08
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps

@@ -113,7 +113,7 @@ def optimized(
 
     And whether it was given up, and whether it ended as far from the point as it may go, or, under
     an open loop, before an optimum: with a gap above `TIE` (1.6e-4 of turbine 9 of `make verify
-    PART=turbines`). Under `rated` turbine 26 then lost 0.6 %: all its blades tied without time.
+    PART=turbines`). Not under feedback: turbine 26, whose blades tie with `rated`, lost 0.6 %.
 
     The parameters are those of `co_designed`; the physics may have time. `free` tells whether the
     optimization may go far from the point, for which it has twice the iterations: where `rated` had

@@ -120,6 +120,6 @@ def test_it_goes_on_where_an_optimization_ends_before_an_optimum(monkeypatch):
 
     gap = property(lambda driver: gaps[made.index(driver)], lambda driver, value: None)
     monkeypatch.setattr(drivers, "make_driver", make)
-    monkeypatch.setattr(CasadiIpoptDriver, "gap", gap, raising=False)
+    monkeypatch.setattr(CasadiIpoptDriver, "gap", gap)
     find_start(physics(load_case({"inflow": "sine", "control": "open_loop"})))
     assert len(made) == 3
