@@ -193,9 +193,8 @@ def test_a_scenario_of_its_own_turbine_is_that_of_the_case_with_it(tmp_path):
 def test_the_water_that_blades_move_is_that_of_the_scenario():
     """Its inertia, too: the integration had that of the case's own water."""
     rotor = {"blade": "bahaj2007", "added_inertia": "ellipse"}
-    made = physics(
-        load_case(case({"inflow": "sine"}, {"inflow": "sine", "density": 2e3}, rotor=rotor))
-    )
+    data = case({"inflow": "sine"}, {"inflow": "sine", "density": 2e3}, rotor=rotor)
+    made = physics(load_case(data))
     river, sea = (plant_of(made, each, made.blade) for each in made.scenarios)
     water = made.rotor.water_inertias(made.blade)["ellipse"]
     assert sea.inertia - river.inertia == pytest.approx(water * (2e3 / made.density - 1.0))

@@ -42,15 +42,9 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
         "chord_m": [np.float64(0.5)],
         "tip_speed_ratio": {"min": np.nan},
     }
-    assert Summary.parse(to_json(values)).model_dump(exclude_unset=True) == {
-        "success": True,
-        "mass_kg": 3.0,
-        "surrogate_error": None,
-        "surrogate_nodes": 7,
-        "r_m": [1.0],
-        "chord_m": [0.5],
-        "tip_speed_ratio": {"min": None},
-    }
+    plain = {"surrogate_error": None, "r_m": [1.0], "tip_speed_ratio": {"min": None}}
+    found = Summary.parse(to_json(values)).model_dump(exclude_unset=True)
+    assert found == values | plain
 
 
 def test_a_newer_summary_is_refused(result_folder: Path) -> None:
