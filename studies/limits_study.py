@@ -245,8 +245,8 @@ def optimum_without(solution):
         [told],
         (
             "The deflection is that of a linear beam, which is not valid where it is this large.",
-            "In the following tables, suction is a fraction of the cavitation limit: above 1 a",
-            "section cavitates. It is given where the case has the depth of the hub.",
+            "In the following tables, suction is a fraction of the cavitation limit, which has a",
+            "margin of 1.1. It is given where the case has the depth of the hub.",
         ),
     )
 

@@ -28,9 +28,6 @@ FIT = {"chord": 2.0, "twist": 0.5}  # % of the largest, deg: splines may leave t
 # share of the energy that a blade can capture below which a gain is probably a mistake
 WASTED = 0.5
 REACHED = 0.05  # share of a limit by which a value below it counts as held by it
-# radius of the outer stations over that of the last one, and the factor by which their Reynolds
-# number may differ from that of the polars
-OUTER, FAR_REYNOLDS = 0.6, 3.0
 EDDY = 1.25  # cutoff times diameter over flow speed above which eddies are smaller than the rotor
 # share of their size by which the bounds of the design may be exceeded; of the chord by which a
 # wall that fills its section may be thinner than half of it
@@ -153,12 +150,8 @@ def _turbine(found: Findings) -> Rows:
 
 def _stations(found: Findings) -> Rows:
     """Yield angles and Reynolds numbers of the stations; warn, or note, beyond the tables."""
-    turbine, blade = found.physics.turbine, found.plant.blade
-    ratio = np.array(found.working)[:, None] * blade.r / blade.rotor_radius
-    flow = np.array([[found.slowest], [found.fastest]]) * np.cos(blade.cone)
-    met = blade.chord * flow * np.hypot(1.0, ratio) / found.case.fluid.kinematic_viscosity
+    turbine, met, numbers = found.physics.turbine, found.stations.reynolds, found.stations.numbers
     yield from found.stations.messages("starting blade")
-    numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
     known = powers(list(numbers)) if numbers else "a Reynolds number that the file does not contain"
     if len(numbers) > 1 and turbine.reynolds_number and found.case.rotor.reynolds == "invariant":
         known += f", taken at {powers(turbine.reynolds_number)}"
@@ -173,14 +166,6 @@ def _stations(found: Findings) -> Rows:
                 f"Reynolds numbers at {places} are {powers(met[:, off])}, and the "
                 f"polars' tables run from {powers((low, high))}: outside them the nearest is used",
             )
-    elif numbers:
-        used = turbine.reynolds_number or float(np.exp(np.mean(np.log([*numbers]))))
-        outer = blade.r >= OUTER * blade.r[-1]
-        usual = float(np.exp(np.mean(np.log(met[:, outer]))))
-        if not 1.0 / FAR_REYNOLDS < usual / used < FAR_REYNOLDS:
-            text = f"the polars are those of Re {powers(used)}, and the outer stations have "
-            text += f"{powers(usual)}: drag and stall may differ"
-            yield _warning("rotor.polar", text, "note")
     yield Row("sections", ", ".join({Path(each.name).name: "" for each in turbine.sections}))
     thickness = 100.0 * np.asarray(turbine.thickness)
     yield Row("thickness", thickness, "%", "of the chord", 3)
@@ -321,9 +306,9 @@ def _start(found: Findings) -> Rows:
     """Yield the operation of the starting blade; warn if it captures little or does not turn."""
     best, mean = found.best, found.mean
     rotor, blade, most = found.physics.rotor, found.plant.blade, best.power_coefficient
-    turned = rotor.best_operation(blade.with_shape(blade.chord, -blade.twist)).power_coefficient
-    signs = {"power coefficient of the twist with the other sign": turned / max(most, 1e-9)}
-    for text in implausible({"largest power coefficient": most} | signs):
+    other = rotor.best_operation(blade.with_shape(blade.chord, -blade.twist)).power_coefficient
+    sign = {"power coefficient of the twist with the other sign": max(other / max(most, 1e-9), 0.0)}
+    for text in implausible({"largest power coefficient": most} | sign):
         yield _warning("rotor.blade", text)
     speed, torque = found.at_best(mean)
     ratio = f"at tip speed ratio {number(best.tip_speed_ratio, 3)}"

@@ -14,7 +14,7 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.scenario import Scenario
 from hkt_mdo.problem.setup import Setup
 from hkt_mdo.quantities import OVER_TIME
-from hkt_mdo.results.words import Row, measured, number
+from hkt_mdo.results.words import Row, measured, number, powers
 from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.run.checks import energy_bound
@@ -26,10 +26,13 @@ from hkt_mdo.start.result import GIVEN, given_designs
 MARGIN = 0.7, 1.3
 MOST_INSTANTS = 2**17  # at which the flow is looked at
 LIGHT = 0.02  # share of the torque below which stations outside their polars' tables are a note
+# radius of the outer stations over that of the last one, and the factor by which their Reynolds
+# number may differ from that of the polars
+OUTER, FAR_REYNOLDS = 0.6, 3.0
 
 
 class Stations:
-    """Angles of attack of a blade's stations between two tip speed ratios, `working`, by BEM.
+    """Flow at a blade's stations between two tip speed ratios, `working`, by BEM.
 
     Attributes
     ----------
@@ -45,10 +48,21 @@ class Stations:
         Where BEM has no solution.
     share : ndarray, shape (n, n_stations)
         Of the torque at each tip speed ratio, without signs.
+    reynolds : ndarray, shape (2, n_stations)
+        Reynolds numbers at both ratios, in the slowest and the fastest flow.
+    numbers, used, follows_reynolds
+        Reynolds numbers of the polars' tables, those in use, and whether they follow the flow.
     """
 
-    def __init__(self, blade: Blade, polar, working: tuple[float, float]):
-        polars = polar.stations(blade)
+    def __init__(self, physics: Physics, blade: Blade, working: tuple[float, float]):
+        polar, turbine = physics.rotor.polar, physics.turbine
+        known = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
+        self.numbers, self.used = known, turbine.reynolds_number or [*known] or np.nan
+        self.follows_reynolds, polars = polar.follows_reynolds, polar.stations(blade)
+        flow = np.quantile(physics.sampled_flow[0], ((0.0,), (1.0,))) * np.cos(blade.cone)
+        ratio = np.array(working)[:, None] * blade.r / blade.rotor_radius
+        passing = blade.chord * flow * np.hypot(1.0, ratio)
+        self.reynolds = passing / physics.case.fluid.kinematic_viscosity
         found = bem.sections(blade, polar, np.linspace(*working, 31))
         angles = found.angle_of_attack
         lowest = [max(each.alpha_min for each in tables) for tables in polars]
@@ -65,7 +79,7 @@ class Stations:
         return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
 
     def messages(self, of: str) -> Iterator[Row]:
-        """Yield notes and warnings on stations of a blade, `of`, beyond their tables."""
+        """Yield notes and warnings on stations of a blade, `of`, beyond their polars."""
         if np.any(self.unsolved):
             text = f"blade element momentum theory has no solution at {self.places(self.unsolved)}"
             text += f" of the {of}: no load counts there"
@@ -82,6 +96,12 @@ class Stations:
             text += f"{table}, in Viterna's extension, with angles of attack up to {angle:.3g} deg,"
             text += f" at tip speed ratios of {measured(self.working, '', 3)}"
             yield Row("rotor.polar", text, severity="warning" if share > LIGHT else "note")
+        outer = self.blade.r >= OUTER * self.blade.r[-1]
+        used, usual = (np.exp(np.mean(np.log(x))) for x in (self.used, self.reynolds[:, outer]))
+        if max(used / usual, usual / used) > FAR_REYNOLDS and not self.follows_reynolds:
+            text = f"the polars are those of Re {powers(used)}, and the outer stations have "
+            text += f"{powers(usual)}: drag and stall may differ"
+            yield Row("rotor.polar", text, severity="note")
 
 
 class Flow:
@@ -144,7 +164,7 @@ class Findings:
     """A case's flows, and its starting blade in them, in SI units.
 
     - `flows`: a `Flow` for each scenario; `mean` and `cutoff` are the mean speed over time
-      and the highest of their frequencies, `slowest` and `fastest` speeds in operation.
+      and the highest of their frequencies, the `fastest` speed in operation.
     - `begins`: the design with which the case begins, its own or that of `start.from`; `plant`: the
       rotor with its blade, as it would be simulated; `given`: the same, or the blade of the file,
       which splines may have left; `best`: its largest power coefficient.
@@ -168,7 +188,6 @@ class Findings:
         shares = [flow.share for flow in self.flows]
         self.mean = float(np.average([flow.mean for flow in self.flows], weights=shares))
         self.cutoff = max(flow.cutoff for flow in self.flows)
-        self.slowest = min(float(flow.range[0]) for flow in self.flows)
         fastest = max(float(flow.range[1]) for flow in self.flows)
         self.fastest = min(fastest, self.case.control.cut_out or np.inf)
 
@@ -204,7 +223,7 @@ class Findings:
         if self.running:
             ratios = np.concatenate([x["tip_speed_ratio"] for x in self.at_start.values()])
         self.working = float(ratios.min()), float(ratios.max())
-        self.stations = Stations(self.plant.blade, self.plant.polar, self.working)
+        self.stations = Stations(physics, self.plant.blade, self.working)
 
     def _settle(self):
         """Set speed and time constant of the starting blade in the mean flow."""

@@ -63,7 +63,7 @@ def summarize(finished: Checked, message: str = "", start_breaks: Sequence[str] 
     design, blade, outcome = _design(finished), result.point.blade, result.outcome
     ratios = design["tip_speed_ratio"]
     working = max(float(ratios["min"]), SLOWEST_RATIO), float(ratios["max"])
-    told = list(Stations(blade, physics.rotor.polar, working).messages("found blade"))
+    told = list(Stations(physics, blade, working).messages("found blade"))
     warned, noted = ([x.text for x in told if x.severity == kind] for kind in ("warning", "note"))
     scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
     if len(scenarios) > 1 and physics.objective.is_rate:
