@@ -230,8 +230,8 @@ Pair = Annotated[tuple[_End, _End], AfterValidator(ordered)]
 def find_file(
     value: str,
     info: ValidationInfo,
-    problem: str = "is not a file",
-    remedy: str = "give the path of a file, relative to the case's folder",
+    problem: str = "is not a file in {folder}",
+    remedy: str = "give the path of a file",
 ) -> str:
     """Return the absolute path of a file that a case names.
 
@@ -242,7 +242,7 @@ def find_file(
     info : pydantic.ValidationInfo
         Its context may have the `folder` and whether to `check_files`.
     problem, remedy : str
-        What to say where there is no such file.
+        What to say where there is no such file in the ``{folder}``.
 
     Returns
     -------
@@ -254,14 +254,14 @@ def find_file(
     pydantic_core.PydanticCustomError
         If `value` cannot be a path, or there is no such file and files are checked.
     """
-    context = info.context or {}
+    context = {"folder": ".", "check_files": True} | (info.context or {})
     try:
-        path = (Path(context.get("folder", ".")) / value).resolve()
-        found = path.is_file() or not context.get("check_files", True)
+        path = (Path(context["folder"]) / value).resolve()
+        found = path.is_file() or not context["check_files"]
     except (OSError, ValueError, RuntimeError):
         raise refusal("cannot be a path", remedy) from None
     if not found:
-        raise refusal(problem, remedy)
+        raise refusal(problem.format(folder=Path(context["folder"]).absolute()), remedy)
     return str(path)
 
 

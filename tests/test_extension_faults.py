@@ -125,17 +125,10 @@ def test_an_unknown_unit_is_reported(told, kind):
     assert said.startswith("has the unknown unit 'furlong'")
 
 
-@pytest.mark.parametrize(
-    ("what", "value", "words"),
-    [
-        ("features", "[(0.0, 1.0)]", r"returns \[\(0.0, 1.0\)\] in place of rows of 3 numbers"),
-        ("features", "[(0.0, 1.0, np.nan)]", "returns nan"),
-        ("features", "'always'", "returns 'always', which is not a number"),
-        ("highest_frequency", "[0.1, 0.2]", "shape (2,) in place of one number"),
-        ("highest_frequency", "1 / 0", "raises ZeroDivisionError"),
-        ("mean_speed", "np.inf", "returns inf"),
-    ],
-)
+PROPERTIES = yaml.safe_load((Path(__file__).parent / "data" / "faulty_properties.yaml").read_text())
+
+
+@pytest.mark.parametrize(("what", "value", "words"), PROPERTIES)
 def test_a_fault_of_a_property_of_a_flow_is_reported(what, value, words):
     namespace = {"__name__": __name__}
     exec(

@@ -101,7 +101,7 @@ def _guard(method: Callable, name: str, file: str, place: str) -> Callable:
             result = method(self, *args, **quantities)
         except InputError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             lines = [at.lineno for at in extract_tb(error.__traceback__) if at.filename == file]
             line = f" in line {lines[-1]}" if lines else ""
             remedy = _remedy(error) if any(map(np.iscomplexobj, given)) else CORRECT
@@ -188,8 +188,8 @@ def _shape(kind: Any, name: str, args: tuple, quantities: dict) -> tuple | None:
         return ()
     if name in ("features", "lower", "upper"):
         return (..., 3) if name == "features" else (...,)
-    if isinstance(kind, FeedbackLaw) and name in ("fit", "follow", "sizes", "scaled_gains"):
-        return (len(kind.gain_units),)
+    if isinstance(kind, FeedbackLaw) and name in "fit follow sizes scaled_gains moves".split():
+        return (*(2,) * (name == "moves"), len(kind.gain_units))
     if isinstance(kind, Aggregate):
         count = ... if kind.n_unknowns is None else kind.n_unknowns
         return {"value": (), "rows": (...,), "best_unknowns": (count,)}.get(name)
@@ -213,7 +213,7 @@ def _checked(result: Any, shape: tuple, given: tuple, infinite: bool) -> tuple[s
     elif found.ndim and found.shape != shape:
         wanted = f"the shape {shape}" if shape else "one number"
         return f"returns an array of the shape {found.shape} in place of {wanted}", result
-    elif found.shape != shape:
+    elif found.shape != shape or isinstance(result, list):
         result = found + np.zeros(shape)
     wrong = np.isnan(found.real) | (np.isinf(found.real) & (not infinite))
     if _FINITE.get() and np.any(wrong) and all(np.all(np.isfinite(np.real(x))) for x in given):

@@ -112,8 +112,9 @@ def _flaws_of_law(kind: Any) -> Iterator[tuple[str, str]]:
     for method in ("rates", "at_rest", "follow", "speed_at_rest") if kind.states else ():
         if getattr(kind, method) is getattr(FeedbackLaw, method):
             yield f"has states and no method {method}", f"write {method} as in docs/controllers.md"
-    if kind.slopes is not FeedbackLaw.slopes:
-        yield "has its own slopes, which follows from demand", "leave slopes out"
+    for method in ("slopes", "torque"):
+        if getattr(kind, method) is not getattr(FeedbackLaw, method):
+            yield f"has its own {method}, which follows from demand", f"leave {method} out"
     states = kind.states if isinstance(kind.states, dict) else {}
     if isinstance(kind.states, tuple | list) or states.keys() & quantities.QUANTITIES:
         yield f"has the states {show(kind.states)}", "write a dict, by names that no quantity has"

@@ -13,8 +13,8 @@ FEWEST_ROWS, MOST_ROWS = 2, 100_000
 EDGE = 1e-9
 """A row this close to the hub or the tip, over the tip radius, lies on it."""
 
-THICK_ROUNDED = 1e-6
-"""How far a thickness over chord may be rounded above 1."""
+THINNEST, THICK_ROUNDED = 0.01, 1e-6
+"""Least thickness over chord, and how far it may be rounded above 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class BladeTable:
             last = float(self.r[-1])
             if last > tip_radius * (1.0 + EDGE):
                 problem = f"reaches beyond the rotor's tip radius of {tip_radius:g} m"
-                remedy = "enlarge rotor.radius, cut the rows, or give r_over_R and chord_over_R"
+                remedy = "check the unit of the radii, enlarge rotor.radius, or cut the rows"
                 raise InputError(problem, remedy, file=self.file, key="outermost row", value=last)
             return replace(self, tip_radius=tip_radius)
         if own == tip_radius and not self.relative:
@@ -208,6 +208,6 @@ def check_rows(
     beyond = np.abs(twist.values) > np.pi * (1.0 + EDGE)
     twist.refuse(beyond, "is beyond 180 degrees", twist_remedy)
     if thickness is not None:
-        wrong = (thickness.values <= 0.0) | (thickness.values > 1.0 + THICK_ROUNDED)
-        problem = "is no thickness over chord, which lies within 0 and 1 (0 and 100 %)"
+        wrong = (thickness.values < THINNEST) | (thickness.values > 1.0 + THICK_ROUNDED)
+        problem = "is no thickness over chord, which lies within 0.01 and 1 (1 and 100 %)"
         thickness.refuse(wrong, problem, "correct it; in a CSV, thickness_percent is in per cent")

@@ -220,16 +220,14 @@ class Design:
         Returns
         -------
         Simulation
-            The run over the time span of the design's case; for the design of a year, over the
-            flow's.
+            The run over the time span of `phase_in`.
         """
         phase = phase_in(self.physics.case, inflow)
         self.refuse_standstill(inflow)
-        speed = initial_speed or self.initial_speed(inflow)
         time = Scenario(inflow, phase).resolved().dense
         step = phase.duration / phase.segments / refined
-        about = self.start(inflow, speed), time, step, tolerance
-        return simulate(self.plant, inflow, self.controller, *about)
+        start = self.start(inflow, initial_speed or self.initial_speed(inflow))
+        return simulate(self.plant, inflow, self.controller, start, time, step, tolerance)
 
     def start(self, inflow, speed, time=0.0):
         """Return the values with which a simulation begins, the law's states in equilibrium.
@@ -256,7 +254,10 @@ class Design:
 
 
 def phase_in(case: Case, inflow: Inflow) -> Phase:
-    """Return the time span of a simulation in a flow: that of the design; for a year, the flow's.
+    """Return the time span of a simulation of a design in a flow.
+
+    That is the flow's own where it has one, such as a record, and is not the design's; for the
+    design of a year always the flow's. An open loop replays the time span of the design.
 
     Parameters
     ----------
@@ -270,7 +271,8 @@ def phase_in(case: Case, inflow: Inflow) -> Phase:
     Phase
         With numbers for duration and segments.
     """
-    if case.inflow.steady and not inflow.steady:
+    own = inflow.length and inflow != case.inflow and case.control.law != "open_loop"
+    if not inflow.steady and (own or case.inflow.steady):
         phase = case.phase.model_copy(update={"duration": None, "segments": None})
         case = case.model_copy(update={"inflow": inflow, "phase": phase})
     return complete(case).phase

@@ -295,7 +295,7 @@ class Run:
 
     @property
     def outcome(self) -> str:
-        """The energies and the rotor's speeds as text, or when the rotor stops.
+        """Energies, time span and the rotor's speeds as text, or when the rotor stops.
 
         Returns
         -------
@@ -310,7 +310,7 @@ class Run:
         if (off := generator.beyond_table(run.control_torque, run.rotor_speed)) > BETWEEN:
             texts[2] += f" (extrapolated, up to {100.0 * off:.2g} % beyond generator.table)"
         energies = joined(*texts[: 2 if generator.lossless else 3])
-        return f"{energies}; rotor at {measured(self.simulation.rotor_speed, 'rad/s', 4)}"
+        return f"{energies} in {run.time[-1]:g} s; rotor at {measured(run.rotor_speed, 'rad/s', 4)}"
 
     @property
     def verdicts(self) -> str:

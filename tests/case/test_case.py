@@ -125,7 +125,12 @@ def test_a_blade_under_limits_has_stations_that_resolve_it(limits):
     ("text", "key", "name", "told"),
     [
         ("inflow: sine\nrotor: {blade: own/f.csv}", "rotor", "blade", "a shipped blade nor a file"),
-        ("inflow: {profile: record, file: own/f.csv}", "inflow", "file", "is not a file; give the"),
+        (
+            "inflow: {profile: record, file: own/f.csv}",
+            "inflow",
+            "file",
+            "is not a file in .*; give the path",
+        ),
     ],
 )
 def test_paths_count_from_the_folder_of_the_case(text, key, name, told, put):

@@ -64,7 +64,7 @@ TURNS = "{profile: tide, mean: 0.5, constituents: [{period: 40, amplitude: 1}]}"
         (["--flow", "{profile: sine, mean: -1}"], "inflow.mean = -1: must be greater than 0 m/s"),
         (["--flow", "{profile: [}"], "cannot be read as YAML"),
         (["--noise-snr", "20", "--noise-reference", "mean"], "--noise-reference"),
-        (["--flow", "{profile: record, file: RECORD}"], "60 s is longer than the record"),
+        (["--flow", "{profile: record, file: RECORD, duration: 60}"], "takes 191 samples"),
         (["--flow", TURNS], "reverses"),
         (["--noise-snr", "nan"], "--noise-snr"),
         (["--noise-snr", "20", "--filter-cutoff", "41"], "--filter-cutoff"),

@@ -46,8 +46,8 @@ class TwoTerms(FeedbackLaw):
         return gains[0] * speed**2 + gains[1] * speed**3
 
 
-def test_every_gain_begins_with_the_sign_that_it_has_alone():
-    """Least squares would make one negative, and an optimization changes no sign."""
+def test_every_gain_begins_with_the_sign_that_it_has_alone_and_may_change_it():
+    """Least squares would make one negative; the optimization decides."""
     law, exact = TwoTerms(), np.array([3.0, 0.5])
     assert law.fit(SPEED, law.torque(SPEED, exact)) == pytest.approx(exact, rel=1e-6)
     flat = np.full(SPEED.shape, 400.0)
@@ -55,6 +55,8 @@ def test_every_gain_begins_with_the_sign_that_it_has_alone():
     assert np.linalg.lstsq(terms.T, flat, rcond=None)[0].min() < 0.0
     alone = terms @ flat / np.sum(terms**2, axis=1)
     assert np.all(law.fit(SPEED, flat) >= 0.01 * alone)
+    np.testing.assert_array_equal(law.moves(exact, 5.0), [-5.0 * exact, 5.0 * exact])
+    assert np.all(QuadraticFeedback().moves(exact[:1], 5.0) > 0.0)
 
 
 def test_a_term_that_is_zero_at_all_speeds_has_no_gain():

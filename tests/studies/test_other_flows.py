@@ -297,6 +297,11 @@ def test_what_is_no_list_of_seeds_is_refused(folder, capsys, seeds):
     assert f"--flow-seeds = {seeds!r}: is no list of seeds" in capsys.readouterr().err
 
 
+def test_a_flow_that_has_a_length_is_simulated_over_it(folder, capsys):
+    assert main(["simulate", str(folder), "--flow", TURBULENCE[:-1] + ", duration: 75}"]) == 0
+    assert "kJ generated in 75 s; rotor at" in " ".join(capsys.readouterr().out.split())
+
+
 def test_a_flow_without_a_seed_has_no_seeds(folder, quadratic, capsys):
     assert main(["simulate", str(folder), "--flow-seeds", "1..3"]) == 2
     assert "--flow-seeds: the flow sine has no seed" in capsys.readouterr().err
