@@ -197,7 +197,7 @@ def _words(error: ErrorDetails, root: type[Section]) -> tuple[str, str, str, dic
             choices = re.split(", | or ", context["expected"].replace("'", ""))
             problem, remedy = "unknown", _suggest(given, choices)
     if problem.startswith("unknown") and (kinds or "limits" in key.split(".")[-2:-1]):
-        remedy += "; one of your own needs --extend FILE"
+        remedy += "; one of your own needs --extend FILE, in Python extensions=[FILE]"
     return key, problem, remedy, found
 
 

@@ -64,12 +64,11 @@ class Stations:
         passing = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = passing / physics.case.fluid.kinematic_viscosity
         found = bem.sections(blade, polar, np.linspace(*working, 31))
-        angles = found.angle_of_attack
         lowest = [max(each.alpha_min for each in tables) for tables in polars]
         highest = [min(each.alpha_max for each in tables) for tables in polars]
         torque = np.abs(bem.torque_weights(blade) * found.tangential_load)
         self.blade, self.working, self.polars = blade, working, polars
-        self.met = np.stack((angles.min(axis=0), angles.max(axis=0)))
+        self.met = np.quantile(found.angle_of_attack, (0.0, 1.0), axis=0)
         self.table = np.array((lowest, highest))
         self.unsolved = np.any(found.branch < 0, axis=0)
         self.share = torque / torque.sum(axis=1, keepdims=True)
@@ -79,7 +78,10 @@ class Stations:
         return f"r/R = {measured(self.blade.r[chosen] / self.blade.tip_radius, '', 4)}"
 
     def messages(self, of: str) -> Iterator[Row]:
-        """Yield notes and warnings on stations of a blade, `of`, beyond their polars."""
+        """Yield notes and warnings on stations of a blade, `of`: dense, or beyond polars."""
+        if np.any(dense := self.blade.blade_count * self.blade.chord > 2.0 * np.pi * self.blade.r):
+            text = f"the chords of all blades exceed the circumference at {self.places(dense)}"
+            yield Row("rotor.blade", f"{text} of the {of}", severity="warning")
         if np.any(self.unsolved):
             text = f"blade element momentum theory has no solution at {self.places(self.unsolved)}"
             text += f" of the {of}: no load counts there"
