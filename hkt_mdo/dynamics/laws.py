@@ -86,9 +86,8 @@ class Law(Section):
 
     def held(self, gains):
         """Yield a warning of each gain that begins at zero, which no optimization changes."""
-        if self.starting_gains() is None:
-            for i in np.flatnonzero(gains == 0.0):
-                yield f"gain_{i} of the law {self.law} begins at 0 and is not designed: write fit"
+        for i in np.flatnonzero(gains == 0.0) if self.starting_gains() is None else ():
+            yield f"gain_{i} of the law {self.law} begins at 0 and is not designed: write a fit"
 
     def sizes(self, gains):
         """Return the typical change of each gain, positive, (n_gains,)."""
