@@ -123,9 +123,6 @@ def _settings(optimizer: str, tolerance: float, max_iterations: int) -> Settings
     return {
         "hessian_approximation": "limited-memory",
         "limited_memory_max_history": 60,
-        # A step of negative curvature does not change the approximated Hessian. After two of them
-        # IPOPT would forget it and creep by steepest descent (no convergence in 1300 iterations).
-        "limited_memory_max_skipping": max_iterations,
         # The start is feasible and near the optimum: stay near it, and near the constraints.
         "mu_init": 1e-3,
         "theta_max_fact": 1.0,
