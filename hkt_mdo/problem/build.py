@@ -129,10 +129,7 @@ def make_driver(physics: Physics, progress=None, most=None, refined=False) -> Re
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
     refined = refined and not law.is_feedback
-    # A step of negative curvature does not change the approximated Hessian. After two of them IPOPT
-    # would forget it and creep by steepest descent. In the search for a start turbine 18 of `make
-    # verify PART=turbines` with `quadratic` would end 0.3 % lower.
-    ipopt = drivers.near_start(BARRIER / segments) | {"limited_memory_max_skipping": 10**6}
+    ipopt = drivers.near_start(BARRIER / segments)
     if refined:
         ipopt["sigma_max"] = LARGEST_BARRIER
     if segments > MANY_SEGMENTS:
