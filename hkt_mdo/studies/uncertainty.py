@@ -279,7 +279,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
         if error.file:
             raise
         problem = error.problem if error.value is None else f"{error.value:.6g} s {error.problem}"
-        raise InputError(problem, "give one that never turns", key="--flow", value=text) from None
+        raise InputError(problem, "give another flow", key="--flow", value=text) from None
     return inflow
 
 
