@@ -32,6 +32,7 @@ sys.path.insert(0, str(ROOT / "scripts"))
 SKIPPED = "turbines/", "river25/open_loop"  # parts of the names of cases that take too long
 SAME = 1e-5  # relative difference of objectives that counts as none
 ALIKE = 0.1  # relative difference of iterations that counts as none
+MANY = 30  # iterations, from which the approximated Hessian may be forgotten
 OPTIMA = find.Search.optima
 
 
@@ -65,9 +66,9 @@ def open_loop(result):
     return result.case.control.law == "open_loop"
 
 
-def follow_ups(without):
-    """Return a patch by which something never follows an optimization."""
-    return passes, "FOLLOW_UPS", tuple(x for x in passes.FOLLOW_UPS if x is not without)
+def branched(result, laws):
+    """Tell whether a run had branches, under one of some laws."""
+    return bool(result.summary.branches) and result.case.control.law in laws
 
 
 def blades(without):
@@ -80,10 +81,6 @@ def blades(without):
 
 
 PARTS = {  # in which runs a part has a share, and what switches it off
-    "begin again from the last iterate": (
-        partial(went_on, "begin again"),
-        [follow_ups(passes.begin_again)],
-    ),
     "a finer torque curve": (
         partial(went_on, "torque curve"),
         [(passes, "curve_errors", lambda result: ((), ()))],
@@ -116,9 +113,22 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         partial(began, find.CONSTANT),
         [(find.Search, "_at_constant_torque", lambda self: ())],
     ),
+    "search with a loss of 8 % of the speed": (
+        partial(branched, laws=("linear", "quadratic", "rated", "curve")),
+        [(find, "FARTHER", find.SLOWED)],
+    ),
+    "search with a loss of 2 % of the speed": (
+        partial(branched, laws=("linear", "quadratic")),
+        [(find, "SLOWED", find.FARTHER)],
+    ),
+    "search that goes on at a gap": (open_loop, [(steady, "TIE", math.inf)]),
     "a first rotor with inertia": (
         open_loop,
         [(passes, "in_motion", lambda physics, point: point)],
+    ),
+    "a Hessian that is kept": (
+        lambda result: max(each.iterations for each in result.summary.passes) > MANY,
+        [(problems, "MOST_SKIPPED", 2)],
     ),
     "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),
     "the end at a small gap": (open_loop, [(stationary, "NO_GAP", 0.0)]),
@@ -200,8 +210,7 @@ is switched off, one at a time, in the reference cases in which it has a share (
 all parts). Changes below 10⁻⁵ of the objective and a tenth of the iterations count as none. Where \
 parts replace each other, one at a time shows too little. Left out are `river25` with open loop, \
 whose better branch has a torque that jumps, `river25_record`, which needs the barrier (127 \
-iterations for 89), and the random turbines, of which 14 with `quadratic` and 24 with `rated` \
-begin again.
+iterations for 89), and the random turbines.
 """
 
 

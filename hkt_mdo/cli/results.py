@@ -212,12 +212,14 @@ def simulate(
     Blade and controller of a finished result are held and simulated with direct BEM. Open loop
     replays its recorded torque, with a feedback that holds the speed where the rotor is unstable
     under that torque; with --noise-snr feedback reads a noisy, filtered speed sensor, in many
-    repeated runs. The rotor begins at the design's first tip speed ratio; that of a year, in the
-    equilibrium of its law. If it stops or stalls, that is reported; if it stops, its energy is not
-    counted. The command prints the largest value, without noise, of each limit over time and of the
-    loads that have no limit; with several scenarios and seeds, the largest of all. --json and --csv
-    print those of each simulation, as --out writes them. With --inflow-dynamics oye the wake needs
-    time to change: the command prints what that changes, and whether the rotor runs away.
+    repeated runs. In a resource, such as {profile: distribution, scale: 1.4, shape: 2}, the command
+    prints the energy of a year in the equilibria of a feedback design. The rotor begins at the
+    design's first tip speed ratio; that of a year, in the equilibrium of its law. If it stops or
+    stalls, that is reported; if it stops, its energy is not counted. The command prints the largest
+    value, without noise, of each limit over time and of the loads that have no limit; with several
+    scenarios and seeds, the largest of all. --json and --csv print those of each simulation, as
+    --out writes them. With --inflow-dynamics oye the wake needs time to change: the command prints
+    what that changes, and whether the rotor runs away.
 
     Parameters
     ----------

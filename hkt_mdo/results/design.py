@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hkt_mdo.case import Case, Phase
+from hkt_mdo.case import Case
 from hkt_mdo.dynamics.equilibrium import equilibria
 from hkt_mdo.dynamics.estimate import FlowEstimate
 from hkt_mdo.dynamics.flows import Inflow
@@ -185,15 +185,15 @@ class Design:
             this one has no course over time. The cut-out of a year's design is one of mean speeds,
             through whose gusts the machine operates.
         """
-        if inflow.steady:
-            problem = "is a resource, which has no flow over time in which to simulate"
+        case = self.physics.case
+        if inflow.steady and self.law.is_feedback:
+            problem = "is a resource, which has no flow over time"
             remedy = "give another flow, such as --flow '{profile: sine}'"
             raise InputError(problem, remedy, key="inflow")
-        case = self.physics.case
-        if case.inflow.steady and not self.law.is_feedback:
-            problem = "has a torque for each speed of a year's flow, and none over time"
+        if inflow.steady or (case.inflow.steady and not self.law.is_feedback):
+            problem = "has no torque for other flows than those of the design"
             raise InputError(problem, "give a design under a feedback law", key="control.law")
-        cut_out, duration = case.control.cut_out, phase_in(case, inflow).duration
+        cut_out, duration = case.control.cut_out, in_flow(case, inflow).phase.duration
         if cut_out is None or case.inflow.steady:
             return
         flows = [inflow] if self.law.is_feedback else [inflow, self.physics.inflow]
@@ -220,10 +220,10 @@ class Design:
         Returns
         -------
         Simulation
-            The run over the time span of `phase_in`.
+            The run over the time span of `in_flow`.
         """
-        phase = phase_in(self.physics.case, inflow)
         self.refuse_standstill(inflow)
+        phase = in_flow(self.physics.case, inflow).phase
         time = Scenario(inflow, phase).resolved().dense
         step = phase.duration / phase.segments / refined
         start = self.start(inflow, initial_speed or self.initial_speed(inflow))
@@ -253,11 +253,12 @@ class Design:
         return np.append(speed, states[:, 0])
 
 
-def phase_in(case: Case, inflow: Inflow) -> Phase:
-    """Return the time span of a simulation of a design in a flow.
+def in_flow(case: Case, inflow: Inflow) -> Case:
+    """Return the case of a design in another flow.
 
-    That is the flow's own where it has one, such as a record, and is not the design's; for the
-    design of a year always the flow's. An open loop replays the time span of the design.
+    Its time span is the flow's own where it has one, such as a record, and is not the design's; for
+    a resource, and for the design of a year, always the flow's. An open loop replays the time span
+    of the design.
 
     Parameters
     ----------
@@ -268,11 +269,11 @@ def phase_in(case: Case, inflow: Inflow) -> Phase:
 
     Returns
     -------
-    Phase
+    Case
         With numbers for duration and segments.
     """
-    own = inflow.length and inflow != case.inflow and case.control.law != "open_loop"
-    if not inflow.steady and (own or case.inflow.steady):
+    other = inflow.length and inflow.model_dump() != case.inflow.model_dump()
+    if case.inflow.steady or (other and case.control.law != "open_loop"):
         phase = case.phase.model_copy(update={"duration": None, "segments": None})
         case = case.model_copy(update={"inflow": inflow, "phase": phase})
-    return complete(case).phase
+    return complete(case)

@@ -4,6 +4,8 @@ import numpy as np
 
 from hkt_mdo.dynamics.laws import FeedbackLaw
 from hkt_mdo.results.solution import Solution
+from hkt_mdo.rotor.scales import power_scale, torque_scale
+from hkt_mdo.rotor.torque_curve import last_fall
 
 RATED = 0.995  # of the limit of the power: laws come to it smoothly
 FLOWS, BINS, FEWEST = 200, 30, 8
@@ -76,29 +78,27 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
     if not isinstance(law, FeedbackLaw) or law.states or not known:
         return {}
     ratio, most = curve["tip_speed_ratio"], law.cut_out or np.max(table["inflow_speed_m_s"])
-    flow = most * np.linspace(1.0 / FLOWS, 1.0, FLOWS)[:, None]
-    pressure = 0.5 * case.fluid.density * np.pi * radius**2 * flow**2
-    speed = ratio * flow / radius
-    torque = pressure * radius * curve["power_coefficient"] / ratio - case.generator.friction(speed)
-    surplus = torque - law.torque(speed, np.atleast_1d(gain))
-    crosses = (surplus[:, :-1] >= 0.0) & (surplus[:, 1:] < 0.0)
-    runs = np.any(crosses, axis=1)
-    at = ratio.size - 2 - np.argmax(crosses[:, ::-1], axis=1)
-    row = np.arange(FLOWS)
-    before, after = surplus[row, at], surplus[row, at + 1]
-    share = before / np.where(runs, before - after, 1.0)
+    flow, gains = most * np.linspace(1.0 / FLOWS, 1.0, FLOWS), np.atleast_1d(gain)
+    water = case.fluid.density, radius
 
-    def between(values: np.ndarray) -> np.ndarray:
-        return (values[row, at] * (1.0 - share) + values[row, at + 1] * share)[runs]
+    def surplus(place, flow):
+        speed = place * flow / radius
+        torque = torque_scale(*water, flow) * np.interp(place, ratio, curve["power_coefficient"])
+        return torque / place - case.generator.friction(speed) - law.torque(speed, gains)
 
+    at, runs = last_fall(surplus, ratio, surplus(ratio, flow[:, None]) >= 0.0, flow)
+    flow, at = flow[runs], at[runs]
+    speed = at * flow / radius
+    torque = law.torque(speed, gains)
     found = {
-        "inflow_speed_m_s": flow[runs, 0],
-        "rotor_speed_rad_s": between(speed),
-        "control_torque_Nm": between(torque),
-        "generator_power_W": between(speed) * between(torque),
+        "inflow_speed_m_s": flow,
+        "rotor_speed_rad_s": speed,
+        "control_torque_Nm": torque,
+        "generator_power_W": speed * torque,
     }
     if "thrust_coefficient" in curve:
-        found["thrust_N"] = between(pressure * curve["thrust_coefficient"])
+        thrust = np.interp(at, ratio, curve["thrust_coefficient"])
+        found["thrust_N"] = power_scale(*water, flow) / flow * thrust
     return found
 
 

@@ -323,7 +323,6 @@ class YearEntry(_Entry):
     operation_h: _Number = None
     standstill_h: _Number = None
     rated_h: _Number = None
-    mean_cube_m3_s3: _Number = None
     limits_h: dict[str, _Number] = {}
 
     def rows(self) -> Iterator[Row]:
@@ -455,8 +454,6 @@ class Summary(Achieved):
     certified_gap: _Number = None
     """Relative difference between the simulated energy and an upper bound that includes the torque
     limit and the control law (docs/checks.md). It does not include a limit of the power."""
-    bound_power_coefficient: _Number = None
-    bound_tip_speed_ratio: _Number = None
     energy_balance_error: _Number = None
     objective: ObjectiveEntry | None = None
 
@@ -501,7 +498,6 @@ class Summary(Achieved):
     start_twist_deg: _Column = None
 
     surrogate_error: _Number = None
-    surrogate_nodes: int | None = None
     bins_error: _Number = None
     """Relative error of the captured energy by the bins of steady scenarios."""
     max_speed_error: _Number = None

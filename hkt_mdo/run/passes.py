@@ -28,8 +28,6 @@ from hkt_mdo.run.verification import Optimized, Verification, verify
 
 MAX_PASSES = 24
 """Optimizations from one start; runs that end well need at most ten."""
-FIRST_ITERATIONS = 300
-"""Iterations after which an optimization begins again from its last iterate."""
 SETTLED = 0.05
 """Share of the rotor's inertia by which the lower bound of a designed hub may be too high."""
 NOT_RUNNING = (
@@ -170,19 +168,6 @@ class Pass:
         return Checked(start, result, self.verifications)
 
 
-def begin_again(this: Pass) -> Task | None:
-    """Begin again from the last iterate of an optimization that did not converge.
-
-    The approximation of the Hessian begins anew, at a torque curve of the iterate's blade, and all
-    iterations that the case allows may be made. What fails then as well has failed.
-    """
-    last, again = this.state.last, this.task.name == "begin again"
-    if this.converged or last is None or again:
-        return None
-    why = f"the optimizer did not converge in {this.result.outcome.iterations} iterations"
-    return this.next(why, start=last, nodes=curve_nodes(this.physics, last))
-
-
 def heavier_hub(this: Pass) -> Task | None:
     """Bound a designed hub from below by the inertia from which the loop with memory is stable.
 
@@ -249,7 +234,7 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
     return nodes if np.max(curve_errors(finer)[1]) < 0.9 * error else None
 
 
-FOLLOW_UPS = begin_again, heavier_hub, refine
+FOLLOW_UPS = heavier_hub, refine
 
 
 def next_task(this: Pass) -> Task | None:
@@ -280,11 +265,9 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
     setup = Setup(in_motion(physics, start), curve_nodes(physics, start), least_hub=hub)
     task = Task(start, physics, setup)
     while True:
-        if task.passes == 0 or task.physics is not state.physics:
-            state.go_on_from(task.physics, task.setup.start, start)
+        state.go_on_from(task.physics, task.setup.start, start)
         began = time.perf_counter()
-        most = None if task.name == "begin again" else FIRST_ITERATIONS
-        driver = make_driver(task.physics, state, most, refined=task.name == "refine")
+        driver = make_driver(task.physics, state, refined=task.name == "refine")
         this = Pass(state, task, solve(state, task.physics, task.setup, driver))
         following = next_task(this)
         if following is None and this.approximate:

@@ -62,8 +62,6 @@ class RunState:
         On the mesh at work.
     point : callable
         Reads the problem at work, as a `StartingPoint`; set before an optimization begins.
-    last : StartingPoint or None
-        The last recorded iterate.
     best : tuple of Physics and StartingPoint, or None
         The best feasible iterate and the physics with its mesh.
     start : StartingPoint
@@ -84,7 +82,6 @@ class RunState:
     on_pass: Callable[[PassEntry], None] | None = None
     on_start: Callable[[StartRecord], None] | None = None
     point: Callable[[], StartingPoint] = field(init=False)
-    last: StartingPoint | None = None
     best: tuple[Physics, StartingPoint] | None = None
     passes: list[PassEntry] = field(default_factory=list)
     terminated: bool = False
@@ -103,10 +100,8 @@ class RunState:
             raise KeyboardInterrupt
         self.history.append((len(self.history), objective, infeasibility))
         if infeasibility <= RESUMABLE:
-            if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0:
-                self.last = self.point()
-                if infeasibility <= FEASIBLE:
-                    self.keep(self.last, objective)
+            if len(self.history) % EVALUATIONS_BETWEEN_POINTS == 0 and infeasibility <= FEASIBLE:
+                self.keep(self.point(), objective)
             if time.monotonic() - self._saved >= SECONDS_BETWEEN_SAVES:
                 self._save(self.point())
                 self.write_history()
@@ -136,7 +131,7 @@ class RunState:
         start
             The start that has led to it.
         """
-        self.physics, self.last, self.start = physics, point, start
+        self.physics, self.start = physics, start
         self._save(point)
 
     def _save(self, point) -> None:

@@ -89,7 +89,6 @@ def summarize(finished: Checked, message: str = "", start_breaks: Sequence[str] 
         "start_breaks": list(start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
-        "surrogate_nodes": int(result.curve.size),
         "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
         "notes": [*physics.messages, *start.messages, *noted, *_notes(finished)],
@@ -134,8 +133,6 @@ def _energies(finished):
             "bound": None if open_ended else physics.objective_bound(bound),
             "measure": physics.case.robustness.measure if len(finished.scenarios) > 1 else None,
         },
-        "bound_power_coefficient": finished.optimum.power_coefficient,
-        "bound_tip_speed_ratio": finished.optimum.tip_speed_ratio,
         "starting_energy_J": finished.start.operation.energy,
         "energy_balance_error": abs(energy - used) / max(energy, 1e-9),
     }

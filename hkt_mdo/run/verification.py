@@ -271,8 +271,13 @@ class SteadyVerification(Verification):
         return limit.excess(self.simulated), self.scenario.node_times
 
 
-def _balanced(plant: Plant, scenario, law, gains, nodes):
-    """Return the equilibria in a steady scenario by direct BEM, and the controller."""
+def in_equilibrium(physics: Physics, scenario, plant: Plant, gains, nodes) -> SteadyVerification:
+    """Return the equilibria in a steady scenario by direct BEM.
+
+    The wake of the plant is in equilibrium, as the rotor is. `nodes` has the trajectory of the
+    optimization, empty for another flow under feedback.
+    """
+    plant, law = replace(plant, wake=None), physics.law_in(scenario)
     flow, time = scenario.speeds, scenario.node_times
     none = np.empty((flow.size, 0))
     if law.is_feedback:
@@ -287,7 +292,9 @@ def _balanced(plant: Plant, scenario, law, gains, nodes):
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
     found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
-    return Simulation(*found, lambda _: speed, rest, none), controller
+    run = Simulation(*found, lambda _: speed, rest, none)
+    known = run, controller, scenario, {"control_torque": control} | nodes
+    return SteadyVerification(physics, physics.rotor_in(scenario), plant, *known)
 
 
 def verify(
@@ -305,12 +312,11 @@ def verify(
         rotor, mesh = physics.rotor_in(scenario), scenario.mesh
         plant = plant_of(physics, scenario, result.point.blade)
         plant = plant.tabulated(TABULATED) if tabulated else plant
-        options = {"scenario": scenario, "trajectory": nodes}
         if scenario.steady:
-            plant = replace(plant, wake=None)  # in equilibrium, as the rotor is
-            run = _balanced(plant, scenario, physics.law_in(scenario), result.point.gains, nodes)
-            verifications.append(SteadyVerification(physics, rotor, plant, *run, **options))
+            known = physics, scenario, plant, result.point.gains, nodes
+            verifications.append(in_equilibrium(*known))
             continue
+        options = {"scenario": scenario, "trajectory": nodes}
         controller = controller_of(physics, scenario, plant, result.point.gains, nodes)
         start = [nodes[name][0] for name in ("rotor_speed", *physics.law.states)]
         about = scenario, controller, start, mesh.duration / mesh.segments

@@ -93,7 +93,6 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
         operation_h=hours,
         standstill_h=max(YEAR / HOUR - hours, 0.0),
         rated_h=round(at_rated * scale / HOUR, 6),
-        mean_cube_m3_s3=scenario.resource.mean_cube,
         limits_h={name: hours * each["share_of_time"] for name, each in limits.items()},
     )
 

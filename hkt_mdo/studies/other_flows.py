@@ -16,13 +16,15 @@ from hkt_mdo.dynamics.objectives import INTEGRALS
 from hkt_mdo.dynamics.simulation import Simulation
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.table import csv_text, write_new
-from hkt_mdo.results.design import Design
+from hkt_mdo.problem.physics import physics
+from hkt_mdo.results.design import Design, in_flow
 from hkt_mdo.results.folder import to_json
 from hkt_mdo.results.solution import Solution
 from hkt_mdo.results.summary import LoadEntry, unasked
 from hkt_mdo.results.words import Row, joined, limit_words, measured
+from hkt_mdo.run import year
 from hkt_mdo.run.loads import of_limit, placed
-from hkt_mdo.run.verification import SimulatedDesign
+from hkt_mdo.run.verification import SimulatedDesign, in_equilibrium, plant_of
 from hkt_mdo.studies.start_stop import StartStop, start_and_stop
 from hkt_mdo.studies.uncertainty import Sensor, flow_given, noisy_runs
 
@@ -117,6 +119,35 @@ class Run:
         return (self.began.operation if self.start else None) or self.design.simulate(self.inflow)
 
     @cached_property
+    def parts(self) -> tuple[SimulatedDesign, ...]:
+        """The simulation with its loads; of a resource its equilibria, in each direction of it.
+
+        Returns
+        -------
+        tuple of SimulatedDesign
+            By direct BEM.
+
+        Raises
+        ------
+        InputError
+            If there is no equilibrium in a flow of a resource.
+        """
+        design = self.design
+        if not (self.inflow.steady and design.law.is_feedback):
+            about = design.physics.rotor, design.plant, self.simulation, design.controller
+            return (SimulatedDesign(design.physics, *about),)
+        world = replace(physics(in_flow(design.physics.case, self.inflow)), law=design.law)
+        found = []
+        for scenario in world.scenarios:
+            plant = plant_of(world, scenario, design.blade)
+            found.append(in_equilibrium(world, scenario, plant, design.gains, {}))
+            if (stopped := found[-1].simulation.stopped_at) is not None:
+                problem = f"has no equilibrium of the rotor in {scenario.when(stopped)}"
+                remedy = "give a larger cut_in, or a lower control.cut_out in the design"
+                raise InputError(problem, remedy, key="--flow", value=self.inflow.profile)
+        return tuple(found)
+
+    @cached_property
     def began(self) -> StartStop:
         """The start from standstill, the operation and the shut-down.
 
@@ -143,7 +174,7 @@ class Run:
         if self.start:
             lines = [*self.began.lines()]
         else:
-            lines = self.memory or [f"without noise: {self.outcome}"]
+            lines = self.in_year or self.memory or [f"without noise: {self.outcome}"]
             lines[0] += f"; limits: {self.verdicts}" if several else ""
             lines += self._with_noise(*self.noise) if self.noise else []
         return [joined(self.name, lines[0]), *lines[1:]]
@@ -209,18 +240,20 @@ class Run:
             limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
             or runs away is an entry with the instant as its value.
         """
-        physics, plant = self.design.physics, self.design.plant
-        about = physics.rotor, plant, self.simulation, self.design.controller
-        known = SimulatedDesign(physics, *about).simulated
-        found = {
-            limit.name: _extreme(limit, known)
-            for limit in physics.scenarios[0].limits
-            if not limit.bounded and np.isfinite(limit.end_of(limit.reported(known)))
-        }
-        for name, load in placed(plant.blade, [(physics.rotor, known)]).items():
+        physics, found = self.design.physics, {}
+        several = [(part.rotor, part.simulated) for part in self.parts]
+        for _, known in several:
+            for limit in self.parts[0].physics.scenarios[0].limits:
+                if not limit.bounded and np.isfinite(limit.end_of(limit.reported(known))):
+                    own = _extreme(limit, known)
+                    both = own, found.get(limit.name, own)
+                    found[limit.name] = max(both, key=lambda x: x.share or 0.0)
+        for name, load in placed(self.design.blade, several).items():
             remark = unasked(name, load, physics.case) or "not limited"
             own = found.get(name, Extreme(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
+        if self.inflow.steady:
+            return found
         if (stopped := self.simulation.stopped_at) is not None:
             remark = "generates no more: the simulation ends there"
             found["rotor stops"] = Extreme(value=stopped, unit="s", kept=False, remark=remark)
@@ -261,25 +294,31 @@ class Run:
         return float(time[np.argmax(fast)]) if np.any(fast) else None
 
     @property
+    def in_year(self) -> list[str]:
+        """The results of a resource in a year, as lines of text; none of another flow.
+
+        Returns
+        -------
+        list of str
+            Energy, capacity factor and hours of operation.
+        """
+        return [*map(str, year.entry(self.parts, {}).rows())] if self.inflow.steady else []
+
+    @property
     def memory(self) -> list[str]:
         """What the wake's memory changes, as lines of text; none without.
 
         Returns
         -------
         list of str
-            Energy and speeds with and without memory, and whether the rotor runs away.
+            Energy and speeds with and without memory.
         """
         if self.without is None:
             return []
         tau1 = self.design.plant.wake.tau1
         how = "tau1 by the induction" if tau1 is None else f"tau1 = {tau1:g} s"
         both = {f"with dynamic inflow ({how})": self, "without memory": self.without}
-        lines = [f"{word}: {each.outcome}" for word, each in both.items()]
-        if self.runs_away is not None:
-            fastest, usual = (np.max(x.simulation.rotor_speed) for x in both.values())
-            text = f"the rotor RUNS AWAY, first at t = {self.runs_away:.2f} s: it comes to "
-            lines.append(f"{text}{fastest:.4g} rad/s, without memory to {usual:.4g} rad/s")
-        return lines
+        return [f"{word}: {each.outcome}" for word, each in both.items()]
 
     @property
     def energies(self) -> dict[str, float | None]:
@@ -290,8 +329,9 @@ class Run:
         dict of float or None
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
-        run = self.simulation
-        return {x: None if run.stopped_at else getattr(run, x) for x in INTEGRALS}
+        runs = [part.simulation for part in self.parts]
+        stops = runs[0].stopped_at
+        return {x: None if stops else sum(getattr(run, x) for run in runs) for x in INTEGRALS}
 
     @property
     def outcome(self) -> str:

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO, Simulation, simulate
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.design import Design, phase_in
+from hkt_mdo.results.design import Design, in_flow
 from hkt_mdo.results.words import measured
 
 SAMPLES = 4001
@@ -99,7 +99,7 @@ def start_and_stop(design: Design, inflow: Inflow, stop: float | None = None) ->
         For an open loop, whose start-up cannot be simulated, for a stop beyond the run,
         and for one without a torque limit.
     """
-    plant, phase = design.plant, phase_in(design.physics.case, inflow)
+    plant, phase = design.plant, in_flow(design.physics.case, inflow).phase
     duration = phase.duration
     _check(design, duration, stop)
     design.refuse_standstill(inflow)

@@ -16,7 +16,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.dynamics.flows import Inflow
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.errors import InputError
-from hkt_mdo.results.design import Design, phase_in
+from hkt_mdo.results.design import Design, in_flow
 
 RATIOS = np.concatenate((np.arange(SLOWEST_RATIO, 2.0, 0.02), np.arange(2.0, 20.0, 0.004)))
 """Tip speed ratios of the tabulated torque of the noisy runs."""
@@ -151,7 +151,7 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
     if not design.law.is_feedback:
         folder = design.solution.folder
         raise InputError("open loop reads no sensor", "leave out the noise", file=folder)
-    duration = phase_in(design.physics.case, inflow).duration
+    duration = in_flow(design.physics.case, inflow).phase.duration
     quiet = design.simulate(inflow)
     deviation = sensor.deviation(quiet.speed_at(np.linspace(0.0, quiet.time[-1], 2001)))
     plant, radius = design.plant, design.plant.blade.rotor_radius
@@ -274,7 +274,7 @@ def flow_given(text: str, case: Case, seed: int | None = None) -> Inflow:
         number, text = seed - getattr(inflow, "seed", 0), f"{text}, seed {seed}"
         inflow = inflow.reseeded(number)
     try:
-        inflow.check(phase_in(case, inflow).duration)
+        inflow.check(in_flow(case, inflow).phase.duration)
     except InputError as error:
         if error.file:
             raise

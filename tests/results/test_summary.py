@@ -37,7 +37,6 @@ def test_a_run_writes_arrays_and_drops_what_json_lacks() -> None:
         "success": np.bool_(True),
         "mass_kg": np.float64(3.0),
         "surrogate_error": np.inf,
-        "surrogate_nodes": np.int64(7),
         "r_m": np.array([1.0]),
         "chord_m": [np.float64(0.5)],
         "tip_speed_ratio": {"min": np.nan},

@@ -3,8 +3,6 @@
 import json
 from types import SimpleNamespace
 
-import pytest
-
 from hkt_mdo.case import load_case
 from hkt_mdo.problem.point import StartRecord
 from hkt_mdo.run.passes import FOLLOW_UPS
@@ -27,13 +25,9 @@ def test_the_branch_that_is_taken_is_that_of_the_result():
     assert taken == [("underspeed", True), ("overspeed", False)]
 
 
-def test_an_optimizer_that_gives_up_begins_again_once_from_its_last_iterate(solve_physics):
-    case = OPEN_LOOP | SHORT | {"driver": {"max_iterations": 5}}
-    passes = solve_physics(case).passes
-    assert [each.remedy for each in passes] == ["begin again", ""]
-    assert passes[0].why == "the optimizer did not converge in 5 iterations"
-    assert not any(each.converged for each in passes)
-    assert passes[1].objective_J == pytest.approx(passes[0].objective_J, rel=1e-6)
+def test_nothing_follows_an_optimizer_that_gives_up(solve_physics):
+    (only,) = solve_physics(OPEN_LOOP | SHORT | {"driver": {"max_iterations": 5}}).passes
+    assert (only.converged, only.iterations, only.remedy) == (False, 5, "")
 
 
 def test_nothing_follows_a_feedback_law_that_holds(solve_physics):

@@ -343,6 +343,21 @@ def test_a_year_has_no_course_to_be_simulated_in(year):
     assert run_over_time.energy / 60.0 == pytest.approx(power, rel=1e-4)
 
 
+def test_a_finished_design_makes_in_another_year_the_sum_over_its_bins(year):
+    speeds, hours = [0.9, 1.3, 1.9], np.array([4.0, 5.0, 6.0])
+    plant, law = plant_of(physics(year.case)), year.case.control
+    (found,) = runs_of(year, {"profile": "histogram", "speeds": speeds, "hours": hours.tolist()})
+    powers = [power_of(plant, law, year.gain, flow) for flow in speeds]
+    total = float(hours @ powers) / np.sum(hours) * YEAR
+    assert found.energies["energy"] == pytest.approx(total, rel=1e-8)
+    assert found.lines()[0].startswith(f"annual energy: {total / 3.6e6:.6g} kWh")
+    held = found.extremes["control_torque"]
+    assert held.kept and held.flow_m_s > 1.9  # noqa: PT018
+    stalled = replace(found, design=replace(found.design, gains=1e4 * found.design.gains))
+    with pytest.raises(InputError, match=r"no equilibrium of the rotor in a flow of .* cut_in"):
+        stalled.lines()
+
+
 MONTH = {
     "profile": "tide",
     "mean": 1.5,
