@@ -32,7 +32,6 @@ sys.path.insert(0, str(ROOT / "scripts"))
 SKIPPED = "turbines/", "river25/open_loop"  # parts of the names of cases that take too long
 SAME = 1e-5  # relative difference of objectives that counts as none
 ALIKE = 0.1  # relative difference of iterations that counts as none
-MANY = 30  # iterations, from which the approximated Hessian may be forgotten
 OPTIMA = find.Search.optima
 
 
@@ -64,11 +63,6 @@ def stagnated(result):
 def open_loop(result):
     """Tell whether torque is free over time."""
     return result.case.control.law == "open_loop"
-
-
-def branched(result, laws):
-    """Tell whether a run had branches, under one of some laws."""
-    return bool(result.summary.branches) and result.case.control.law in laws
 
 
 def blades(without):
@@ -113,22 +107,9 @@ PARTS = {  # in which runs a part has a share, and what switches it off
         partial(began, find.CONSTANT),
         [(find.Search, "_at_constant_torque", lambda self: ())],
     ),
-    "search with a loss of 8 % of the speed": (
-        partial(branched, laws=("linear", "quadratic", "rated", "curve")),
-        [(find, "FARTHER", find.SLOWED)],
-    ),
-    "search with a loss of 2 % of the speed": (
-        partial(branched, laws=("linear", "quadratic")),
-        [(find, "SLOWED", find.FARTHER)],
-    ),
-    "search that goes on at a gap": (open_loop, [(steady, "TIE", math.inf)]),
     "a first rotor with inertia": (
         open_loop,
         [(passes, "in_motion", lambda physics, point: point)],
-    ),
-    "a Hessian that is kept": (
-        lambda result: max(each.iterations for each in result.summary.passes) > MANY,
-        [(problems, "MOST_SKIPPED", 2)],
     ),
     "the end of optimizations that stagnate": (stagnated, [(stationary, "PATIENCE", 10**6)]),
     "the end at a small gap": (open_loop, [(stationary, "NO_GAP", 0.0)]),

@@ -136,7 +136,7 @@ class Run:
         if not (self.inflow.steady and design.law.is_feedback):
             about = design.physics.rotor, design.plant, self.simulation, design.controller
             return (SimulatedDesign(design.physics, *about),)
-        world = replace(physics(in_flow(design.physics.case, self.inflow)), law=design.law)
+        world = replace(physics(in_flow(design.physics.case, self.inflow)), law=design.physics.law)
         found = []
         for scenario in world.scenarios:
             plant = plant_of(world, scenario, design.blade)
