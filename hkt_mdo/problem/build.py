@@ -42,9 +42,10 @@ LARGEST_BARRIER = 1.0
 # a first mesh, but not for the last digits on a finer one.
 FEW_STEPS, LATER_STEPS, MANY_SEGMENTS = 15, 30, 500
 # Steps of negative curvature, which do not change the approximated Hessian, after which IPOPT
-# forgets it. After two, its default, it creeps by steepest descent: turbine 14 of `make verify
-# PART=turbines` with `quadratic` takes 1084 iterations, here 312, and where it never forgets 921.
-# In the search for a start, turbine 18 with `quadratic` ends 0.33 % lower with another number.
+# forgets it under feedback. After two, its default, it creeps by steepest descent: turbine 14 of
+# `make verify PART=turbines` with `quadratic` takes 1084 iterations, here 312, and where it never
+# forgets 921. With an open loop turbine 16 takes 803 for 271. In the search for a start turbine 18
+# with `quadratic` ends 0.33 % lower.
 MOST_SKIPPED = 10
 _NUMBERS = count(1)
 
@@ -131,7 +132,8 @@ def make_driver(physics: Physics, progress=None, refined=False) -> ReportingDriv
     settings, law = physics.case.driver, physics.law
     segments = sum(each.segments for each in physics.scenarios)
     refined = refined and not law.is_feedback
-    ipopt = drivers.near_start(BARRIER / segments) | {"limited_memory_max_skipping": MOST_SKIPPED}
+    skipped = {"limited_memory_max_skipping": MOST_SKIPPED} if law.is_feedback else {}
+    ipopt = drivers.near_start(BARRIER / segments) | skipped
     if refined:
         ipopt["sigma_max"] = LARGEST_BARRIER
     if segments > MANY_SEGMENTS:

@@ -329,9 +329,8 @@ class Run:
         dict of float or None
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
-        runs = [part.simulation for part in self.parts]
-        stops = runs[0].stopped_at
-        return {x: None if stops else sum(getattr(run, x) for run in runs) for x in INTEGRALS}
+        runs = [each.simulation for each in self.parts]
+        return {x: None if runs[0].stopped_at else sum(getattr(y, x) for y in runs) for x in INTEGRALS}
 
     @property
     def outcome(self) -> str:
