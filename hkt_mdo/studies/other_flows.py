@@ -329,8 +329,8 @@ class Run:
         dict of float or None
             ``energy`` (captured), ``generator_energy`` and ``electrical_energy``.
         """
-        runs = [each.simulation for each in self.parts]
-        return {x: None if runs[0].stopped_at else sum(getattr(y, x) for y in runs) for x in INTEGRALS}
+        runs, names = [each.simulation for each in self.parts], INTEGRALS
+        return {x: None if runs[0].stopped_at else sum(getattr(y, x) for y in runs) for x in names}
 
     @property
     def outcome(self) -> str:
