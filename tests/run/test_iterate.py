@@ -11,6 +11,7 @@ from hkt_mdo.case import load_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.results.folder import to_json
+from hkt_mdo.run.checks import MESH_ERROR
 from hkt_mdo.run.run import resume_case, run_case
 from hkt_mdo.run.state import RunState, as_data, read_iterate
 from hkt_mdo.start.find import find_start
@@ -139,9 +140,9 @@ def test_a_run_is_resumed_with_its_branches(tmp_path, case):
     resumed = resume_case(tmp_path / "out", **how)
     assert resumed.success, resumed.message
     again = run_case(load_case(case), tmp_path / "whole", **how)
-    assert resumed.summary.simulated_energy_J == pytest.approx(
-        again.summary.simulated_energy_J, rel=1e-6
-    )
+    # the segments of an open loop are divided where its optima, slightly different, ask for it
+    one, two = (each.summary.simulated_energy_J for each in (resumed, again))
+    assert one == pytest.approx(two, rel=MESH_ERROR if case is LIMITED else 1e-6)
     assert resumed.summary.branches == again.summary.branches
     names = [(each.name, each.taken) for each in again.summary.branches]
     assert names == ([("overspeed", True), ("underspeed", False)] if case is LIMITED else [])
