@@ -240,7 +240,7 @@ class Run:
             limit ``limit``, ``share`` (the value over it) and ``kept``. A rotor that stops, stalls
             or runs away is an entry with the instant as its value.
         """
-        physics, found = self.design.physics, {}
+        world, found = self.design.physics, {}
         several = [(part.rotor, part.simulated) for part in self.parts]
         for _, known in several:
             for limit in self.parts[0].physics.scenarios[0].limits:
@@ -249,7 +249,7 @@ class Run:
                     both = own, found.get(limit.name, own)
                     found[limit.name] = max(both, key=lambda x: x.share or 0.0)
         for name, load in placed(self.design.blade, several).items():
-            remark = unasked(name, load, physics.case) or "not limited"
+            remark = unasked(name, load, world.case) or "not limited"
             own = found.get(name, Extreme(**load.model_dump(), remark=remark))
             found[name] = own.model_copy(update={"r_m": load.r_m})
         if self.inflow.steady:
@@ -263,7 +263,7 @@ class Run:
             time = float(known["time"][np.argmax(slow)])
             remark = "below half of the least tip speed ratio of the design's own flow"
             found["rotor stalls"] = Extreme(value=time, unit="s", kept=False, remark=remark)
-        fast = known["inflow_speed"] > (physics.law.cut_out or np.inf)
+        fast = known["inflow_speed"] > (world.law.cut_out or np.inf)
         if np.any(fast):
             time = float(known["time"][np.argmax(fast)])
             share = 100.0 * np.trapezoid(1.0 * fast, known["time"]) / np.ptp(known["time"])
