@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from jsonschema import Draft202012Validator
 
 from hkt_mdo.case import Case, load_case, read_case
 from hkt_mdo.case.document import case_json_schema
@@ -136,6 +135,8 @@ def test_python_of_the_readme_works(tmp_path, monkeypatch, capsys):
 
 @pytest.fixture(scope="module")
 def validator():
+    from jsonschema import Draft202012Validator  # 3 s
+
     schema = json.loads(json.dumps(case_json_schema()))
     Draft202012Validator.check_schema(schema)
     return Draft202012Validator(schema)

@@ -57,12 +57,9 @@ def two(tmp_path_factory):
     return run(tmp_path_factory.mktemp("scenarios") / "two", case("quadratic", *flows, **QUICK))
 
 
-@pytest.fixture(
-    scope="module",
-    params=["two", *(pytest.param(x, marks=pytest.mark.slow) for x in ("quadratic", "open_loop"))],
-)
+@pytest.fixture(scope="module", params=["two", pytest.param("open_loop", marks=pytest.mark.slow)])
 def solution(request, tmp_path_factory):
-    """The result of two sines; those that are slow keep 5 kW and, in one of them, 6 kN too."""
+    """The result of two sines; that which is slow keeps 5 kW and, in one of them, 6 kN too."""
     if request.param == "two":
         return request.getfixturevalue("two")
     flows = SLOW, FAST | {"limits": {"thrust": "6 kN"}}

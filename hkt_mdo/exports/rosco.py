@@ -143,8 +143,7 @@ def _by_flow(law, design, flows, speeds) -> dict[str, Any]:
 def _schedule(design: Design) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return flow speeds, rotor speeds and torques in equilibrium, on the side of overspeed."""
     law: Any = design.law
-    scenarios = design.physics.scenarios
-    speed = np.concatenate([each.speeds for each in scenarios])
+    speed = np.concatenate([each.speeds for each in design.physics.scenarios])
     flows = np.linspace(BELOW * float(np.min(speed)), ABOVE * float(np.max(speed)), COLUMNS)
     if law.states:
         speeds = law.speed_at_rest(flows, design.gains)  # its schedule

@@ -81,8 +81,7 @@ def _read_csv(text: str, path: Path) -> list[PolarTable]:
     table = Csv(text, path, "alpha_deg,cl,cd", known)
     if not {*_ANGLES, "cl", "cd"} & set(table.header):
         raise table.refuse("is no header of alpha_deg,cl,cd", f"give {_FORMATS}")
-    angle = table.one_of(_ANGLES, "angle of attack")
-    table.check((angle, "cl", "cd"), "polar")
+    table.check((table.one_of(_ANGLES, "angle of attack"), "cl", "cd"), "polar")
     if "reynolds" not in table.header:
         return [polar_of_rows(table.rows, table.header, None, path)]
     column = table.columns(("reynolds",), "polar")["reynolds"]

@@ -27,7 +27,6 @@ from hkt_mdo.rotor import bem
 ANGLES = 32  # of the search in the inflow angle, before it is refined
 NARROWINGS = 24  # of a bracket, each by 0.618
 TWISTS = 91  # of the search where the chord is at a bound
-MOST_MINIMA = 64  # most minima of delta that are examined, the lowest first
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -82,20 +81,20 @@ def _less(alpha, polar):
 
 @compiled(error_model="numpy")
 def _minima(polar):
-    """Return the angles of attack of the local minima of delta below 90 degrees, lowest first."""
+    """Return the angles of attack of the local minima of delta below 90 deg, its lowest first."""
     n_knots = polar.shape[0]
     step = 2.0 * np.pi / n_knots
-    delta = np.arctan2(polar[:, 4], polar[:, 0])
-    angles, depth = np.empty(n_knots), np.empty(n_knots)
-    count = 0
-    for i in range(n_knots):
-        here = delta[i]
+    delta = [np.arctan2(row[4], row[0]) for row in polar]
+    angles, count, lowest = np.empty(n_knots), 0, np.inf
+    for i, here in enumerate(delta):
         if here < 0.5 * np.pi and here < delta[i - 1] and here <= delta[(i + 1) % n_knots]:
             knot = i * step - np.pi
             angles[count] = _narrow(knot - step, knot + step, _less, (polar,))
-            depth[count] = _delta(angles[count], polar)[0]
+            depth = _delta(angles[count], polar)[0]
+            if depth < lowest:
+                lowest, angles[0], angles[count] = depth, angles[count], angles[0]
             count += 1
-    return angles[:count][np.argsort(depth[:count])][:MOST_MINIMA]
+    return angles[:count]
 
 
 @compiled(error_model="numpy")
@@ -189,7 +188,7 @@ def _solve(lambda_r, r, ends, polars, section, chord_bounds, twist_bounds):
                     load = _turned(twist, chord, *point, knots)[0]
                     if load > best[0]:
                         best = load, chord, twist
-            out[:, i, j] = best
+            out[0, i, j], out[1, i, j], out[2, i, j] = best
     return out
 
 

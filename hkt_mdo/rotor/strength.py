@@ -346,10 +346,11 @@ def _norms_around(u, v, added, points, moved, exponent):
     slopes, largest = np.zeros((4, *u.shape), dtype=u.dtype), np.zeros(u.shape)
     negligible, most = np.exp(-40.0 / exponent), points.shape[2] ** (1.0 / exponent)
     for i in range(u.shape[0]):
+        needed = 0.0
         for j in range(u.shape[1]):
             k = min(j, len(points) - 1)
             largest[i, j] = _largest(u[i, j], v[i, j], points[k])
-        needed = negligible * np.max(largest[i] + added[i])
+            needed = max(needed, negligible * (largest[i, j] + added[i, j]))
         for j in range(u.shape[1]):
             k, top, u_here, v_here = min(j, len(points) - 1), largest[i, j], u[i, j], v[i, j]
             if top == 0.0:

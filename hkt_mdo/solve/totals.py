@@ -58,10 +58,11 @@ class SparseTotals:
         self._structure = order, *chain, *_total_pattern(order, seeds, *chain)
 
         *_, first, last, columns = self._structure
-        ends = np.concatenate(([0], np.cumsum(last[rows] - first[rows])))
-        self._chosen = np.concatenate(
-            [np.zeros(0, int), *(np.arange(first[row], last[row]) for row in rows)]
-        )
+        counts = last[rows] - first[rows]
+        ends = np.concatenate(([0], np.cumsum(counts)))
+        chosen = np.arange(ends[-1]) + np.repeat(first[rows] - ends[:-1], counts)
+        by_column = np.lexsort((columns[chosen], np.repeat(np.arange(rows.size), counts)))
+        self._chosen = chosen[by_column]
         self.pattern = csr_matrix(
             (np.ones(ends[-1]), columns[self._chosen], ends), (rows.size, seeds.size)
         )
@@ -118,7 +119,8 @@ def _total_pattern(order, seeds, indptr, indices):
     """Return where totals may differ from zero: row i has the columns[first[i] : last[i]]."""
     first, last = np.zeros(indptr.size - 1, np.int64), np.zeros(indptr.size - 1, np.int64)
     columns, last_row = np.arange(seeds.size), np.full(seeds.size, -1)  # last_row[column] of totals
-    first[seeds], last[seeds] = columns, columns + 1
+    for count, row in enumerate(seeds):
+        first[row], last[row] = count, count + 1
     count = seeds.size
     for row in order:
         first[row] = count
@@ -131,11 +133,10 @@ def _total_pattern(order, seeds, indptr, indices):
                 if last_row[column] != row:
                     last_row[column] = row
                     if count == columns.size:
-                        columns = np.concatenate((columns, np.empty_like(columns)))
+                        columns = np.append(columns, columns)
                     columns[count] = column
                     count += 1
         last[row] = count
-        columns[first[row] : count].sort()
     return first, last, columns[:count].copy()
 
 

@@ -191,6 +191,8 @@ def noisy_runs(design: Design, inflow: Inflow, sensor: Sensor, repeats: int, see
             problem = f"the integration of the noisy runs fails at t = {times[k]:.6g} s"
             raise InputError(problem, "check that the control law is finite there")
         stopped[np.isnan(stopped) & (speed <= slowest[k])] = times[k] + period
+        if np.all(np.isfinite(stopped)):
+            break
         speed = np.where(np.isnan(stopped), speed, slowest[k])
     energy[np.isfinite(stopped)] = np.nan
     kept = slice(0, n_samples if np.isnan(stopped[0]) else int(stopped[0] / period))

@@ -45,7 +45,7 @@ def test_simulate_takes_any_flow_and_says_when_the_rotor_stops(simulated):
 
 
 def test_a_filter_that_stops_the_rotor_is_reported(simulated):
-    fast = ["--flow", FAST, *"--noise-snr 120 --sample-rate 200 --repeats 2".split()]
+    fast = ["--flow", FAST, *"--noise-snr 120 --sample-rate 50 --repeats 2".split()]
     printed = simulated("quadratic", *fast)
     assert "rotor stopped in 2 of 2 runs" in printed
     assert "(--filter-cutoff), whose delay stops the rotor without any noise" in printed

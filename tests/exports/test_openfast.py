@@ -13,7 +13,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from openfast_io.FAST_reader import InputReader_OpenFAST
 
 from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
@@ -182,6 +181,8 @@ def test_openfast_io_reads_the_rotor_back(exported, name):
 
 def read_back(folder):
     """Return what `openfast_io` reads of the exported files."""
+    from openfast_io.FAST_reader import InputReader_OpenFAST  # 12 s
+
     reader = InputReader_OpenFAST()
     reader.FAST_directory = str(folder)
     reader.fst_vt["Fst"] |= {"AeroFile": "aerodyn.dat", "AeroFile_path": ""}

@@ -15,7 +15,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rosco.toolbox.utilities import load_from_txt, read_DISCON
 
 from hkt_mdo import Solution
 from hkt_mdo.dynamics.equilibrium import equilibria
@@ -29,6 +28,14 @@ from tests.conftest import edit_summary
 DATA = Path(__file__).parents[1] / "data" / "openfast"
 FLOWS = np.linspace(1.3, 1.7, 8)  # m/s, knots of a tracking law
 UNITS = ["rad/s"] * FLOWS.size + ["N*m*s/rad", "N*m/rad"]
+
+
+@cache
+def rosco():
+    """Return ROSCO's own readers, whose import takes 10 s."""
+    from rosco.toolbox import utilities
+
+    return utilities
 
 
 def underspeed():
@@ -130,7 +137,7 @@ def away(operation, begin=0.5):
 
 def test_table_has_the_coefficients_of_direct_bem(kept):
     design, folder = kept("river")
-    pitch, ratio, power, thrust, torque = load_from_txt(str(folder / "Cp_Ct_Cq.txt"))
+    pitch, ratio, power, thrust, torque = rosco().load_from_txt(str(folder / "Cp_Ct_Cq.txt"))
     rotor, blade = design.physics.rotor, design.blade
     assert 0.0 in pitch
     for place in (list(pitch).index(0.0), -1):
@@ -145,7 +152,7 @@ def test_table_has_the_coefficients_of_direct_bem(kept):
 def test_quadratic_and_rated_law_are_overspeed_by_vs_fbp_1(kept, name):
     """From the speed at which K w² meets the limit of the torque, or the rated power."""
     design, folder = kept(name)
-    text = read_DISCON(str(folder / "DISCON.IN"))
+    text = rosco().read_DISCON(str(folder / "DISCON.IN"))
     found = {key: float(x) for key, x in text.items() if np.isscalar(x) and not isinstance(x, str)}
     assert (found["VS_ControlMode"], found["VS_FBP"]) == (1, 1)
     gain, *power = design.gains
@@ -160,7 +167,7 @@ def test_quadratic_and_rated_law_are_overspeed_by_vs_fbp_1(kept, name):
 @pytest.mark.parametrize("name", ["paper", "river"])
 def test_schedule_is_the_equilibrium_of_the_law(kept, name):
     design, folder = kept(name)
-    found = read_DISCON(str(folder / "DISCON.IN"))
+    found = rosco().read_DISCON(str(folder / "DISCON.IN"))
     flow, speed, torque = (np.array(found[f"VS_FBP_{each}"]) for each in ("U", "Omega", "Tau"))
     blade, rotor = design.blade, design.physics.rotor
     scale = torque_scale(design.physics.density, blade.rotor_radius, flow)
@@ -171,7 +178,7 @@ def test_schedule_is_the_equilibrium_of_the_law(kept, name):
 
 
 def test_tracking_is_a_speed_over_the_flow_by_vs_fbp_2(tmp_path):
-    found = read_DISCON(str(exported(tracking(tmp_path), tmp_path) / "DISCON.IN"))
+    found = rosco().read_DISCON(str(exported(tracking(tmp_path), tmp_path) / "DISCON.IN"))
     assert (int(found["VS_ControlMode"]), int(found["VS_FBP"])) == (2, 2)
     assert (float(found["VS_KP"]), float(found["VS_KI"])) == (-200.0, -1000.0)
     at_knots = np.interp(FLOWS, found["VS_FBP_U"], found["VS_FBP_Omega"])
@@ -183,7 +190,7 @@ def test_a_law_whose_torque_rises_is_a_speed_over_the_torque_by_vs_fbp_3(tmp_pat
     law = "{law: power_law, exponent: 1.5, cut_out: 2.4}"
     file = exported(with_law(tmp_path, law, 22.0, ["N*m"]), tmp_path) / "DISCON.IN"
     assert "! cut-out, not part of the law: a flow of 2.4 m/s" in file.read_text()
-    found = read_DISCON(str(file))
+    found = rosco().read_DISCON(str(file))
     assert (int(found["VS_ControlMode"]), int(found["VS_FBP"])) == (4, 3)
     speed, torque = np.array(found["VS_FBP_Omega"]), np.array(found["VS_FBP_Tau"])
     np.testing.assert_allclose(torque, 22.0 * speed**1.5, rtol=1e-8)

@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-import trimesh
 from scipy.interpolate import BSpline
 
 from hkt_mdo.errors import InputError
@@ -56,6 +55,8 @@ def files(design, name, *options):
 
 
 def mesh(content):
+    import trimesh  # 2 s
+
     return trimesh.load(io.BytesIO(content), file_type="stl")
 
 

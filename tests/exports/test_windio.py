@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-import windIO
 import yaml
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
@@ -69,6 +68,8 @@ def turbine(request, turbines):
 
 
 def test_windio_validates_it_and_this_program_reads_the_same_rotor(turbine):
+    import windIO  # 4 s
+
     solution, design, path, _ = turbine
     windIO.validate(path, "turbine/turbine_schema")
     case = solution.case

@@ -22,7 +22,8 @@ RIVER = Path(__file__).parents[1] / "data" / "river25"
 @cache
 def river(law):
     """Return the start of a turbine of its own with several limits under a law."""
-    world = physics(load_case(RIVER / "river25.yaml", [f"control.law={law}"]))
+    changes = f"control.law={law}", "rotor.station_count=10"
+    world = physics(load_case(RIVER / "river25.yaml", changes))
     return world, find_start(world)
 
 

@@ -6,7 +6,7 @@ import pytest
 from tests.conftest import NINE
 
 CASE = "sine_limited_oloc"
-FEW = "phase.segments=30", f"rotor.stations={NINE}", "start.method=blade"
+FEW = "phase.segments=30", f"rotor.stations={NINE}"
 
 
 def worth(solution, name):

@@ -31,7 +31,7 @@ def paper_flow(design, name):
 def test_a_fast_quiet_sensor_is_no_sensor(name, cutoff, request):
     """Without noise and with a filter far above the flow's frequency, the loop is ideal."""
     design = request.getfixturevalue(name)
-    flow, sensor = paper_flow(design, "A"), Sensor(snr=np.inf, rate=1000.0, cutoff=cutoff)
+    flow, sensor = paper_flow(design, "A"), Sensor(snr=np.inf, rate=400.0, cutoff=cutoff)
     noisy = noisy_runs(design, flow, sensor, repeats=1, seed=0)
     assert noisy.noise_deviation == 0.0
     assert noisy.energy[0] == pytest.approx(design.simulate(flow).energy, rel=1e-5)
