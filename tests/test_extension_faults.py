@@ -14,6 +14,7 @@ from hkt_mdo import FeedbackLaw, Inflow, InputError, Limit, Quantity, build_prob
 from hkt_mdo.case.guard import any_values
 from hkt_mdo.cli import main
 from hkt_mdo.dynamics.flows import SineInflow
+from hkt_mdo.run.check import check_case
 
 HEAD = """
 from typing import Annotated, ClassVar, Literal
@@ -302,6 +303,13 @@ def test_the_equilibrium_of_a_law_with_states_is_computed_from_a_guess():
     np.testing.assert_allclose(begin(law="unsettled"), begin(law="lagging"), rtol=1e-9)
     with pytest.raises(InputError, match="has a rate of z that depends neither on the speed nor"):
         begin(law="lagging", share=0.0)
+
+
+@pytest.mark.parametrize(("share", "unstable"), [(1.0, False), (-1.0, True)])
+def test_a_check_warns_of_a_filter_with_the_wrong_sign(share, unstable):
+    control = {"law": "lagging", "share": share}
+    found = check_case(load_case({"inflow": "sine", "control": control}, extensions=[Lagging]))
+    assert ("unstable with the starting gains" in " ".join(map(str, found.warnings))) == unstable
 
 
 def test_numbers_and_sizes_of_gains_are_checked():

@@ -75,8 +75,7 @@ class FlowSamples:
     @property
     def block(self) -> float:
         """Length of a block of the record, s: a year, or of a short one a spring-neap cycle."""
-        years = self.time[-1] / YEAR + 0.01 >= FEWEST_BLOCKS
-        return YEAR if years else SPRING_NEAP
+        return YEAR if self.time[-1] / YEAR + 0.01 >= FEWEST_BLOCKS else SPRING_NEAP
 
     def scatter(self, values: np.ndarray) -> float | None:
         """Return the relative standard uncertainty of the mean of values at the samples, (n,).

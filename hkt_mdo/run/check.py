@@ -179,8 +179,7 @@ def _flow(found: Findings, flow: Flow, given: Case) -> Rows:
     unknown = "not declared" if flow.range[0] < flow.range[1] else "none: it is steady"
     cutoff, changes = flow.cutoff, "not counted" if flow.steady else unknown
     if cutoff:
-        period = measured(1.0 / cutoff, "s", 3)
-        changes = f"up to {cutoff:.3g} Hz, a period of {period}"
+        changes = f"up to {cutoff:.3g} Hz, a period of {measured(1.0 / cutoff, 's', 3)}"
         yield from _fast_changes(found, flow)
     for scenario in flow.scenarios:
         yield from _refused(found, "inflow", of_flow(scenario))
@@ -343,6 +342,9 @@ def _start(found: Findings) -> Rows:
         how = "the rotor's own" if not found.physics.law.is_feedback else "of rotor and control law"
         at = f"at {mean:.4g} m/s and {measured(found.steady_speed, 'rad/s', 4)}"
         yield Row("time constant", found.time_constant, "s", f"{how}, {at}", 3)
+        if found.physics.law.states and found.growth >= 0.0:
+            text = f"unstable with the starting gains, {at}: it grows by {found.growth:.3g} 1/s"
+            yield _warning("control", f"the closed loop of rotor and law is {text}")
 
 
 def _not_turning(found: Findings) -> Row:

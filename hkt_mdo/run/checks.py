@@ -163,8 +163,7 @@ class Checked:
         """
         large = sum(check.value > max(check.limit, BELOW_START) for check in self.checks)
         refused = sum(not check.passed for check in self.checks)
-        worth = self.physics.objective.sign * self.objective
-        return -large, -refused, worth
+        return -large, -refused, self.physics.objective.sign * self.objective
 
 
 def _behind_open_loop(ended):

@@ -177,6 +177,7 @@ class Findings:
     - `rated_speed` and `above_rated`: flow speed at which the torque limit is met at the best tip
       speed ratio, and share of the time in which the flow is faster.
     - `steady_speed`, `time_constant`: in the mean flow; None if the rotor does not turn there.
+    - `growth`: of the closed loop there, 1/s; 0 if the rotor does not turn.
     - `stations`: what the stations meet in `working`.
     """
 
@@ -238,10 +239,11 @@ class Findings:
             order, controller = np.argsort(flow), HeldSpeeds(0.0)
             speed = np.interp(mean, flow[order], self.start.operation.rotor_speed[order])
             running, states = self.running, ()
-        self.steady_speed = self.time_constant = None
+        self.steady_speed, self.time_constant, self.growth = None, None, 0.0
         if np.all(running):
             loop = Loop.of(self.plant, controller, speed, mean, *states)
             self.steady_speed = float(speed[0])
+            self.growth = float(loop.growth[0])
             self.time_constant = float(loop.time_constant[0])
 
     def at_best(self, flow_speed: float) -> tuple[float, float]:
