@@ -54,7 +54,7 @@ def test_a_fixed_blade_is_kept():
     assert as_it_is.objective == pytest.approx(as_it_is.operation.energy)  # not the open loop's
 
 
-@pytest.mark.parametrize("bounds", [(0.0, 1.0), (30.0, 40.0)])
+@pytest.mark.parametrize("bounds", [pytest.param((0.0, 1.0), marks=pytest.mark.slow), (30.0, 40.0)])
 def test_gains_are_searched_within_their_bounds(bounds, optimum):
     """Whatever the bounds, the start keeps them and is worth what its own gain gives."""
     free, bound = (

@@ -102,6 +102,8 @@ def test_deviation_is_20_dB_below_the_signal():
 
 
 def test_the_seed_decides_the_noise(quadratic):
+    case = quadratic.physics.case.with_overrides("phase.duration=10")
+    quadratic = replace(quadratic, physics=replace(quadratic.physics, case=case))
     inflow = SineInflow(scale=1.1)
     sensor = Sensor(rate=20.0)
     one, same, other = (noisy_runs(quadratic, inflow, sensor, 3, seed).energy for seed in (1, 1, 2))
