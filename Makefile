@@ -5,7 +5,7 @@ BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 # each worker takes half of the tests in order, so that a module's results are computed once
 WORKERS = -n 2 --dist worksteal
-# modules are compiled once, not by every process that a test starts, whatever the shell says
+# modules are compiled when they are first used, and kept, whatever the shell says
 export PYTHONDONTWRITEBYTECODE =
 
 .PHONY: run test check docs fuzz coverage verify cases bench lint lock newest oldest clean
@@ -83,7 +83,7 @@ newest oldest:
 
 # a run and its report need little; tests bring their own packages, lint those of the developers;
 # older releases of pip pin the packages of the build by the first variable, newer ones by the second
-INSTALL = PIP_CONSTRAINT=$(1) PIP_BUILD_CONSTRAINT=$(1) $(BIN)/pip install --quiet $(2) --editable
+INSTALL = PIP_CONSTRAINT=$(1) PIP_BUILD_CONSTRAINT=$(1) $(BIN)/pip install --quiet --no-compile --editable
 
 $(STAMP)-run: pyproject.toml requirements/run.txt
 	$(PYTHON) -m venv $(VENV)
@@ -91,7 +91,7 @@ $(STAMP)-run: pyproject.toml requirements/run.txt
 	touch $@
 
 $(STAMP)-test $(STAMP)-dev $(STAMP)-docs: $(STAMP)-%: $(STAMP)-run requirements/dev.txt
-	$(call INSTALL,requirements/dev.txt,--no-compile) '.[$*]'
+	$(call INSTALL,requirements/dev.txt) '.[$*]'
 	touch $@
 
 clean:

@@ -206,7 +206,7 @@ def test_a_flow_of_weight_0_counts_in_no_energy_and_keeps_its_limits(one, tmp_pa
     assert free.energy == pytest.approx(one.energy, rel=1e-6)
     thrust = free.summary.scenarios["gust"].loads["thrust"].value
     flows[1]["limits"] = {"thrust": 0.97 * thrust}
-    kept = run(tmp_path / "kept", case("quadratic", *flows))
+    kept = run(tmp_path / "kept", case("quadratic", *flows, **QUICK))
     assert kept.success, kept.message
     own = kept.summary.scenarios
     assert kept.summary.simulated_energy_J == own["fast"].simulated_energy_J

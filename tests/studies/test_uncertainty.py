@@ -18,8 +18,14 @@ from studies.verification.study import _fly
 @pytest.fixture(scope="module")
 def tracking(solve):
     control = "control={law: tracking, torque_limit: 700}"
-    short = "phase.duration=20", "phase.segments=20"
+    short = "phase.duration=12", "phase.segments=12"
     return solve("sine_limited_oloc", "driver.optimizer=IPOPT", control, *short).design()
+
+
+def lasting(design, seconds):
+    """Return a design that is simulated over some seconds."""
+    case = design.physics.case.with_overrides(f"phase.duration={seconds}")
+    return replace(design, physics=replace(design.physics, case=case))
 
 
 def paper_flow(design, name):
@@ -30,7 +36,7 @@ def paper_flow(design, name):
 @pytest.mark.parametrize(("name", "cutoff"), [("quadratic", 100.0), ("tracking", None)])
 def test_a_fast_quiet_sensor_is_no_sensor(name, cutoff, request):
     """Without noise and with a filter far above the flow's frequency, the loop is ideal."""
-    design = request.getfixturevalue(name)
+    design = lasting(request.getfixturevalue(name), 12)
     flow, sensor = paper_flow(design, "A"), Sensor(snr=np.inf, rate=400.0, cutoff=cutoff)
     noisy = noisy_runs(design, flow, sensor, repeats=1, seed=0)
     assert noisy.noise_deviation == 0.0
@@ -102,9 +108,7 @@ def test_deviation_is_20_dB_below_the_signal():
 
 
 def test_the_seed_decides_the_noise(quadratic):
-    case = quadratic.physics.case.with_overrides("phase.duration=10")
-    quadratic = replace(quadratic, physics=replace(quadratic.physics, case=case))
-    inflow = SineInflow(scale=1.1)
+    quadratic, inflow = lasting(quadratic, 10), SineInflow(scale=1.1)
     sensor = Sensor(rate=20.0)
     one, same, other = (noisy_runs(quadratic, inflow, sensor, 3, seed).energy for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)

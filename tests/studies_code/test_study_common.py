@@ -14,7 +14,7 @@ def test_a_better_design_is_passed_on(tmp_path):
     """From the given blade alone a law ends far below what the search for a start finds."""
     short = ["phase.duration=15", "phase.segments=15", f"rotor.stations={NINE}"]
     searched = load_case("power_quadratic", [*short, "control.torque_limit=650"])
-    local = searched.with_overrides("start.method=blade", "driver.max_iterations=60")
+    local = searched.with_overrides("start.method=blade", "driver.max_iterations=30")
     cases = {tmp_path / "searched": searched, tmp_path / "local": local}
     first = run_batch(cases, 2, records=False)
     told = []
