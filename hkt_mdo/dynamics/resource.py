@@ -65,7 +65,8 @@ class Speeds:
 
     def below(self, speed: np.ndarray) -> np.ndarray:
         """Return the share of the time in which the flow is slower than speeds, m/s, (n,)."""
-        own, share = (each[np.argsort(self.whole[0])] for each in self.whole)
+        order = np.argsort(self.whole[0])
+        own, share = (each[order] for each in self.whole)
         return np.interp(speed, own, np.cumsum(share) - 0.5 * share)
 
     def between(self, slowest: float, fastest: float) -> "Speeds":

@@ -127,8 +127,7 @@ class Loop:
         On the limit of stability s = i w: the real part of G - U is zero there, and its imaginary
         part over w is the inertia. Above the largest of these inertias stability does not change.
         """
-        ends = 1e-3 / np.max(self.slow), 1e2 / np.min(self.fast)
-        w = np.geomspace(*ends, FREQUENCIES)
+        w = np.geomspace(1e-3 / np.max(self.slow), 1e2 / np.min(self.fast), FREQUENCIES)
         s = 1j * w
         passed = AT_ONCE + (1.0 - AT_ONCE) / (1.0 + self.slow * s)
         chains = np.einsum("nj,njw->nw", self.answers, 1.0 / (1.0 + self.fast[..., None] * s))

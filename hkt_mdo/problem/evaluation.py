@@ -141,8 +141,7 @@ def scalars(physics: Physics, rotor: RotorModel, blade: Blade) -> dict[str, Any]
     `rotor` is one of those of the physics. The weight's stress is 0 where nothing asks for it.
     """
     mass, inertia = rotor.mass_and_inertia(blade)
-    asked = physics.asks_for("weight_stress")
-    stress = rotor.weight_stress(blade).largest[0] if asked else 0.0
+    stress = rotor.weight_stress(blade).largest[0] if physics.asks_for("weight_stress") else 0.0
     return {
         "rotor_radius": blade.rotor_radius,
         "density": rotor.water_density,

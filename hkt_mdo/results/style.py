@@ -70,7 +70,8 @@ def figure_of(
     ]
     grid.set_height_ratios(heights)
     figure.align_ylabels()
-    figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, legend(figure.axes) - 2))
+    rows = legend(figure.axes)
+    figure.set_figheight(BESIDES + sum(heights) + 0.16 * max(0, rows - 2))
     return figure
 
 

@@ -60,14 +60,14 @@ class SparseTotals:
         *_, first, last, columns = self._structure
         counts = last[rows] - first[rows]
         ends = np.concatenate(([0], np.cumsum(counts)))
-        chosen = np.arange(ends[-1]) + np.repeat(first[rows] - ends[:-1], counts)
-        by_column = np.lexsort((columns[chosen], np.repeat(np.arange(rows.size), counts)))
-        self._chosen = chosen[by_column]
+        of_row = np.repeat(np.arange(rows.size), counts)
+        chosen = np.arange(ends[-1]) + (first[rows] - ends[:-1])[of_row]
+        self._chosen = chosen[np.lexsort((columns[chosen], of_row))]
         self.pattern = csr_matrix(
             (np.ones(ends[-1]), columns[self._chosen], ends), (rows.size, seeds.size)
         )
-        of_row, of_column = self._scalers(functions), self._scalers(design)
-        self._entry_scalers = np.repeat(of_row, np.diff(ends)) / of_column[self.pattern.indices]
+        scalers = self._scalers(functions)[of_row]
+        self._entry_scalers = scalers / self._scalers(design)[self.pattern.indices]
 
     def compute(self) -> csr_matrix:
         """Return the totals in the current state of the model.
