@@ -67,6 +67,7 @@ def of_blade(solution):
         "weight_moment_Nm": GRAVITY * trapezoid(excess * area * (r - hub), r),
         "edgewise_moment_Nm": trapezoid(np.interp(r, blade.r, load) * (r - hub), r),
         "added_share_of_inertia": blade.blade_count * trapezoid(dragged, r) / design.inertia,
+        "ellipses_share_of_inertia": world.rotor.water_inertias(blade)["ellipse"] / design.inertia,
         "slow_time_s": times[0],
         "fast_time_s": times[1],
     }
@@ -85,6 +86,7 @@ def shown(data):
         )
     ]
     added = [f"{100 * one['added_share_of_inertia']:.0f} %" for one in (thin, limited, power)]
+    ellipses = [f"{100 * one['ellipses_share_of_inertia']:.0f}" for one in (thin, limited, power)]
     times = [
         f"{1e3 * one['slow_time_s']:.0f} and {1e3 * one['fast_time_s']:.0f} ms"
         for one in (thin, power)
@@ -97,6 +99,7 @@ def shown(data):
         f"{100 * size['small_eddies']:.0f} % of the variance is faster than V/D",
         *(f"{moment} for" for moment in moments),
         f"{added[0]} of the inertia of the paper's blades, {added[1]} for `all_oloc`, {added[2]}",
+        f"as ellipses {ellipses[0]}, {ellipses[1]} and {ellipses[2]} %",
         f"at 0.7 R {times[0]} for the paper's blade, {times[1]} for",
         f"has {size['turns_a_year'] / 1e7:.0f}·10⁷ turns a year",
     ]
