@@ -162,7 +162,8 @@ thrust and stress, with CVaR: columns as above, in processor time.
         header = ("flows", "evaluation", "iteration", "set-up", "memory", "nonzeros of the totals")
         names = {"evaluation": "evaluation", "setup": "set-up", "memory_MB": "memory"}
         told = ", ".join(f"{word} {of['slopes'][name]:.2f}" for name, word in names.items())
-        text += f"\n`{law}`:\n\n{table(header, rows)}\nExponents from {rows[1][0]} flows on: {told}.\n"
+        told = f"Exponents from {rows[1][0]} flows on: {told}."
+        text += f"\n`{law}`:\n\n{table(header, rows)}\n{told}\n"
     return text
 
 
