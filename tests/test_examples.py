@@ -119,10 +119,12 @@ def test_the_first_turbine_could_be_built(solve):
         ("rm1_set_angle", ()),
         ("river_gust", ()),
         ("river_gust", ("design={blade: fixed}", "control.law=quadratic")),
+        ("river_gust", ("design={blade: fixed}", "control.law=filtered_quadratic")),
     ],
 )
 def test_cheapest_examples_are_a_success(tmp_path, name, overrides):
-    case = load_case(EXAMPLES / f"{name}.yaml", list(overrides))
+    law = EXAMPLES / "files" / "filtered_quadratic.py"
+    case = load_case(EXAMPLES / f"{name}.yaml", list(overrides), extensions=[law])
     solution = run_case(case, tmp_path / name, figures=False, records=False)
     assert solution.success, solution.message
     summary = solution.summary
