@@ -264,10 +264,13 @@ class Case(_WithFlow):
                 yield key, problem, "the start must lie within the bounds: change one or the other"
 
     def of_scenario(self, name: str) -> "Case":
-        """Return the case of one of its scenarios alone; for an unknown name, the case itself."""
+        """Return the case of one of its scenarios alone; for an unknown name, the case itself.
+
+        If it has one scenario, that is the one of any name.
+        """
         for own in self.scenarios:
-            if own.name == name:
-                made = self.of_turbine(own.density, own.condition)
+            if own.name == name or len(self.scenarios) == 1:
+                made = self.of_turbine(own.density, own.condition, None)
                 limits = {limit.name: limit for limit in own.limits.given}
                 keys = "duration", "segments"
                 mesh = {key: getattr(own, key) or getattr(self.phase, key) for key in keys}
@@ -280,11 +283,15 @@ class Case(_WithFlow):
                 return made.model_copy(update=update)
         return self
 
-    def of_turbine(self, density: float | None, condition: Condition | None) -> "Case":
-        """Return the case with other water and another condition of the turbine; None: its own."""
-        water = {} if density is None else {"density": density}
-        fluid = self.fluid.model_copy(update=water)
-        return self.model_copy(update={"fluid": fluid, "condition": condition or self.condition})
+    def of_turbine(self, density, condition, cavitation) -> "Case":
+        """Return the case in other water, in another condition, at another depth; None: its own.
+
+        `cavitation` is the limit that has the depth.
+        """
+        update: dict[str, Any] = {"condition": condition or self.condition}
+        update["fluid"] = self.fluid.model_copy(update=density and {"density": density})
+        update["limits"] = self.limits.model_copy(update=cavitation and {"cavitation": cavitation})
+        return self.model_copy(update=update)
 
     def _flaws_of_scenarios(self) -> Flaws:
         """Yield what is wrong with scenarios; put one in place of each of their realizations."""

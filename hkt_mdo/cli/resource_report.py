@@ -7,7 +7,7 @@ import numpy as np
 
 from hkt_mdo.dynamics.harmonics import Tide, constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource, span_words
-from hkt_mdo.dynamics.resource import YEAR, in_bins
+from hkt_mdo.dynamics.resource import YEAR, Resource, in_bins
 from hkt_mdo.files.table import csv_text, write_new
 from hkt_mdo.files.yaml_text import dump
 from hkt_mdo.messages import validated
@@ -53,7 +53,8 @@ def report_resource(
     speed, share = in_bins(samples.speed, samples.share, record.bin_width)
     rows = zip(speed, HOURS * share, strict=True)
     table = csv_text(["speed_m_s", "hours"], ([f"{x:.10g}" for x in row] for row in rows))
-    section = dump({"resource": {"profile": "histogram", "file": "resource.csv"}})
+    kept = record.model_dump(mode="json", exclude_defaults=True, include={*Resource.model_fields})
+    section = dump({"resource": {"profile": "histogram", "file": "resource.csv"} | kept})
     if length < 0.98 * YEAR:
         note = f"# The record has {span_words(length)}, which may be unlike the rest of a year.\n"
         section = note + section
@@ -63,7 +64,7 @@ def report_resource(
     if asked:
         names = [] if asked.strip() == "auto" else [name.strip() for name in asked.split(",")]
         tide = constituents(samples, names)
-        files["tide.yaml"] = dump({"resource": tide.section})
+        files["tide.yaml"] = dump({"resource": tide.section | kept})
         lines += _of_tide(tide)
         panels["tide"] = [tide_panel(samples, tide)]
     for name, each in panels.items():

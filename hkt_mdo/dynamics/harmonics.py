@@ -102,9 +102,9 @@ def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[
         if apart * length >= 1.0:
             kept[name] = value
         elif asked:
-            needed = 1.0 / max(apart, 1e-300) / DAY
             problem = f"cannot be separated from {near} in a record of {length / DAY:.4g} days"
-            remedy = f"give a record of {needed:.4g} days at least, or fewer constituents"
+            longer = f"a record of {1.0 / apart / DAY:.4g} days at least, or " if apart else ""
+            remedy = f"give {longer}fewer constituents"
             raise InputError(problem, remedy, key="constituents", value=name)
     if len(kept) == 1:
         problem = f"is too short for any constituent, with {length / DAY:.3g} days"

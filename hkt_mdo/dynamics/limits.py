@@ -295,7 +295,8 @@ def settled(known):
     The rotor's time scale is that in which a typical torque stops it, J w / (TYPICAL 0.5 rho pi R³
     v²), a few hundredths of a second; the flow is quick where it changes by a share of `QUICK`
     within this time. The rotor has settled after `LAG` time scales in which the flow was not quick.
-    known has the `QUANTITIES` of the trajectory, of shape (n,), rotor_radius, density and inertia.
+    In a scenario without time it always is in equilibrium. known has the `QUANTITIES` of the
+    trajectory, of shape (n,), rotor_radius, density, inertia and, if it is so, `steady`.
     """
     time, flow = known["time"], known["inflow_speed"]
     unit = TYPICAL * torque_scale(known["density"], known["rotor_radius"], flow)
@@ -304,7 +305,7 @@ def settled(known):
     change = np.abs(np.diff(flow, prepend=flow[0]))
     quick = scale * change > QUICK * flow * step
     last = np.maximum.accumulate(np.where(quick, time, -np.inf))
-    return time - last > LAG * scale
+    return (time - last > LAG * scale) | known.get("steady", False)
 
 
 class DistanceFromStall(Limit):

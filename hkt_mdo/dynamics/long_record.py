@@ -18,7 +18,7 @@ from hkt_mdo.dynamics import records
 from hkt_mdo.dynamics.resource import YEAR, Resource, places_in_bins
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.record_table import Columns, RecordFile, read_pairs
-from hkt_mdo.sections import ExistingFile
+from hkt_mdo.sections import ExistingFile, Flaws
 
 LONGEST_STILL = 1.0  # days
 SPRING_NEAP, FEWEST_BLOCKS = 14.765 * 86400.0, 3  # s: from one spring tide to the next
@@ -114,6 +114,13 @@ class RecordResource(RecordFile, Resource):
     """Spikes as of `record`, and a flow of exactly 0 for more than a day: the record is refused; or
     they are left out, with speeds above 20 m/s and discharges below zero; or kept."""
 
+    def flaws(self) -> Flaws:
+        yield from super().flaws()
+        for key in ("area", "direction_column") if self.rating else ("rating_degree",):
+            if getattr(self, key) is not None:
+                problem = f"does not go {'with' if self.rating else 'without'} rating"
+                yield key, problem, "leave it out, or change rating"
+
     @cached_property
     def samples(self) -> FlowSamples:
         """The samples of the file."""
@@ -122,6 +129,8 @@ class RecordResource(RecordFile, Resource):
         raw = self._columns()
         if self.direction_column is not None:
             way = self._columns(speed_column=self.direction_column, **_ANGLE)
+            if "bins" in way.axes:  # 359 and 1 degree have no mean of 180
+                raise self.refuse("direction_column", "has depth bins", "give two components")
             radians = re.search(r"(?i)(\b|_)rad(ian)?s?\W*$", way.units[1] or way.names[1])
             angle = way.speed if radians else np.deg2rad(way.speed)
             raw = replace(raw, parts=raw.speed * np.stack((np.sin(angle), np.cos(angle))))

@@ -114,12 +114,13 @@ class Tracking(FeedbackLaw):
         return gains[-2] * (speed - self.reference(sensed_flow, gains)) + integral_torque
 
     def rates(self, speed, inflow_speed, gains, integral_torque, sensed_flow):
-        torque = self.torque(speed, gains, integral_torque, sensed_flow)
+        # the controller knows what it demands, not what a generator makes of it
+        torque = self.torque(speed, gains, integral_torque, sensed_flow) / self._applied
         reset = (torque - integral_torque) * gains[-1] / gains[-2]
         return reset, (inflow_speed + self.bias - sensed_flow) / self.lag
 
     def at_rest(self, torque, inflow_speed):
-        return torque, inflow_speed + self.bias
+        return torque / self._applied, inflow_speed + self.bias
 
     def speed_at_rest(self, inflow_speed, gains):
         return self.reference(inflow_speed + self.bias, gains)

@@ -54,11 +54,8 @@ class Windio(Format):
         parts["blade"]["reference_axis"]["z"] = _curve([0.0, 1.0], [0.0, length])
         parts["blade"]["outer_shape"] = _outer_shape(design, self.stacking, positions)
         known = case.rotor.blade_material
-        if known.modulus is not None:
-            material |= {"rho": known.density, "E": known.modulus}
-            parts["blade"]["structure"]["layers"][0]["thickness"] = _shell(design)
-        else:
-            del root["materials"], parts["blade"]["structure"]
+        material |= {"rho": known.density, "E": known.modulus}
+        parts["blade"]["structure"]["layers"][0]["thickness"] = _shell(design)
         steady = None if case.generator.lossless else steady_operation(design)
         if steady is not None:
             parts["drivetrain"]["generator"] = {"rpm_efficiency": _efficiency(steady)}
@@ -162,15 +159,17 @@ def _control(design: Design) -> dict[str, Any]:
     """Return the keys of the schema that describe the law and the limits of the case."""
     law: Any = design.law
     physics, tables = design.physics, design.solution.tables.values()
-    limits = {limit.name: float(limit.upper) for limit in physics.all_limits if limit.caps_series}
-    speeds = [own["trajectory"]["rotor_speed_rad_s"] for own in tables]
-    fastest = limits.get("rotor_speed", float(max(map(np.max, speeds))))
+    limits = [(x.name, float(x.upper)) for x in physics.all_limits if x.caps_series]
+    fastest = [float(np.max(own["trajectory"]["rotor_speed_rad_s"])) for own in tables]
+    fastest += [most for name, most in limits if name == "rotor_speed"]
     known = {
-        "max_rotor_speed": fastest * REVOLUTIONS,
+        "max_rotor_speed": max(fastest) * REVOLUTIONS,
         "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
         "max_gen_torque": law.torque_limit,
         "region2_k": float(design.gains[0]) / REVOLUTIONS**2 if law.law == "quadratic" else None,
         "rated_power": float(law.second_of(design.gains)) if law.law == "rated" else None,
-        "max_torque_rate": limits.get("torque_rate"),
+        "max_torque_rate": min(
+            (most for name, most in limits if name == "torque_rate"), default=None
+        ),
     }
     return {key: value for key, value in known.items() if value is not None}

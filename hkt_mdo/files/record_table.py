@@ -255,7 +255,7 @@ class Columns:
             remedy = "leave area out, or give the column of the discharge"
             if area is None:
                 problem = f"is a discharge in {unit}, not a speed"
-                remedy = "give area, the channel's cross section in m2, or a column of the speed"
+                remedy = "give area, in m2, a long_record's rating, or a column of the speed"
             raise self.refuse_column(1, problem, remedy)
         factor = (SPEED_UNITS | DISCHARGE_UNITS)[unit] / (area or 1.0)
         note = f"speed converted from {unit} to m/s, times {factor:.6g}"
@@ -445,8 +445,8 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Colu
     path : str or pathlib.Path
         The file.
     columns : tuple of str
-        Their names in its header. Where it has two columns, and neither of them, they are taken in
-        this order.
+        Their names in its header. Two others, which are mere letters such as `D,V`, are taken in
+        this order; names that may say a unit or another order are not.
 
     Returns
     -------
@@ -460,6 +460,7 @@ def read_pairs(path: str | Path, columns: tuple[str, str]) -> tuple[Column, Colu
     """
     path = Path(path)
     text, begin = read_text(path, "table", MAX_BYTES), f"a header with {','.join(columns)}"
-    table = Csv(text, path, begin, columns)
-    own = len({*table.header}) == len(table.header) == 2 and not {*table.header} & {*columns}
+    table, words = Csv(text, path, begin, columns), {*"_".join(columns).split("_")}
+    plain = all(name.isalpha() and name.lower() not in words for name in table.header)
+    own = plain and len({*table.header}) == len(table.header) == 2
     return tuple(table.columns(table.header if own else columns, "table").values())

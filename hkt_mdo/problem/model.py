@@ -57,7 +57,7 @@ class Physics:
 
     def law_in(self, scenario: Scenario) -> Law:
         """Return the control law with the torque constant that the generator has in a scenario."""
-        _, condition = scenario.turbine
+        _, condition, _ = scenario.turbine
         return self.law if condition is None else self.law.applied(condition.torque_constant)
 
     def named(self, name: str, scenario: Scenario) -> str:

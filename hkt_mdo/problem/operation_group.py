@@ -324,8 +324,11 @@ def is_quantity(limit: Limit) -> bool:
     """Tell whether a limit is one quantity over time as it is, which needs no component.
 
     One would add a quarter to the time for the derivatives of an open loop with three such limits.
+    A limit of a user's own has one, for OpenMDAO takes one constraint of a quantity.
     """
-    return type(limit).value is Limit.value and len(limit.inputs) == 1 and limit.place == "time"
+    own = type(limit).__module__ != Limit.__module__
+    plain = type(limit).value is Limit.value and len(limit.inputs) == 1 and limit.place == "time"
+    return plain and not own
 
 
 def constraint_of(physics: Physics, limit: Limit, number: int = 0) -> str:

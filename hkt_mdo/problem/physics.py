@@ -18,12 +18,10 @@ from hkt_mdo.dynamics.limits import (
 )
 from hkt_mdo.errors import InputError
 from hkt_mdo.files.shipped import shipped_rotor
-from hkt_mdo.problem.contradictions import redundant_limits, refuse_contradictions
+from hkt_mdo.problem.contradictions import doubts, redundant_limits, refuse_contradictions
 from hkt_mdo.problem.equilibrium import SteadyScenario, refuse_slow
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.operation import in_operation
-from hkt_mdo.problem.plausible import doubts
-from hkt_mdo.problem.scenario import MOST_SEGMENTS, OWN, Scenario
+from hkt_mdo.problem.scenario import MOST_SEGMENTS, OWN, Scenario, in_operation
 from hkt_mdo.problem.turbine import Turbine, build_turbine
 from hkt_mdo.quantities import LOADS, RATES
 from hkt_mdo.rotor.blade import Blade
@@ -56,7 +54,8 @@ def complete(case: Case) -> Case:
         case.inflow.check(duration)
     final = phase.final_speed
     if final == "auto":
-        rates = any(limit.is_of(RATES) for limit in case.all_limits)
+        # a cycle closed under limited rates costs energy; the captured energy has a check instead
+        rates = any(limit.is_of(RATES) for limit in case.all_limits) and not case.objective.closes
         final = "free" if rates or case.control.is_feedback else "initial"
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []
@@ -103,7 +102,7 @@ def _whole_scenarios(case: Case) -> list[Scenario]:
         return _scenarios(case)
     found, total = [], sum(each.weight for each in case.scenarios)
     for own in case.scenarios:
-        about = {"name": own.name, "turbine": (own.density, own.condition)}
+        about = {"name": own.name, "turbine": (own.density, own.condition, own.limits.cavitation)}
         about["weight"] = own.weight / total * case.phase.duration / own.duration
         found += _scenarios(case.of_scenario(own.name), steady=own.steady, **about)
     return found
@@ -126,7 +125,8 @@ def _scenarios(case: Case, *, steady=False, **about) -> list[Scenario]:
     if getattr(inflow, "reversed_speeds", None) is not None:
         condition = case.condition.model_copy(update={"polar": inflow.reversed_polar})
         about |= {"name": f"{found[0].name}_backwards", "interval_of": found[0].name}
-        about |= {"turbine": (found[0].turbine[0], condition), "backwards": True}
+        density, _, cavitation = found[0].turbine
+        about |= {"turbine": (density, condition, cavitation), "backwards": True}
         found.append(SteadyScenario.of(inflow, mesh, **about))
     return [each.below(case.control.cut_out) for each in found]
 
@@ -230,7 +230,7 @@ def _rotors(
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot compute."""
     polar = _polar_in_condition(turbine, case)
-    limited = {name: each for each in case.all_limits for name in each.inputs if name in LOADS}
+    limited = {name: x for x in case.all_limits[::-1] for name in x.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
     optimized = case.objective.is_of(LOADS)
     if (limited or optimized) and (direct or polar.follows_reynolds):

@@ -14,9 +14,10 @@ from scipy.sparse import block_diag, csr_array, diags_array, eye_array, kron, li
 from hkt_mdo.case import Phase
 from hkt_mdo.case.turbine import Condition
 from hkt_mdo.dynamics.flows import UNKNOWN_PIECES, Inflow
-from hkt_mdo.dynamics.limits import Limit
+from hkt_mdo.dynamics.limits import CavitationLimit, Limit
 from hkt_mdo.dynamics.radau import divided
 from hkt_mdo.dynamics.rotor_ode import WAKE_STATES, RotorODE
+from hkt_mdo.errors import InputError
 from hkt_mdo.quantities import QUANTITIES, TRAJECTORY
 
 # Dymos uses deprecated names of OpenMDAO, which does not concern the user
@@ -36,7 +37,8 @@ SAMPLES = 20  # a segment, of the independent integration and between the nodes
 FLOW_MISSED = 1e-4
 MORE_SEGMENTS = 0.25  # of `MOST_SEGMENTS`, to resolve the flow's features where they are
 SHORTEST = 1e-9  # segment that is divided for a feature, over the duration
-OWN = (None, None)  # turbine of a scenario in the case's own water and condition
+OWN = (None, None, None)  # turbine of a scenario in the case's own water, condition and depth
+MOST_INTERVALS = 200  # of operation: each is a phase of the problem and adds to the time of setup
 LONG = 10.0  # s, length of a segment in which a rotor comes into balance with the flow
 
 
@@ -47,9 +49,10 @@ class Scenario:
     `mesh` is that of a complete case: duration and segments are numbers. `edges` (s) are the ends
     of the segments, in the time of the flow; None: they are equal, from 0 to the duration. `weight`
     is that of the scenario's energies in those of the problem, `name` that of its Dymos phase.
-    `limits` are those that hold in it over time. `turbine` has the density of the water (kg/m**3)
-    and the condition of the turbine in it, None: the case's; scenarios with the same ones share one
-    physics. Intervals of one scenario, between which the machine stands still, have one `group`.
+    `limits` are those that hold in it over time. `turbine` has the density of the water (kg/m**3),
+    the condition of the turbine and the limit on cavitation in it, None: the case's; scenarios with
+    the same ones share one physics. Intervals of one scenario, between which the machine stands
+    still, have one `group`.
     """
 
     inflow: Inflow
@@ -59,7 +62,7 @@ class Scenario:
     edges: np.ndarray = None  # type: ignore[assignment]
     limits: tuple[Limit, ...] = ()
     interval_of: str = ""
-    turbine: tuple[float | None, Condition | None] = OWN
+    turbine: tuple[float | None, Condition | None, CavitationLimit | None] = OWN
 
     steady: ClassVar[bool] = False
     """Whether it has no time: speeds of the flow, at each of which the rotor is in equilibrium."""
@@ -418,3 +421,55 @@ def add_phase(trajectory, parameters, scenario, law, ode_options, refs, bounds, 
     for name in (*TRAJECTORY, *("wake_ratio", "wake_factor") * remembers):
         if name not in ("time", "rotor_speed"):
             phase.add_timeseries_output(name)
+
+
+def in_operation(
+    whole: Scenario, cut_out: float | None, diameter: float
+) -> tuple[tuple[Scenario, ...], tuple[str, ...]]:
+    """Return the scenarios of a flow in which a turbine operates, and messages about them.
+
+    `whole` has the flow over the whole time. Above the speed `cut_out` (m/s) the machine stands
+    still. Each interval in which the flow is slower is a scenario, of segments as long as those of
+    the case. One that is shorter than a segment, or than the flow takes to pass the rotor's
+    `diameter` (m), is standstill too: a rotor and its wake need that long to come into balance. A
+    flow that is nowhere faster is left as it is. Raises InputError if no time of operation is left.
+    """
+    if cut_out is None or whole.steady:
+        return (whole,), ()
+    mesh, total = whole.mesh, whole.duration
+    spans = whole.inflow.spans_below(cut_out, total)
+    lengths, segment = np.diff(spans).ravel(), total / mesh.segments
+    if np.sum(lengths) == total:
+        return (whole,), (f"control.cut_out = {cut_out:g} m/s has no effect: no flow is faster",)
+    shortest = max(segment, diameter / cut_out)
+    kept = lengths >= shortest
+    count, longest = int(np.sum(kept)), float(np.max(lengths, initial=0.0))
+    place = {"key": "control.cut_out", "value": cut_out}
+    if not count:
+        slowest = float(np.min(whole.speeds))
+        problem = f"leaves no time for operation: the flow has at least {slowest:.4g} m/s, and is "
+        problem += f"slower than this for {longest:.3g} s at a time, at most, while the rotor "
+        problem += f"needs {shortest:.3g} s"
+        raise InputError(problem, "give a larger one, or null for none", **place)
+    if count > MOST_INTERVALS:
+        problem = f"divides the operation into {count} intervals, and {MOST_INTERVALS} are the most"
+        remedy = "give another one, a lower cutoff of the flow or a shorter phase.duration"
+        raise InputError(problem, remedy, **place)
+    prefix = "" if whole.name == "phase" else f"{whole.name}_"
+    still = total - float(np.sum(lengths[kept]))
+    text = (
+        f"control.cut_out = {cut_out:g} m/s: standstill for {still:.4g} s of {total:.6g} s "
+        f"({100.0 * still / total:.3g} %), intervals of operation: {count}; "
+        f"{kept.size - count} more, of {np.sum(lengths[~kept]):.3g} s together, are shorter than "
+        f"the {shortest:.3g} s that the rotor needs"
+    )
+    scenarios = (
+        replace(
+            whole,
+            name=f"{prefix}interval_{number}",
+            interval_of=whole.name,
+            edges=np.linspace(begin, end, max(int(np.ceil((end - begin) / segment - 1e-9)), 2) + 1),
+        )
+        for number, (begin, end) in enumerate(spans[kept], start=1)
+    )
+    return tuple(each.resolved() for each in scenarios), (text,)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hkt_mdo.dynamics.limits import SLOWED, Limit, TorqueLimit
+from hkt_mdo.dynamics.limits import SLOWED, Limit
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.problem.evaluation import on_start
 from hkt_mdo.problem.model import Physics
@@ -60,10 +60,7 @@ class Setup:
         speed, radius = start.operation.rotor_speed, start.blade.rotor_radius
         found = {f"{name}_control": ends for name, ends in shape.bounds.items()}
         found["rotor_speed"] = slower * np.min(speed), faster * np.max(speed)
-        most = physics.law.torque_limit
-        if most is not None:
-            most *= min(np.min(self.share(TorqueLimit(), each)) for each in physics.scenarios)
-        found["control_torque"] = 0.0, most
+        found["control_torque"] = 0.0, physics.law.torque_limit
         if shape.radius_bounds is not None:
             ends = radius / by_radius, radius * by_radius
             found["rotor_radius"] = np.clip(ends, *shape.radius_bounds)

@@ -147,7 +147,7 @@ class Solution:
             remedy = f"give one of {', '.join(self.tables)}"
             raise InputError("unknown scenario", remedy, file=self.folder, value=name)
         if len(self.tables) == 1:
-            return self
+            return replace(self, case=self.case.of_scenario(name))
         entry = (self.summary.scenarios or {})[name]
         changes = dict.fromkeys(("objective", "energy_bound_J", "certified_gap"))
         changes |= {key: getattr(entry, key) for key in Achieved.model_fields}
@@ -263,17 +263,18 @@ class Solution:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Limits of the case on quantities over time, that of the torque first."""
-        most = self.case.control.torque_limit  # of the torque that the law demands
-        torque = TorqueLimit(bound=most and most * self.case.condition.torque_constant)
-        material = self.case.rotor.blade_material  # which may have the allowable stress
-        over_time = (each for each in self.case.limits.given if each.place == "time")
+        case = self.case.of_scenario("")
+        most = case.control.torque_limit  # of the torque that the law demands
+        torque = TorqueLimit(bound=most and most * case.condition.torque_constant)
+        material = case.rotor.blade_material  # which may have the allowable stress
+        over_time = (each for each in case.limits.given if each.place == "time")
         given = (torque, *(each.on(None, material) for each in over_time))
         return tuple(each for each in given if np.isfinite(each.end))
 
     @property
     def _scalars(self) -> dict[str, float]:
         """The quantities of the design that limits over time take, as far as they are known."""
-        summary, density = self.summary, self.case.fluid.density
+        summary, density = self.summary, self.case.of_scenario("").fluid.density
         known = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
         return {"density": density} | {k: x for k, x in known.items() if x is not None}
 

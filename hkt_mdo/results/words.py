@@ -181,5 +181,6 @@ def flow_words(section: Any) -> str:
             words += [part.name or duration(part.period) for part in value]
         elif name != "profile" and value is not None and (name not in _IDLE or value != usual):
             unit = plain_unit(type(section).unit_of(name))
-            words.append(f"{name.replace('_', ' ')} {measured(value, '', 4)} {unit}".rstrip())
+            text = str(value) if name == "seed" else measured(value, "", 4)
+            words.append(f"{name.replace('_', ' ')} {text} {unit}".rstrip())
     return f"{section.profile}: {', '.join(words)}"

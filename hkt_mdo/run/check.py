@@ -12,8 +12,8 @@ import numpy as np
 from hkt_mdo.case import Case
 from hkt_mdo.dynamics.limits import DesignBounds
 from hkt_mdo.dynamics.resource import FARTHEST, Resource
+from hkt_mdo.problem.contradictions import implausible
 from hkt_mdo.problem.physics import physics
-from hkt_mdo.problem.plausible import implausible
 from hkt_mdo.problem.point import START_EXCESS
 from hkt_mdo.results import words
 from hkt_mdo.results.summary import Achieved, bending, bends_far, in_operation, water_inertia

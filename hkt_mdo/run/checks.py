@@ -7,7 +7,7 @@ curve nor collocation with it, the quasi-steady bound and every limit of the pro
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from operator import attrgetter, methodcaller
 from typing import Any
 
@@ -18,7 +18,7 @@ from hkt_mdo.dynamics.limits import BETWEEN, SLOWED
 from hkt_mdo.dynamics.objectives import INTEGRALS, CapturedEnergy
 from hkt_mdo.dynamics.simulation import SLOWEST_RATIO
 from hkt_mdo.files.shipped import REMEDIES
-from hkt_mdo.problem.evaluation import united
+from hkt_mdo.problem.evaluation import scalars, united
 from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint
 from hkt_mdo.problem.scenario import FLOW_MISSED, Scenario
@@ -128,7 +128,7 @@ class Checked:
     def quantities(self) -> dict[str, Any]:
         """The quantities of the design and of the whole result, by their names."""
         integrals = {x: self.total(methodcaller("objective", y)) for x, y in INTEGRALS.items()}
-        return self.verifications[0].scalars | integrals
+        return scalars(self.physics, self.physics.rotor, self.result.point.blade) | integrals
 
     @cached_property
     def objective(self) -> float:
@@ -296,17 +296,19 @@ def _of_design(ended):
         word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
         yield "closed_loop", growth, 0.0, word
     if physics.remembers:
-        yield from _of_tables(result.setup.band(physics), result)
+        names = {physics.named("wake_induction_table", each) for each in physics.scenarios}
+        yield from _of_tables(result.setup.band(physics), result, names)
         found = stability_of(result)
-        growth, word = (0.0, "") if found is None else (found.growth, found.text)
-        yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
+        growth, word = (found.growth, found.text) if found else (np.inf, "unknown, too slow")
+        if found or physics.law.is_feedback or not physics.scenarios[0].steady:
+            yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
-    if captured and any(each.mesh.final_speed == "free" for each in physics.scenarios):
-        stored = ended.total(partial(_stored, physics))
-        energy = max(abs(ended.total(attrgetter("simulation.energy"))), 1e-9)
-        word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
-        yield "stored_energy", stored / energy, STORED, word
+    for each, suffix in _suffixed(verifications) if captured else ():
+        if each.scenario.mesh.final_speed == "free" and not each.scenario.steady:
+            share = _stored(physics, each) / max(abs(each.simulation.energy), 1e-9)
+            word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
+            yield f"stored_energy{suffix}", share, STORED, word
     if not captured:
         of_model = tuple(each.of_model for each in verifications)
         known = replace(ended, verifications=of_model).objective
@@ -324,7 +326,7 @@ def _of_design(ended):
     yield from _resolved(ended)
 
 
-def _of_tables(band, result):
+def _of_tables(band, result, names):
     """Yield how far a wake with memory leaves its tables, and whether these determine it.
 
     The tip speed ratio of the wake follows from its mean induction, which has to rise with it
@@ -340,9 +342,10 @@ def _of_tables(band, result):
         used += [np.min(wake), np.max(wake)]
     word = "how far the wake's tip speed ratio, or the rotor's over it, is beyond the tables"
     yield "wake_in_tables", outside, 0.0, word
-    table = result.problem.get_val("wake_induction_table")
+    pieces = TorqueSpline(nodes).pieces
     ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
-    slopes = band.direction * TorqueSpline(nodes).pieces(table)(ratios, 1)
+    tables = map(result.problem.get_val, names)
+    slopes = np.min([band.direction * pieces(each)(ratios, 1) for each in tables], axis=0)
     worst = int(np.argmin(slopes))
     word = f"slope of the mean induction against its direction, at ratio {ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
@@ -385,8 +388,6 @@ def _stored(physics, verification) -> float:
     Open loop chooses the last speed. Under feedback that follows from the flow: only what is gained
     over the scenario and exceeds that at the equilibrium speed of the last flow counts.
     """
-    if verification.scenario.steady:
-        return 0.0
     speed, inertia = verification.simulation.rotor_speed, verification.plant.inertia
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
     if not physics.law.is_feedback:

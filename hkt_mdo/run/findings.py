@@ -263,7 +263,7 @@ class Findings:
             _, torque = self.at_best(flow)
             if limit is None or torque <= 0.0:
                 return np.inf
-            flow *= float(np.sqrt(limit / torque))
+            flow *= float(np.sqrt(self.case.condition.torque_constant * limit / torque))
         return flow
 
 

@@ -375,4 +375,4 @@ def _simulated(plant, scenario, controller, start, max_step, share=1.0, guess=No
         if shorter < LEAST_SHARE:
             raise
         whole = _simulated(plant, scenario, controller, start, max_step, shorter)
-        return replace(whole, stopped_at=whole.stopped_at or error.time)
+        return replace(whole, stopped_at=whole.stopped_at or error.time, path=None)

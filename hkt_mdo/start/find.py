@@ -22,10 +22,10 @@ from hkt_mdo.problem.model import Physics
 from hkt_mdo.problem.point import START_EXCESS, StartingPoint, StartRecord, records
 from hkt_mdo.rotor.blade import Blade
 from hkt_mdo.rotor.steady_optimum import SteadyOptimum, nearest_optimum
-from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
+from hkt_mdo.rotor.torque_curve import TorqueSpline
 from hkt_mdo.start.result import Candidate, given_designs
 from hkt_mdo.start.steady import TIE, co_designed, optimized, without_time
-from hkt_mdo.start.steady_flow import BRANCHES, SteadyFlow, has_branches, limits_power
+from hkt_mdo.start.steady_flow import BRANCHES, QuasiSteady, SteadyFlow, has_branches, limits_power
 
 BEST = "best blade"
 # names, and tip speed ratios over that of the best blade
@@ -35,6 +35,7 @@ CONSTANT, FITTED = "solid blade at a constant torque", "law fitted to open loop"
 # `SLOWED`, too, since the paths lead to other optima: of `make verify PART=turbines` with
 # `quadratic` turbine 29 loses 27 % without this one, turbine 11 0.08 % without the other
 FARTHER = 0.08
+RATIOS = np.linspace(0.3, 2.6, 481)  # nodes of a curve, over the optimum's tip speed ratio
 FINE = 400  # speeds of the flow of a schedule that is not optimized
 JUMPING = 0.02  # share of the objective by which a branch is better though its torque jumps
 EVEN = 2e-4  # the same of branches, of which that without stall is better over time (`power_oloc`)
@@ -171,7 +172,7 @@ class Search:
     def _schedules(self) -> SteadyFlow:
         """Schedules of an open loop that keep the limits."""
         free = replace(self.physics, law=self._open_loop.law)
-        return SteadyFlow.of(free, ratio_spline(self.optimum))
+        return SteadyFlow.of(free, TorqueSpline(RATIOS * self.optimum.tip_speed_ratio))
 
     @cached_property
     def branches(self) -> tuple[str, ...]:

@@ -195,9 +195,9 @@ class Run:
         if energy.size:
             mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
             change = 100.0 * (mean / quiet.energy - 1.0)
-            told = f"captured energy of the others: mean {mean / 1e3:.3f} kJ, standard deviation "
-            told += f"{spread / 1e3:.3f} kJ, worst {energy.min() / 1e3:.3f} kJ "
-            told += f"({change:+.3f} % of the run without noise)"
+            told = f"captured energy of the others: mean {mean / 1e3:.3f} kJ ({change:+.3f} % from "
+            told += f"that without noise), standard deviation {spread / 1e3:.3f} kJ, worst "
+            told += f"{energy.min() / 1e3:.3f} kJ"
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "

@@ -17,6 +17,7 @@ from hkt_mdo.dynamics.harmonics import constituents
 from hkt_mdo.dynamics.long_record import FlowSamples, RecordResource
 from hkt_mdo.dynamics.resource import TidalResource, in_bins
 from hkt_mdo.errors import InputError
+from hkt_mdo.messages import validated
 
 DATA = Path(__file__).parents[1] / "data" / "mhkit"
 DETERMINATION = 0.9971199490337135  # printed by MHKiT's examples/river_example.ipynb
@@ -103,6 +104,12 @@ def test_currents_of_noaa_are_signed_along_their_axis(tmp_path):
     samples = RecordResource(file=str(tmp_path / "noaa.json"), direction_column="d").samples
     np.testing.assert_allclose(samples.speed, along, atol=1e-12)
     assert "principal axis 30.0 deg" in " ".join(samples.messages)
+
+
+def test_what_does_not_go_with_a_rating_is_refused():
+    for keys in ({**TANANA, "area": 40}, {"file": TANANA["file"], "rating_degree": 2}):
+        with pytest.raises(InputError, match="does not go with"):
+            validated(RecordResource, keys, "resource")
 
 
 def test_a_direction_is_in_radians_by_its_name(tmp_path):
@@ -234,7 +241,8 @@ def test_a_short_record_is_told_in_readable_units(tmp_path, capsys):
 
 
 def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
-    keys = [f"--set={key}={value}" for key, value in TANANA.items() if key != "file"]
+    given = TANANA | {"cut_in": 0.7}
+    keys = [f"--set={key}={value}" for key, value in given.items() if key != "file"]
     assert main(["resource", TANANA["file"], "--out", str(tmp_path / "out"), *keys]) == 0
     told = capsys.readouterr().out
     assert "3649 samples over 9.99 years" in told
@@ -246,6 +254,7 @@ def test_hkt_resource_writes_what_a_case_reads(tmp_path, capsys):
     mean, share = in_bins(*record.occurrence(), record.bin_width)
     assert record.speeds.speed[-1] == np.max(record.samples.speed)
     again, hours = found.occurrence()
+    assert found.cut_in == 0.7
     np.testing.assert_allclose(again, mean, rtol=1e-9)
     np.testing.assert_allclose(hours, share, rtol=1e-8)
     figure = tmp_path / "out" / "resource.png"

@@ -80,7 +80,7 @@ def test_with_anti_windup_the_loop_is_stable_where_the_proportional_part_exceeds
 
 
 def test_in_equilibrium_nothing_changes():
-    for law in (LAW, LAW.model_copy(update={"bias": 0.1})):
+    for law in (LAW, LAW.applied(0.9), LAW.model_copy(update={"bias": 0.1})):
         speed = law.speed_at_rest(np.array([1.3, 1.6]), GAINS)
         np.testing.assert_allclose(speed, law.reference(np.array([1.3, 1.6]) + law.bias, GAINS))
         torque = np.array([400.0, 500.0])

@@ -23,7 +23,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.scales import torque_scale
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.steady_flow import QuasiSteady
 from tests.conftest import checked
 
 SPEED = np.linspace(0.5, 16.0, 40)

@@ -13,7 +13,8 @@ from hkt_mdo.errors import InputError
 from hkt_mdo.exports.base import export
 from hkt_mdo.exports.tables import tables
 from hkt_mdo.rotor.scales import torque_scale
-from hkt_mdo.start.quasi_steady import QuasiSteady, ratio_spline
+from hkt_mdo.start.find import RATIOS, TorqueSpline
+from hkt_mdo.start.steady_flow import QuasiSteady
 from tests.exports.made import made
 
 QUADRATIC = "inflow: sine\ncontrol: {law: quadratic, torque_limit: 700}\ndesign: {blade: fixed}\n"
@@ -153,7 +154,7 @@ def test_steady_operation_is_a_balance_of_torques(quadratic):
     np.testing.assert_allclose(operation["hydrodynamic_power_W"], torque * speed, rtol=1e-14)
     np.testing.assert_allclose(operation["control_torque_over_limit"], torque / 700.0, rtol=1e-14)
     world = design.physics
-    spline = ratio_spline(world.rotor.best_operation(design.blade))
+    spline = TorqueSpline(RATIOS * world.rotor.best_operation(design.blade).tip_speed_ratio)
     table = world.rotor.coefficients(design.blade, spline.nodes).torque
     quasi = QuasiSteady.of(world, design.blade, spline.curve(table))
     known = quasi.operate(design.gains)

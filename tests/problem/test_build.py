@@ -18,6 +18,8 @@ from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.rotor.bem import Table
 from hkt_mdo.rotor.model import RotorModel
 from hkt_mdo.start.find import find_start
+from hkt_mdo.start.steady import without_time
+from hkt_mdo.start.steady_flow import KNOTS
 from tests.test_extension_faults import TwoStates
 
 VARIANTS = {
@@ -253,14 +255,14 @@ def test_a_torque_curve_has_more_nodes_where_the_torque_bends_but_none_at_a_jump
 
 
 def test_a_rotor_is_held_to_its_distance_from_stall_where_it_has_settled():
-    """A heavy one never does but in its initial equilibrium."""
+    """A heavy one never does but in its initial equilibrium, or without time."""
     sizes = []
-    for hub in (0.0, 1e5):
+    for hub, timeless in ((0.0, False), (1e5, False), (1e5, True)):
         world = coarse_physics(VARIANTS["quadratic"], f"rotor: {{hub_inertia: {hub}}}")
-        problem, _ = assembled(world)
+        problem, _ = assembled(without_time(world) if timeless else world)
         found = problem.driver.get_constraint_values()["limit_distance_from_stall.value"]
         sizes.append(found.size)
-    assert sizes == [world.scenarios[0].node_times.size, 1]
+    assert sizes == [world.scenarios[0].node_times.size, 1, KNOTS]
 
 
 # The public problem -------------------------------------------------------------------------------

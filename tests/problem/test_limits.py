@@ -15,6 +15,7 @@ from hkt_mdo.dynamics.limits import (
     TorqueRateLimit,
 )
 from hkt_mdo.problem.components import FormulaComp, LinearComp
+from hkt_mdo.problem.operation_group import is_quantity
 from hkt_mdo.problem.physics import complete, physics
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.loads import of_limit
@@ -100,10 +101,23 @@ def test_a_limited_rate_of_a_scenario_is_one_of_the_case():
     rate, steady = {"limits": {"torque_rate": 30}}, {"inflow": "sine", "steady": True}
     case = load_case(CASE | {"scenarios": [{"inflow": "sine"} | rate, steady | rate]})
     assert complete(case).phase.final_speed == "free"
+    # what the generator gets is not to be taken from a rotor that begins faster than it ends
+    assert complete(case.with_overrides("objective=generator")).phase.final_speed == "initial"
     world = physics(case)
     names = [[limit.name for limit in each.limits] for each in world.scenarios]
     assert ["torque_rate" in each for each in names] == [True, False]  # at rest it has none
     assert any("no effect in a steady scenario" in text for text in world.messages)
+
+
+def test_each_scenario_has_its_own_depth():
+    """A flow at high water is computed at its depth, the others at that of the case."""
+    high = {"limits": {"cavitation": {"depth": 10, "margin": 1.0}}}
+    case = {"scenarios": [{"inflow": "sine"}, {"inflow": "sine"} | high]}
+    world = physics(
+        load_case(case | {"control": "open_loop", "limits": {"cavitation": {"depth": 3}}})
+    )
+    assert [world.rotor_in(each).depth for each in world.scenarios] == [3.0, 10.0]
+    assert [world.rotor_in(each).margin for each in world.scenarios] == [1.1, 1.0]
 
 
 # Contradictions and limits of no effect -----------------------------------------------------------
@@ -148,6 +162,7 @@ def test_a_limit_with_a_lower_bound_alone_is_reported():
 
     ratios = {"tip_speed_ratio": np.array([10.0, 7.5, 5.0])}
     np.testing.assert_allclose(Least().share(ratios), [0.0, 0.5, 1.0])
+    assert not is_quantity(Least())  # it may not be the only limit on its quantity
     entry = of_limit(Least(), ratios | {"time": np.arange(3.0)})
     assert entry.row("least_ratio").text == "5, at least 5, margin 0.00 %, binding, at t = 2.00 s"
     assert entry.row("least_ratio").label == "smallest least ratio"

@@ -15,7 +15,6 @@ from hkt_mdo.dynamics.laws import OpenLoop
 from hkt_mdo.errors import InputError
 from hkt_mdo.results import charts, steady, style
 from hkt_mdo.results.charts import figure_of, figures
-from hkt_mdo.results.panel import COLORS, Curve, Panel
 from hkt_mdo.results.sections import sections
 from hkt_mdo.results.solution import Solution
 
@@ -171,14 +170,6 @@ def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solutio
     law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
     np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)
     assert worn["rotor_speed_rad_s"][-1] < 0.99 * new["rotor_speed_rad_s"][-1]
-
-
-def test_bars_stand_side_by_side_whatever_results_have_them() -> None:
-    x, y = np.array([1.0, 2.0]), np.ones(2)
-    bars = [Curve(x, y, f"run {index}", COLORS[index], index, "bar") for index in (1, 3)]
-    patches = style.draw(Panel("energy", "speed", bars), Figure().subplots()).patches
-    centres = [each.get_x() + 0.5 * each.get_width() for each in patches]
-    assert centres == pytest.approx([0.75, 1.75, 1.25, 2.25])
 
 
 def test_the_rated_point_is_where_steady_power_meets_its_limit(result_folder: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from hkt_mdo.case import read_case
+from hkt_mdo.case import load_case, read_case
 from hkt_mdo.errors import InputError
 from hkt_mdo.results.folder import write_json
 from hkt_mdo.results.solution import TABLES, Solution
@@ -35,6 +35,16 @@ def test_load_reads_everything(result_folder: Path) -> None:
     )
     with pytest.raises(ValueError, match="read-only"):
         solution.trajectory["time_s"][0] = 1.0
+
+
+def test_the_only_scenario_has_its_own_water_flow_and_limits(result_folder: Path) -> None:
+    path = result_folder / "case.yaml"
+    own = "scenarios=[{name: one, density: 1025, inflow: step, limits: {thrust: 6 kN}}]"
+    path.write_text(load_case(path).with_overrides(own).to_yaml())
+    solution = Solution.load(result_folder)
+    assert [limit.name for limit in solution.limits] == ["control_torque", "thrust"]
+    case = solution.by_scenario[0].case
+    assert (case.fluid.density, case.inflow.profile) == (1025.0, "step")
 
 
 def test_load_takes_an_interrupted_run(result_folder: Path) -> None:

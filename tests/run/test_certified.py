@@ -40,6 +40,12 @@ def _certificate(world, optimum, inertia):
 # Theory
 
 
+def test_a_torque_of_the_generator_counts_as_the_rotor_feels_it():
+    """500 N m demanded are 700 N m on the rotor where the torque constant is 1.4 times as large."""
+    worn = _world("quadratic", 500.0, condition={"torque_constant": 1.4})
+    assert _certified(worn)[2] == pytest.approx(_certified(_world("quadratic", 700.0))[2], rel=1e-6)
+
+
 @pytest.mark.parametrize("law", ["open_loop", "quadratic"])
 def test_without_a_limit_it_is_the_quasi_steady_bound(law):
     _, bound, certified = _certified(_world(law, None))

@@ -25,7 +25,7 @@ def test_a_wake_outside_its_tables_and_one_that_they_do_not_determine_are_refuse
         problem, setup = SimpleNamespace(get_val=lambda name: table), SimpleNamespace(nodes=nodes)
         result = SimpleNamespace(setup=setup, trajectories=[known | changes], problem=problem)
         band = SimpleNamespace(direction=direction)
-        return {name: value for name, value, *_ in _of_tables(band, result)}
+        return {name: value for name, value, *_ in _of_tables(band, result, ["table"])}
 
     rising = 0.03 * nodes
     kept = {"wake_in_tables": 0.0, "wake_induction_turns": 0.0}

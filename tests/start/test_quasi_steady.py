@@ -12,7 +12,7 @@ from hkt_mdo.rotor import bem
 from hkt_mdo.rotor.polars import Polars
 from hkt_mdo.rotor.steady_optimum import best_operation
 from hkt_mdo.rotor.torque_curve import TorqueSpline
-from hkt_mdo.start.quasi_steady import QuasiSteady
+from hkt_mdo.start.steady_flow import QuasiSteady
 
 RADIUS, DENSITY = 1.4, 1000.0
 TIME = np.linspace(0.0, 60.0, 121)

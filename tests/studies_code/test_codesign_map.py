@@ -42,11 +42,3 @@ def test_the_data_agree_with_the_theory(study):
     assert min(map(study.gain, below)) > 1e-4
     fast = [row for row in known if row["limit"] == "power" and float(row["beta"]) < 0.06]
     assert max(map(study.gain, fast)) < 2e-4
-
-
-def test_the_page_is_made_of_the_data(study, tmp_path, monkeypatch):
-    page = study.PAGE.read_text(encoding="utf-8")
-    monkeypatch.setattr(study, "PAGE", tmp_path / "page.md")
-    monkeypatch.setattr(study, "draw", lambda rows, path: None)
-    study.write_page()
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == page
