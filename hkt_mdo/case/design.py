@@ -90,8 +90,8 @@ class Phase(Section):
     `equilibrium` for feedback."""
     final_speed: Literal["auto", "free", "initial"] = "auto"
     """Rotor speed at the end: `free`, or, for open loop, `initial`, that of t = 0; `auto`:
-    `initial` for open loop, `free` for feedback and, for captured energy, with a limit on a rate.
-    Stored energy is limited to 1 % (docs/checks.md)."""
+    `initial` for open loop, `free` for feedback and with a limit on a rate. Stored energy is
+    limited to 1 % (docs/checks.md)."""
 
 
 class Start(Section):

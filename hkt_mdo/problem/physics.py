@@ -54,8 +54,7 @@ def complete(case: Case) -> Case:
         case.inflow.check(duration)
     final = phase.final_speed
     if final == "auto":
-        # a cycle closed under limited rates costs energy; the captured energy has a check instead
-        rates = any(limit.is_of(RATES) for limit in case.all_limits) and not case.objective.closes
+        rates = any(limit.is_of(RATES) for limit in case.all_limits)
         final = "free" if rates or case.control.is_feedback else "initial"
     found = {"duration": duration, "segments": segments, "final_speed": final}
     scenarios = []

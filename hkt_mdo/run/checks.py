@@ -304,7 +304,8 @@ def _of_design(ended):
             yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
-    for each, suffix in _suffixed(verifications) if captured else ():
+    sells = captured or not physics.law.is_feedback  # an open loop that delivers may begin fast
+    for each, suffix in _suffixed(verifications) if sells else ():
         if each.scenario.mesh.final_speed == "free" and not each.scenario.steady:
             share = _stored(physics, each) / max(abs(each.simulation.energy), 1e-9)
             word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
@@ -383,10 +384,11 @@ def _resolved(ended):
 
 
 def _stored(physics, verification) -> float:
-    """Return the kinetic energy that the optimizer stores in a rotor at the end, J.
+    """Return the kinetic energy that the optimizer stores in a rotor, or takes from it, J.
 
-    Open loop chooses the last speed. Under feedback that follows from the flow: only what is gained
-    over the scenario and exceeds that at the equilibrium speed of the last flow counts.
+    Open loop chooses the first and the last speed. Under feedback these follow from the flow: only
+    what is gained over the scenario and exceeds that at the equilibrium speed of the last flow
+    counts.
     """
     speed, inertia = verification.simulation.rotor_speed, verification.plant.inertia
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
