@@ -119,7 +119,7 @@ class RecordResource(RecordFile, Resource):
         for key in ("area", "direction_column") if self.rating else ("rating_degree",):
             if getattr(self, key) is not None:
                 problem = f"does not go {'with' if self.rating else 'without'} rating"
-                yield key, problem, "leave it out, or change rating"
+                yield key, problem, f"leave {'one of them' if self.rating else 'it'} out"
 
     @cached_property
     def samples(self) -> FlowSamples:

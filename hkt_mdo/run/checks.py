@@ -299,13 +299,14 @@ def _of_design(ended):
         names = {physics.named("wake_induction_table", each) for each in physics.scenarios}
         yield from _of_tables(result.setup.band(physics), result, names)
         found = stability_of(result)
-        growth, word = (found.growth, found.text) if found else (np.inf, "unknown, too slow")
-        if found or physics.law.is_feedback or not physics.scenarios[0].steady:
+        growth = found.growth if found else np.inf
+        word = found.text if found else "not known at tip speed ratios as small as these"
+        if physics.law.is_feedback or not all(each.steady for each in physics.scenarios):
             yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
-    sells = captured or not physics.law.is_feedback  # an open loop that delivers may begin fast
-    for each, suffix in _suffixed(verifications) if sells else ():
+    limited = captured or not physics.law.is_feedback  # an open loop that delivers may begin fast
+    for each, suffix in _suffixed(verifications) if limited else ():
         if each.scenario.mesh.final_speed == "free" and not each.scenario.steady:
             share = _stored(physics, each) / max(abs(each.simulation.energy), 1e-9)
             word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
