@@ -270,7 +270,7 @@ class Case(_WithFlow):
         """
         for own in self.scenarios:
             if own.name == name or len(self.scenarios) == 1:
-                made = self.of_turbine(own.density, own.condition, None)
+                made = self.of_turbine(own.density, own.condition)
                 limits = {limit.name: limit for limit in own.limits.given}
                 keys = "duration", "segments"
                 mesh = {key: getattr(own, key) or getattr(self.phase, key) for key in keys}
@@ -283,7 +283,7 @@ class Case(_WithFlow):
                 return made.model_copy(update=update)
         return self
 
-    def of_turbine(self, density, condition, cavitation) -> "Case":
+    def of_turbine(self, density, condition, cavitation=None) -> "Case":
         """Return the case in other water, in another condition, at another depth; None: its own.
 
         `cavitation` is the limit that has the depth.
