@@ -263,10 +263,10 @@ class Case(_WithFlow):
                 problem = f"lies outside design.{name} = [{bounds[0]:g}, {bounds[1]:g}]"
                 yield key, problem, "the start must lie within the bounds: change one or the other"
 
-    def of_scenario(self, name: str) -> "Case":
+    def of_scenario(self, name: str = "") -> "Case":
         """Return the case of one of its scenarios alone; for an unknown name, the case itself.
 
-        If it has one scenario, that is the one of any name.
+        If it has one scenario, it is that one, whatever the name.
         """
         for own in self.scenarios:
             if own.name == name or len(self.scenarios) == 1:

@@ -76,6 +76,11 @@ class Law(Section):
         law._applied = factor
         return law
 
+    @property
+    def largest_torque(self) -> float | None:
+        """Largest torque on the rotor, N*m; None: without a limit."""
+        return self.torque_limit and self._applied * self.torque_limit
+
     def in_flow(self, slowest: float, fastest: float) -> "Law":
         """Return this law for a design flow between two speeds, m/s; most laws are unchanged."""
         return self

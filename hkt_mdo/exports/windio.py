@@ -162,14 +162,13 @@ def _control(design: Design) -> dict[str, Any]:
     limits = [(x.name, float(x.upper)) for x in physics.all_limits if x.caps_series]
     fastest = [float(np.max(own["trajectory"]["rotor_speed_rad_s"])) for own in tables]
     fastest += [most for name, most in limits if name == "rotor_speed"]
+    rates = [most for name, most in limits if name == "torque_rate"]
     known = {
         "max_rotor_speed": max(fastest) * REVOLUTIONS,
         "optimal_tsr": physics.rotor.best_operation(design.blade).tip_speed_ratio,
         "max_gen_torque": law.torque_limit,
         "region2_k": float(design.gains[0]) / REVOLUTIONS**2 if law.law == "quadratic" else None,
         "rated_power": float(law.second_of(design.gains)) if law.law == "rated" else None,
-        "max_torque_rate": min(
-            (most for name, most in limits if name == "torque_rate"), default=None
-        ),
+        "max_torque_rate": min(rates, default=None),
     }
     return {key: value for key, value in known.items() if value is not None}

@@ -326,9 +326,9 @@ def is_quantity(limit: Limit) -> bool:
     One would add a quarter to the time for the derivatives of an open loop with three such limits.
     A limit of a user's own has one, for OpenMDAO takes one constraint of a quantity.
     """
-    own = type(limit).__module__ != Limit.__module__
+    built_in = type(limit).__module__ == Limit.__module__
     plain = type(limit).value is Limit.value and len(limit.inputs) == 1 and limit.place == "time"
-    return plain and not own
+    return built_in and plain
 
 
 def constraint_of(physics: Physics, limit: Limit, number: int = 0) -> str:

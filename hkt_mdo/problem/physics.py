@@ -170,8 +170,8 @@ def physics(case: Case) -> Physics:
         text = f"control.torque_limit = {limit:g} N m is out of reach of any blade in this flow"
         messages += (f"{text}, at most {most:.3g} N m: it counts as none",)
         control = control.model_copy(update={"torque_limit": None})
-    groups, torque = dict.fromkeys(each.group for each in scenarios), control.torque_limit
-    limits = {x: _limits_over_time(case.of_scenario(x), shape, torque) for x in groups}
+    groups = dict.fromkeys(each.group for each in scenarios)
+    limits = {x: _limits_over_time(case.of_scenario(x), shape, control) for x in groups}
     made = Physics(
         case,
         shape,
@@ -229,6 +229,7 @@ def _rotors(
 def _rotor_model(case: Case, turbine: Turbine, shape: Shape) -> RotorModel:
     """Return the rotor of a case; refuse limits on loads that it cannot compute."""
     polar = _polar_in_condition(turbine, case)
+    # the case's own limit comes last, and counts
     limited = {name: x for x in case.all_limits[::-1] for name in x.inputs if name in LOADS}
     direct = case.hydrodynamics.torque == "direct"
     optimized = case.objective.is_of(LOADS)
@@ -345,7 +346,7 @@ def _design_limits(case: Case, shape: Shape) -> tuple[Limit, ...]:
     return *held, *(limit for limit in _limits(case, shape) if limit.place != "time")
 
 
-def _limits_over_time(case: Case, shape: Shape, torque_limit: float | None) -> tuple[Limit, ...]:
+def _limits_over_time(case: Case, shape: Shape, law) -> tuple[Limit, ...]:
     """Return the limits over time of a case: torque and rotation, and those that it gives.
 
     A generator whose table ends at a speed has a limit of the speed there.
@@ -354,5 +355,5 @@ def _limits_over_time(case: Case, shape: Shape, torque_limit: float | None) -> t
     speed, end = given.get("rotor_speed"), case.generator.fastest
     if end < (np.inf if speed is None else speed.upper):
         given["rotor_speed"] = TableEnd(bound=end)
-    torque = TorqueLimit(bound=torque_limit and torque_limit * case.condition.torque_constant)
+    torque = TorqueLimit(bound=law.applied(case.condition.torque_constant).largest_torque)
     return torque, ForwardRotation(), *given.values()

@@ -77,7 +77,7 @@ class Design:
         InputError
             If a file of the case is gone or broken, or the case has other stations.
         """
-        summary, world = solution.summary, physics(solution.case.of_scenario(""))
+        summary, world = solution.summary, physics(solution.case.of_scenario())
         blade = replace(blade_of(solution, world.blade), hub_inertia=summary.hub_inertia_kg_m2)
         plant = steady_plant(world, world.rotor, blade)
         gains = np.atleast_1d([] if summary.gain is None else summary.gain).astype(float)

@@ -263,18 +263,17 @@ class Solution:
     @property
     def limits(self) -> tuple[Limit, ...]:
         """Limits of the case on quantities over time, that of the torque first."""
-        case = self.case.of_scenario("")
-        most = case.control.torque_limit  # of the torque that the law demands
-        torque = TorqueLimit(bound=most and most * case.condition.torque_constant)
+        case = self.case.of_scenario()
+        law = case.control.applied(case.condition.torque_constant)
         material = case.rotor.blade_material  # which may have the allowable stress
-        over_time = (each for each in case.limits.given if each.place == "time")
-        given = (torque, *(each.on(None, material) for each in over_time))
+        others = (x.on(None, material) for x in case.limits.given if x.place == "time")
+        given = TorqueLimit(bound=law.largest_torque), *others
         return tuple(each for each in given if np.isfinite(each.end))
 
     @property
     def _scalars(self) -> dict[str, float]:
         """The quantities of the design that limits over time take, as far as they are known."""
-        summary, density = self.summary, self.case.of_scenario("").fluid.density
+        summary, density = self.summary, self.case.of_scenario().fluid.density
         known = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
         return {"density": density} | {k: x for k, x in known.items() if x is not None}
 

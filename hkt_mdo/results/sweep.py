@@ -159,9 +159,8 @@ class SweepTable:
     @property
     def pages(self) -> np.ndarray:
         """Links to the reports of the runs from the sweep's folder, "" for none, (n_runs,)."""
-        # without a run, one that cannot be there: `SWEEP` is no folder
-        paths = [Path(str(run) or SWEEP, "report.html") for run in self.columns["run"]]
-        return np.array([x.as_posix() if (self.folder / x).is_file() else "" for x in paths])
+        links = [f"{run}/report.html" if run else "" for run in self.columns["run"]]
+        return np.array([x if (self.folder / x).is_file() else "" for x in links])
 
     @property
     def verified(self) -> np.ndarray:

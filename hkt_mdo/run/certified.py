@@ -27,8 +27,7 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     the thickness or the hub's inertia is designed, the turbine differs between scenarios, the
     inertia is not that of blades and hub alone, or the best tip speed ratio is near `HIGHEST`.
     """
-    shape, law, constant = physics.shape, physics.law, physics.case.condition.torque_constant
-    limit = law.torque_limit and law.torque_limit * constant
+    shape, law, limit = physics.shape, physics.law, physics.law.largest_torque
     rotor, designs_radius = physics.rotor, shape.radius_bounds is not None
     designed = designs_radius or physics.designs_hub or "thickness" in shape.bases
     moves_more = rotor.inertia_factor != 1.0 or rotor.added_inertia != "none"

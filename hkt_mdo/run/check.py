@@ -315,7 +315,7 @@ def _start(found: Findings) -> Rows:
     there = f"at {mean:.4g} m/s, {measured(torque, 'N*m', 4)}, {measured(speed, 'rad/s', 4)}"
     yield Row("there, in the mean flow", torque * speed, "W", there, 4)
     if np.isfinite(found.rated_speed):
-        power = found.physics.law.torque_limit * speed * found.rated_speed / mean
+        power = found.physics.law.largest_torque * speed * found.rated_speed / mean
         above = f"flow above it {100.0 * found.above_rated:.3g} % of the time"
         note = f"at {found.rated_speed:.4g} m/s, {above}"
         yield Row("there, at the torque limit", power, "W", note, 4)

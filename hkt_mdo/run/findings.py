@@ -258,12 +258,12 @@ class Findings:
         0.5 rho pi R³ Cq v² = torque, by iteration, for Cq depends on v where polars follow the
         Reynolds number. Infinite without a limit, and where the rotor has no torque.
         """
-        limit, flow = self.physics.law.torque_limit, 1.0
+        limit, flow = self.physics.law.largest_torque, 1.0
         for _ in range(50):
             _, torque = self.at_best(flow)
             if limit is None or torque <= 0.0:
                 return np.inf
-            flow *= float(np.sqrt(self.case.condition.torque_constant * limit / torque))
+            flow *= float(np.sqrt(limit / torque))
         return flow
 
 
