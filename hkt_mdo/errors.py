@@ -172,9 +172,7 @@ class InputError(Exception):
         place = " = ".join(filter(None, (self.key, self._shown)))
         advice = "; ".join(filter(None, (self.problem, self.remedy)))
         line = ": ".join(filter(None, (self.file, place, advice)))
-        return "".join(
-            letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in line
-        )
+        return "".join(x if x.isprintable() else f"\\x{ord(x):02x}" for x in line)
 
 
 @contextmanager

@@ -162,7 +162,7 @@ class Quantity:
         if match[2] is None:
             raise self._refuse(f"is a text without a unit; this key is in {self.unit}")
         number, unit = float(match[1]), re.sub(rf" +|{_TIMES}", "*", match[2].replace("^", "**"))
-        unit = _NEWTON_METRE.sub(r"\1N*m", unit)
+        unit = re.sub(r"\bdays?\b", "d", _NEWTON_METRE.sub(r"\1N*m", unit))
         if not is_unit(unit):
             meant = re.sub(r"([A-Za-z])([2-9])", r"\1**\2", unit.replace("kgm", "kg*m"))
             guess = f" (did you mean {meant}?)" if is_unit(meant) else ""

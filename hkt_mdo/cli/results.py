@@ -259,7 +259,7 @@ def simulate(
     out
         Folder for simulations.json and simulations.csv; files of these names are replaced.
     strict
-        Exit with 3 if a limit is broken or the rotor stops or stalls.
+        Exit with 3 if a limit is broken, or the rotor stops, stalls or runs away.
     """
     from hkt_mdo.results.words import flow_words, limit_words
     from hkt_mdo.studies.other_flows import largest, records, simulations, write

@@ -170,18 +170,18 @@ class _Live(Progress):
         soft = not self.console.is_terminal
         self.console.print(line, markup=False, highlight=False, soft_wrap=soft)
 
-    def amount(self, objective: float) -> str:
+    def amount(self, objective: float, unit: str = "") -> str:
         """Return an objective with its unit."""
         from hkt_mdo.results.words import measured
 
-        return measured(objective, self.unit)
+        return measured(objective, unit or self.unit)
 
     def started(self, record: Any) -> None:
         """Show a start that was tried."""
         self.starts += 1
         where = record.strategy + f" on {record.branch}" * bool(record.branch)
         line = f"start {self.starts}, {where}, {record.law.replace('_', ' ')}"
-        self.show(f"{line}: {self.amount(record.objective)}")
+        self.show(f"{line}: {self.amount(record.objective, 'J')}")
 
     def evaluated(self, count: int, objective: float, infeasibility: float) -> None:
         """Show an evaluation of the optimizer."""

@@ -218,6 +218,4 @@ def filled(template: str, design: Design, words: dict[str, Any]) -> str:
 
 def _rows(values: np.ndarray, digits: int) -> str:
     """Return rows of numbers as lines of a file."""
-    return "\n".join(
-        "  ".join(f"{value:.{digits}g}" for value in row) for row in np.atleast_2d(values)
-    )
+    return "\n".join("  ".join(f"{x:.{digits}g}" for x in row) for row in np.atleast_2d(values))

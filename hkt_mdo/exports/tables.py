@@ -104,9 +104,8 @@ class Netcdf(_Tables):
     """One NetCDF file, a group a table, whose dimension is the table's first column."""
 
     def files(self, design: Design) -> dict[str, bytes]:
-        groups = {
-            x.name: dataset(x.columns, title=x.title) for x in tables(design, self.flow_range)
-        }
+        known = tables(design, self.flow_range)
+        groups = {x.name: dataset(x.columns, title=x.title) for x in known}
         from xarray import DataTree
 
         tree = DataTree.from_dict(groups)

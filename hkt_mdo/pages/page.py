@@ -170,7 +170,7 @@ def _headline(solution: Solution) -> Iterator[Row]:
     yield Row("verdict", summary.verdict(solution.case))
     yield from summary.year.rows() if summary.year else ()
     energies = {"captured": summary.simulated_energy_J or summary.energy_J}
-    if summary.electrical_energy_J != summary.generator_energy_J:
+    if solution.case.generator.rubs or not solution.case.generator.lossless:
         energies["electrical"] = summary.electrical_energy_J
     for name, energy in energies.items():
         if energy is not None and duration:

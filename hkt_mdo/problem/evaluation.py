@@ -117,10 +117,7 @@ def loads_along(
 
     def largest(rotor, ratio, sections=None):
         found = rotor.loads(blade, ratio, names=names, flow=sections)
-        return {
-            name: load._replace(exact=load.exact[:, load.r <= reach]).largest
-            for name, load in found.items()
-        }
+        return {k: x._replace(exact=x.exact[:, x.r <= reach]).largest for k, x in found.items()}
 
     parts = np.array_split(np.arange(ratio.size), -(-ratio.size // RATIOS))
     if "sections" in known:

@@ -78,9 +78,7 @@ def _span(case: Case) -> tuple[float, int]:
         inflow.check(inflow.length)
     duration = duration or inflow.length or DURATION
     if segments is None:
-        lasting = (
-            period for begin, end, period in inflow.features if begin <= 0.0 and end == np.inf
-        )
+        lasting = (each[2] for each in inflow.features if each[0] <= 0.0 and each[1] == np.inf)
         wanted = np.ceil(SEGMENTS_PER_PERIOD * duration / min(lasting, default=np.inf) - 1e-9)
         segments = int(np.clip(wanted, FEWEST_SEGMENTS, MOST_SEGMENTS))
     periods = sum(

@@ -136,6 +136,4 @@ def records(
     """
     sides = {each.objective: each.branch for each in branches}
     first = next((each for each in tried if each.objective == kept.objective), None)
-    return tuple(
-        replace(each, kept=each is first, side=sides.pop(each.objective, "")) for each in tried
-    )
+    return tuple(replace(x, kept=x is first, side=sides.pop(x.objective, "")) for x in tried)

@@ -153,9 +153,8 @@ def build_turbine(
         blade = replace(blade, thickness=thickness)
     else:
         sections, blended, blends = _sections(rotor, table, named)
-        sections = [
-            x._replace(area=x.area or material_section(x.outline, x.wall)[0]) for x in sections
-        ]
+        areas = [x.area or material_section(x.outline, x.wall)[0] for x in sections]
+        sections = [x._replace(area=y) for x, y in zip(sections, areas, strict=True)]
         thickness = np.array([each.thickness for each in sections])
         families = [each.polars for each in sections]
         if rotor.reynolds == "local":
@@ -262,6 +261,8 @@ def _sections(rotor, table, named) -> tuple[list[_Section], tuple[str, ...], tup
     """Return the one section of the blade, or that of every station; messages; and the blends."""
     if len(named) == 1:
         (section,) = named.values()
+        if rotor.sections and table.section:
+            _pairs(rotor, table, named)  # which refuses a station of another one
         sections, notes = _of_thickness(rotor, table.thickness, section)
         return sections, notes, ((section.called, section.called, 0.0),) * len(sections)
     pairs, messages = _pairs(rotor, table, named)
@@ -353,7 +354,10 @@ def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
         problem = f"is beyond the polars, {numbers[0]:.3g} to {numbers[-1]:.3g}"
         raise InputError(problem, "give polars there", key="rotor.reynolds_number", value=given)
     if given and all(len(each.polars.polars) == 1 for each in named.values()):
-        return rotor, (f"rotor.reynolds_number = {given:g} chooses no polar: each section has one",)
+        text = f"rotor.reynolds_number = {given:g} chooses no polar: each section has one"
+        return rotor.model_copy(update={"reynolds_number": None if numbers.size else given}), (
+            text,
+        )
     own = not rotor.sections and rotor.polar is None
     if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
         return rotor, ()

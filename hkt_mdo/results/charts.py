@@ -33,10 +33,7 @@ UNITS = {"rad/s": ("rpm", 30.0 / np.pi), "W": ("kW", 1e-3), "N": ("kN", 1e-3), "
 NAMES = {"hydrodynamic_torque": "flow's torque", "cavitation": "suction, 1: cavitation"}
 """Names of quantities that are not those of limits."""
 LARGE_TORQUE = 1e3  # N m
-TIME = (
-    *("inflow_speed", "generator_power", "rotor_speed", "tip_speed_ratio"),
-    *("control_torque", "thrust"),
-)
+TIME = "inflow_speed generator_power rotor_speed tip_speed_ratio control_torque thrust".split()
 FLOW = "generator_power", "rotor_speed", "control_torque", "thrust"
 LIMITED = "root_moment", "stress", "cavitation"
 """What is drawn over time, over the flow speed, and over time where it is limited."""
@@ -163,10 +160,10 @@ def _panel_of(results: Results, quantity: str, across: str) -> tuple[Panel, floa
 def levels_of(results: Results, quantity: str, scale: float) -> dict[str, float]:
     """Return the limits of a quantity in all scenarios of results, one for equal ones.
 
-    Their words name the results where not all have the limit.
+    Their words name the results and scenarios where not all have the limit.
     """
     found: dict[tuple[str, float], list[str]] = {}
-    results = _alone(results)
+    results = by_scenario(results)
     for solution, label, _ in results:
         limits = map(solution.limit_levels, LIMITED_BY.get(quantity, (quantity,)))
         for limit, level in chain.from_iterable(limits):
@@ -207,7 +204,7 @@ def over_time(results: Results, quantity: str, nodes: bool = False) -> Panel:
 
 def operation(results: Results, nodes: bool = False) -> list[Panel]:
     """Return operation over time, with the loads that are limited."""
-    given = {limit.name for each in results for limit in each.solution.limits}
+    given = {limit.name for each in _alone(results) for limit in each.solution.limits}
     names = *TIME, *(x for x in LIMITED if x in given)
     return [over_time(results, each, nodes) for each in names]
 
@@ -482,16 +479,16 @@ def loads(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """Return infeasibility, and the distance of the energy from its last value, by evaluation."""
+    """Return infeasibility, and how far the objective is from its last value, by evaluation."""
     panel = Panel(f"relative, at least {LEAST_SHOWN:.0e} (-)", "evaluation (-)", log=True)
     for each in results:
         if table := each.solution.convergence:
-            energy = table["energy_J"]
-            known = energy[np.isfinite(energy)]
+            objective = table["energy_J"]
+            known = objective[np.isfinite(objective)]
             last = known[-1] if known.size and known[-1] else 1.0
-            distance = np.maximum(np.abs(energy / last - 1.0), LEAST_SHOWN)
+            distance = np.maximum(np.abs(objective / last - 1.0), LEAST_SHOWN)
             broken = np.maximum(table["infeasibility"], LEAST_SHOWN)
-            name = joined(each.label, "energy: distance from its last value")
+            name = joined(each.label, "objective: distance from its last value")
             panel.curves.append(each.curve(table["evaluation"], distance, name, kind="marked"))
             name = joined(each.label, "infeasibility, scaled")
             color = each.color() if each.label else COLORS[1]

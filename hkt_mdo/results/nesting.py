@@ -170,9 +170,9 @@ def _allows_blade(result, other) -> bool:
     if own == theirs:
         blades = [(x.summary.chord_m, x.summary.twist_deg) for x in (result, other)]
         return own.blade == "optimized" or bool(np.allclose(*blades, rtol=1e-9, atol=0.0))
-    if own.hub_inertia_bounds or theirs.hub_inertia_bounds:
-        return False
-    if own.blade == "fixed" or own.chord_points or own.twist_points or own.thickness_points:
+    unlike = own.hub_inertia_bounds, theirs.hub_inertia_bounds, theirs.thickness_points
+    unlike += own.gain_bounds, own.chord_points, own.twist_points, own.thickness_points
+    if own.blade == "fixed" or any(unlike):
         return False
     chord, twist = other.summary.chord_m, other.summary.twist_deg
     bounds = (chord, own.chord_bounds or (0.0, np.inf)), (twist, own.twist_bounds)
@@ -189,7 +189,9 @@ def _keeps_limits(result, other) -> bool:
     # the suction in the tables depends on depth and margin
     if any(x.name == "cavitation" and theirs.get(x.name) not in (None, x) for x in given):
         return False
-    shares = replace(other, case=result.case).limit_shares()
+    limits = {"limits": result.summary.limits}
+    summary = other.summary.model_copy(update=limits)
+    shares = replace(other, case=result.case, summary=summary).limit_shares()
     if not {each.name for each in given} <= shares.keys():
         return False
     return all(np.max(share) <= 1.0 + EXCEEDED for share in shares.values())

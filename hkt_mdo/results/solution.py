@@ -15,6 +15,7 @@ import numpy as np
 
 from hkt_mdo.case import Case, load_case
 from hkt_mdo.case.kinds import Extension
+from hkt_mdo.dynamics.laws import Law
 from hkt_mdo.dynamics.limits import Limit, TorqueLimit
 from hkt_mdo.errors import InputError, needed
 from hkt_mdo.files.shipped import COLUMNS
@@ -146,15 +147,19 @@ class Solution:
         if name not in self.tables:
             remedy = f"give one of {', '.join(self.tables)}"
             raise InputError("unknown scenario", remedy, file=self.folder, value=name)
+        case = self.case.of_scenario(name)
+        # the coefficients are those of the sections in the case's own condition
+        others = {"torque_constant": 1.0, "inertia": 1.0}
+        own, whole = (x.condition.model_copy(update=others) for x in (case, self.case))
+        alone = replace(self, case=case, coefficients=self.coefficients if own == whole else {})
         if len(self.tables) == 1:
-            return replace(self, case=self.case.of_scenario(name))
+            return alone
         entry = (self.summary.scenarios or {})[name]
         changes = dict.fromkeys(("objective", "energy_bound_J", "certified_gap"))
         changes |= {key: getattr(entry, key) for key in Achieved.model_fields}
         changes["scenarios"] = {name: entry}
         summary = self.summary.model_copy(update=changes)
-        case, tables = self.case.of_scenario(name), {name: self.tables[name]}
-        return replace(self, case=case, summary=summary, tables=tables)
+        return replace(alone, summary=summary, tables={name: self.tables[name]})
 
     @property
     def by_scenario(self) -> tuple["Solution", ...]:
@@ -261,10 +266,17 @@ class Solution:
         return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
 
     @property
+    def law(self) -> Law:
+        """The control law; a torque limit that was out of reach in the run counts as none."""
+        case, limits = self.case.of_scenario(), self.summary.limits
+        reached = limits is None or "control_torque" in limits
+        law = case.control.model_copy(update={} if reached else {"torque_limit": None})
+        return law.applied(case.condition.torque_constant)
+
+    @property
     def limits(self) -> tuple[Limit, ...]:
         """Limits of the case on quantities over time, that of the torque first."""
-        case = self.case.of_scenario()
-        law = case.control.applied(case.condition.torque_constant)
+        case, law = self.case.of_scenario(), self.law
         material = case.rotor.blade_material  # which may have the allowable stress
         others = (x.on(None, material) for x in case.limits.given if x.place == "time")
         given = TorqueLimit(bound=law.largest_torque), *others
@@ -275,6 +287,7 @@ class Solution:
         """The quantities of the design that limits over time take, as far as they are known."""
         summary, density = self.summary, self.case.of_scenario().fluid.density
         known = {"rotor_radius": summary.rotor_radius_m, "inertia": summary.inertia_kg_m2}
+        known["weight_stress"] = summary.weight_stress_Pa
         return {"density": density} | {k: x for k, x in known.items() if x is not None}
 
     def limit_shares(self) -> Table:
@@ -286,9 +299,7 @@ class Solution:
         columns: dict[str, Any] = self.simulation or self.trajectory
         headers = {name: QUANTITIES[name].column for name in OVER_TIME}
         known = self._scalars | {k: columns[x] for k, x in headers.items() if x in columns}
-        return {
-            each.name: each.share(known) for each in self.limits if known.keys() >= set(each.inputs)
-        }
+        return {x.name: x.share(known) for x in self.limits if known.keys() >= set(x.inputs)}
 
     def limit_levels(self, quantity: str) -> Iterator[tuple[Limit, float]]:
         """Yield limits of a quantity or load, and the value of it at which each is met.

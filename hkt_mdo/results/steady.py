@@ -72,7 +72,7 @@ def steady_curve(solution: Solution) -> dict[str, np.ndarray]:
         is there if the power curve has its coefficient.
     """
     case, curve, gain = solution.case, solution.coefficients, solution.gain
-    law = case.control.applied(case.condition.torque_constant)
+    law = solution.law
     radius, table = solution.summary.rotor_radius_m, solution.simulation or solution.trajectory
     known = curve and table and radius and gain is not None
     if not isinstance(law, FeedbackLaw) or law.states or not known:

@@ -24,10 +24,7 @@ VERSION = 1
 SCENARIO = "^[A-Za-z0-9_]{1,100}$"
 """Pattern of a scenario's name, which is part of names of files."""
 
-BLADE = (
-    *("r_m", "chord_m", "twist_deg", "thickness_over_chord"),
-    *("start_chord_m", "start_twist_deg"),
-)
+BLADE = "r_m chord_m twist_deg thickness_over_chord start_chord_m start_twist_deg".split()
 """Fields that hold one value for each blade station; thickness where it is designed."""
 
 BETTER = 1e-3
@@ -35,7 +32,7 @@ BETTER = 1e-3
 `river25` with open loop (1.7 %)."""
 
 STORED = 1e-3
-"""Share of the captured energy above which that left in the rotor is told."""
+"""Share of the captured energy above which that left in the rotor, or lost by friction, is told."""
 
 ALWAYS = 0.999
 """Share of the time at its limit from which a torque is always there (`all_quadratic`)."""
@@ -124,11 +121,22 @@ class LoadEntry(_Entry):
         )
 
     @property
+    def left(self) -> float | None:
+        """Distance from the limit, in per cent of it; None if it is not known."""
+        if self.value is None or not self.limit:
+            return None
+        return 100.0 * (self.limit - self.value) / abs(self.limit) * (-1.0 if self.lower else 1.0)
+
+    @property
+    def bound(self) -> str:
+        """The limit as text."""
+        return f"{'at least' if self.lower else 'limit'} {measured(self.limit, self.unit)}"
+
+    @property
     def margin(self) -> str:
         """Distance from the limit, in per cent, and what the limit costs; empty if not known."""
-        if self.value is None or not self.limit:
+        if (left := self.left) is None:
             return ""
-        left = 100.0 * (self.limit - self.value) / abs(self.limit) * (-1.0 if self.lower else 1.0)
         kept = left > -100.0 * BETWEEN
         word = f"margin {max(0.0, left):.2f} %" if kept else f"exceeded by {-left:.2f} %"
         if not self.binding or (not kept and self.share_of_time is None):
@@ -143,8 +151,7 @@ class LoadEntry(_Entry):
 
     def row(self, name: str) -> Row:
         """Return the entry as a row; `name` is that of the load or the limit."""
-        limit = f"{'at least' if self.lower else 'limit'} {measured(self.limit, self.unit)}"
-        note = joined("" if self.limit is None else limit, self.margin, self.place)
+        note = joined("" if self.limit is None else self.bound, self.margin, self.place)
         label = f"{'smallest' if self.lower else 'largest'} {limit_words(name)}"
         return Row(label, self.value, self.unit, note)
 
@@ -371,8 +378,8 @@ class Achieved(_Entry):
     @property
     def used(self) -> dict[str, float]:
         """By how much each limit is used (%), by the words for it."""
-        known = ((x, each) for x, each in (self.limits or {}).items() if each.value is not None)
-        return {limit_words(x): 100.0 * y.value / y.limit for x, y in known if y.limit}
+        known = ((limit_words(x), each.left) for x, each in (self.limits or {}).items())
+        return {words: 100.0 - left for words, left in known if left is not None}
 
     def at_limits(self, case: Case) -> dict[str, tuple[LoadEntry, str]]:
         """Return each limit and each load without one, with remarks (`unasked`), by words for them.
@@ -469,6 +476,8 @@ class Summary(Achieved):
     water_inertia_kg_m2: tuple[float, float] | None = None
     """Inertia of the water that the blades accelerate, as flat plates and as ellipses of the
     sections' thickness; it is part of the rotor's only as `rotor.added_inertia` says."""
+    weight_stress_Pa: _Number = None
+    """Largest stress by the weight of a blade, where a limit counts it."""
     weight_moment_Nm: _Number = None
     """Moment of a horizontal blade's weight, less its buoyancy, at the hub's radius, about the
     rotor's axis; it changes its sign in half a turn."""
@@ -653,7 +662,8 @@ class Summary(Achieved):
             yield Row("stability with dynamic inflow", self.memory.text)
         yield Row("energy", found, "J")
         yield Row("energy, simulated", simulated, "J", off)
-        yield Row("energy of the generator", self.generator_energy_J, "J", self._stored(best))
+        kept = joined(*self._kept(best, case))
+        yield Row("energy of the generator", self.generator_energy_J, "J", kept)
         yield Row("energy, electrical", self.electrical_energy_J, "J", self._losses())
         yield Row("share of quasi-steady bound", share, "%")
         if self.objective is not None:
@@ -665,13 +675,16 @@ class Summary(Achieved):
         known = "does not include limits other than that of the torque" if case.limits.given else ""
         yield Row("certificate", gap, "", joined(other, known))
 
-    def _stored(self, captured: float | None) -> str:
-        """Return the energy that is left in the rotor, as text, unless it is small."""
-        stored = self.stored_energy_J or 0.0
-        if not captured or abs(stored) <= STORED * abs(captured):
-            return ""
-        share = f"{measured(abs(stored), 'J')} ({per_cent(abs(stored), captured, 3)} of the energy)"
-        return f"{share} {'left in' if stored > 0.0 else 'taken from'} the turning rotor"
+    def _kept(self, captured: float | None, case: Case) -> Iterator[str]:
+        """Yield what the rotor stores and friction takes, as text, unless it is small."""
+        stored, rest = self.stored_energy_J or 0.0, self.generator_energy_J
+        known = case.generator.rubs and captured is not None and rest is not None
+        lost = captured - rest - stored if known else 0.0
+        rotor = f"{'left in' if stored > 0.0 else 'taken from'} the turning rotor"
+        for energy, word in ((abs(stored), rotor), (lost, "lost by friction of the shaft")):
+            if captured and energy > STORED * abs(captured):
+                share = f"{per_cent(energy, captured, 3)} of the energy"
+                yield f"{measured(energy, 'J')} ({share}) {word}"
 
     def _losses(self) -> str:
         """Return the energy that the generator loses, and its share, as text."""
@@ -714,10 +727,8 @@ class Summary(Achieved):
         yield Row("rotor speed, relative error", self.max_speed_error, digits=2)
         if self.bins_error is not None:
             yield Row("energy by bins of the flow, relative error", self.bins_error, digits=2)
-        seconds = measured(self.wall_seconds, "s", 3)
-        work = (
-            f"{self.optimizer} ({self.package}), {measured(self.iterations)} iterations, {seconds}"
-        )
+        time = measured(self.wall_seconds, "s", 3)
+        work = f"{self.optimizer} ({self.package}), {measured(self.iterations)} iterations, {time}"
         yield Row("optimizer", work if self.optimizer else None)
         if self.passes:
             remedies = (f"{each.remedy}: {each.why}" for each in self.passes if each.remedy)
@@ -802,7 +813,7 @@ def bending(deflection: float | None, radius: float | None, weight: float | None
     Deflection and radius are in m, the moment of the weight at the hub's radius in N*m.
     """
     if deflection is not None:
-        share = f"{100.0 * deflection / radius:.3g} % of the radius" if radius else ""
+        share = f"{per_cent(deflection, radius, 3)} of the radius" if radius else ""
         yield Row("largest tip deflection", deflection, "m", joined(share, "as a linear beam"), 4)
     if weight is not None:
         note = "edgewise, at the hub, reversing in every turn; in the stress only with weight: true"

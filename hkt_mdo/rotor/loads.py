@@ -358,7 +358,7 @@ def _thrust(_model, blade, flow, _ratio):
     return _whole(blade, flow, weights * (blade.edges[2:] - blade.edges[:-2]), 2)
 
 
-def _root_moment(model, blade, flow, ratio):
+def _moment(model, blade, flow, ratio):
     weights = np.cos(blade.cone) ** 2 * moment_weights(blade, np.array([blade.hub_radius]))[:, 0]
     _, rate, _, bends = model._centrifugal(blade, ratio)
     bend, *by_shape = (rate * each[..., 0] for each in bends)
@@ -481,9 +481,4 @@ def _cavitation(model, blade, flow, ratio):
     return Load(np.tile(blade.r, 2), values, values, slopes)
 
 
-_LOADS = {
-    "thrust": _thrust,
-    "root_moment": _root_moment,
-    "stress": _stress,
-    "cavitation": _cavitation,
-}
+_LOADS = {"thrust": _thrust, "root_moment": _moment, "stress": _stress, "cavitation": _cavitation}

@@ -427,11 +427,12 @@ def _limits(found: Findings) -> Rows:
         for limit in (*flow.scenarios[0].limits, *found.physics.design_limits):
             if isinstance(limit, DesignBounds) or not np.isfinite(limit.end):
                 continue
-            known = found.running or limit.place != "time"
+            timed = limit.place == "time"
+            known = found.running or not timed
             limits[limit.name] = loads.of_limit(limit, values if known else None)
             broken, speed = limit.excess(values) > START_EXCESS, values["inflow_speed"]
             if known and np.any(broken):
-                where = f"in flows from {speed[broken].min():.4g} m/s" * (broken.size == speed.size)
+                where = f"in flows from {speed[broken].min():.4g} m/s" if timed else ""
                 text = joined(f"broken at the start, {limits[limit.name].row(limit.name)}", where)
                 yield _warning(name + limit.key, f"{text}: the run has to meet it")
         largest = loads.largest([values]) if found.running else {}

@@ -155,7 +155,8 @@ class Flow:
             self.weights = np.pad(np.ones(instants - 2), 1, constant_values=0.5)
         self.range = np.quantile(np.append(self.speed, met), [0.0, 1.0])
         self.mean = self.average(self.speed)
-        self.deviation = float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
+        changes = np.any(self.speed != self.speed[0])  # else it would be that of the rounding
+        self.deviation = changes * float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
 
     def average(self, values: np.ndarray) -> float:
         """Return the mean over time of values at the instants."""

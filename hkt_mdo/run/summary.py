@@ -3,6 +3,7 @@
 import platform
 from collections.abc import Sequence
 from importlib import metadata
+from itertools import product
 from operator import attrgetter, itemgetter
 from pathlib import Path
 
@@ -210,6 +211,7 @@ def _extremes(finished, scenarios):
         "limits": limits,
         "loads": found,
         "tip_deflection_m": loads.tip_deflection(blade, several),
+        "weight_stress_Pa": finished.quantities["weight_stress"],
         "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
 
@@ -329,28 +331,28 @@ def _notes(finished):
 
 def _over_time(verifications, several=False):
     """Return the entries of limits over time by their names; of several, with the scenario."""
-    pairs = {}
-    for each in verifications:
-        for limit in each.scenario.limits:
-            if np.isfinite(limit.end):
-                pairs.setdefault(limit.name, []).append((limit, each))
-    return {name: _limit(own, several) for name, own in pairs.items()}
+    limits = [limit for each in verifications for limit in each.scenario.limits]
+    names = dict.fromkeys(limit.name for limit in limits if np.isfinite(limit.end))
+    return {name: _limit(name, verifications, several) for name in names}
 
 
-def _limit(pairs, several):
+def _limit(name, verifications, several):
     """Return the worst value of a limit over time, at the nodes and in the integration.
 
-    With its time and the share of the time in which it binds; `pairs` has limit and verification.
+    With its time and the share of the whole time in which it binds, which it does not in scenarios
+    that do not have it.
     """
     found, binding = [], []
-    for limit, run in pairs:
+    for run in verifications:
+        own = [limit for limit in run.scenario.limits if limit.name == name]
         where = {"scenario": run.scenario.group} if several else {}
-        for known in (run.simulated, run.at_nodes):
-            entry = loads.of_limit(limit, known).model_dump(exclude_unset=True)
-            found.append((np.max(limit.share(known)), entry | where))
-        binding.append(1.0 * (limit.share(run.simulated) >= loads.binds_from(limit)))
-    share = _mean([run for _, run in pairs], binding)
-    return max(found, key=itemgetter(0))[1] | {"share_of_time": round(share, 9)}
+        both = product(own, (run.simulated, run.at_nodes))
+        found += [(np.max(x.share(known)), loads.of_limit(x, known), where) for x, known in both]
+        binds = [x.share(run.simulated) >= loads.binds_from(x) for x in own]
+        binding.append(np.any(binds, axis=0) * np.ones(run.simulated["rotor_speed"].size))
+    _, entry, where = max(found, key=itemgetter(0))
+    share = round(_mean(verifications, binding), 9)
+    return entry.model_dump(exclude_unset=True) | where | {"share_of_time": share}
 
 
 def write_tables(out: Path, finished: Checked) -> None:

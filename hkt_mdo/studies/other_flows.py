@@ -60,7 +60,7 @@ class Extreme(LoadEntry):
         note = self.remark
         if self.limit is not None:
             share = f"{100.0 * (self.share or 0.0):.2f} %, {'kept' if self.kept else 'BROKEN'}"
-            note = f"limit {measured(self.limit, self.unit)}, {share}"
+            note = joined(self.bound, share)
         value, unit = self.value, self.unit
         if unit == "s":  # an instant
             value, unit = f"from t = {measured(value, unit)}", ""
@@ -195,9 +195,9 @@ class Run:
         if energy.size:
             mean, spread = energy.mean(), energy.std(ddof=1) if energy.size > 1 else 0.0
             change = 100.0 * (mean / quiet.energy - 1.0)
-            told = f"captured energy of the others: mean {mean / 1e3:.3f} kJ ({change:+.3f} % from "
-            told += f"that without noise), standard deviation {spread / 1e3:.3f} kJ, worst "
-            told += f"{energy.min() / 1e3:.3f} kJ"
+            told = f"captured energy of the others: mean {measured(mean, 'J', 6)} ({change:+.3f} % "
+            told += f"from that without noise), standard deviation {measured(spread, 'J')}, worst "
+            told += measured(energy.min(), "J", 6)
         return [
             f"sensor: {sensor.snr:g} dB of the {sensor.reference} speed, sigma = "
             f"{noisy.noise_deviation:.4f} rad/s, {sensor.rate:g} Hz, seed {seed}; "
@@ -344,7 +344,7 @@ class Run:
         if (stopped := self.simulation.stopped_at) is not None:
             return f"rotor stops at t = {stopped:.2f} s and generates no more; energy n/a"
         pairs = ("captured", "generated", "electrical"), self.energies.values()
-        texts = [f"{energy / 1e3:.3f} kJ {kind}" for kind, energy in zip(*pairs, strict=True)]
+        texts = [f"{measured(energy, 'J', 6)} {kind}" for kind, energy in zip(*pairs, strict=True)]
         generator, run = self.design.physics.case.generator, self.simulation
         if (off := generator.beyond_table(run.control_torque, run.rotor_speed)) > BETWEEN:
             texts[2] += f" (extrapolated, up to {100.0 * off:.2g} % beyond generator.table)"
@@ -361,9 +361,8 @@ class Run:
             One line.
         """
         told = ((limit_words(name), x) for name, x in self.extremes.items() if x.share is not None)
-        return joined(
-            *(f"{n} {100.0 * x.share:.2f} %{'' if x.kept else ' BROKEN'}" for n, x in told)
-        )
+        word = {True: "", False: " BROKEN"}
+        return joined(*(f"{name} {100.0 * x.share:.2f} %{word[x.kept]}" for name, x in told))
 
 
 def runs_of(

@@ -56,7 +56,8 @@ class StartStop:
             yield f"operation: rotor stops at t = {run.stopped_at:.2f} s, not generating"
             return
         extremes = measured(run.rotor_speed, "rad/s", 4)
-        yield f"operation: until t = {end:.2f} s at {extremes}, {run.energy / 1e3:.3f} kJ captured"
+        energy = measured(run.energy, "J", 6)
+        yield f"operation: until t = {end:.2f} s at {extremes}, {energy} captured"
         if down is None:
             return
         limit = f"{down.control_torque[0]:.4g} N m"
