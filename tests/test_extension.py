@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hkt_mdo import InputError, Solution, load_case, run_case
+from hkt_mdo.run.check import check_case
 from tests.conftest import NINE
 
 EXTENSION = Path(__file__).parent / "data" / "extension.py"
@@ -125,6 +126,7 @@ def test_a_value_of_the_design_is_made_as_small_as_the_energy_allows(run):
 )
 def test_limits_of_the_design_and_along_the_span_bind(run, limits, value):
     free, held = run(), run(limits=limits)
+    assert any("broken at the start" in str(x) for x in check_case(held.case).warnings)
     assert held.success, held.message
     assert value(free.summary) > 1.05
     assert value(held.summary) == pytest.approx(1.0, abs=1e-5)

@@ -294,9 +294,8 @@ def test_the_equilibrium_of_a_law_with_states_is_computed_from_a_guess():
     case |= {"phase": {"duration": 5, "segments": 5}, "design": {"blade": "fixed"}}
 
     def begin(**control):
-        problem = build_problem(
-            load_case(case | {"control": control}, extensions=[Lagging, Unsettled])
-        )
+        kinds = [Lagging, Unsettled]
+        problem = build_problem(load_case(case | {"control": control}, extensions=kinds))
         problem.run_model()
         return problem.get_val("traj.phase.timeseries.z").ravel()
 

@@ -98,12 +98,10 @@ def test_modules_import_each_other_in_no_circle():
     ],
 )
 def test_heavy_imports_wait_until_they_are_used_and_none_warns(statement, absent):
-    program = (
-        f"{statement}\nimport sys\nprint(*[n for n in {absent.split()!r} if n in sys.modules])"
-    )
+    code = f"{statement}\nimport sys\nprint(*[n for n in {absent.split()!r} if n in sys.modules])"
     usual = {key: value for key, value in os.environ.items() if key != "PYTHONWARNINGS"}
     about = {"env": usual | {"PYTHONPATH": str(PACKAGE.parent)}, "capture_output": True}
-    done = subprocess.run([sys.executable, "-c", program], text=True, check=True, **about)
+    done = subprocess.run([sys.executable, "-c", code], text=True, check=True, **about)
     assert (done.stdout.strip(), done.stderr) == ("", "")
 
 

@@ -98,7 +98,9 @@ def test_limits_hold_in_their_scenarios(solution):
     assert "thrust" not in scenarios["slow"].limits
     assert solution.summary.limits["control_torque"].value <= 700.0 * (1.0 + 1e-4)
     if several:
-        assert scenarios["fast"].limits["thrust"].value <= 6e3 * (1.0 + 1e-4)
+        fast, binds = scenarios["fast"], solution.summary.limits["thrust"].share_of_time
+        assert fast.limits["thrust"].value <= 6e3 * (1.0 + 1e-4)
+        assert binds == pytest.approx(fast.share * fast.limits["thrust"].share_of_time, abs=1e-8)
         assert solution.summary.limits["power"].scenario == "fast"
 
 

@@ -678,8 +678,7 @@ class Summary(Achieved):
     def _kept(self, captured: float | None, case: Case) -> Iterator[str]:
         """Yield what the rotor stores and friction takes, as text, unless it is small."""
         stored, rest = self.stored_energy_J or 0.0, self.generator_energy_J
-        known = case.generator.rubs and captured is not None and rest is not None
-        lost = captured - rest - stored if known else 0.0
+        lost = captured - rest - stored if case.generator.rubs and captured and rest else 0.0
         rotor = f"{'left in' if stored > 0.0 else 'taken from'} the turning rotor"
         for energy, word in ((abs(stored), rotor), (lost, "lost by friction of the shaft")):
             if captured and energy > STORED * abs(captured):

@@ -294,10 +294,8 @@ def _left(verification, energy, best) -> np.ndarray:
     if not over:
         return short
     room = np.maximum(-np.max(over, axis=0), 0.0)
-    binds = np.min(room, axis=1) < BINDS
-    return np.where(
-        binds, np.sum(room * _energies(verification, energy), axis=1), np.maximum(short, 0.0)
-    )
+    binds, shares = np.min(room, axis=1) < BINDS, _energies(verification, energy)
+    return np.where(binds, np.sum(room * shares, axis=1), np.maximum(short, 0.0))
 
 
 def _energies(verification, energy) -> np.ndarray:

@@ -111,9 +111,8 @@ def test_each_scenario_has_its_own_depth():
     """A flow at high water is computed at its depth, the others at that of the case."""
     high = {"limits": {"cavitation": {"depth": 10, "margin": 1.0}}}
     case = {"scenarios": [{"inflow": "sine"}, {"inflow": "sine"} | high]}
-    world = physics(
-        load_case(case | {"control": "open_loop", "limits": {"cavitation": {"depth": 3}}})
-    )
+    case |= {"control": "open_loop", "limits": {"cavitation": {"depth": 3}}}
+    world = physics(load_case(case))
     assert [world.rotor_in(each).depth for each in world.scenarios] == [3.0, 10.0]
     assert [world.rotor_in(each).margin for each in world.scenarios] == [1.1, 1.0]
 

@@ -31,10 +31,8 @@ BlSpn BlCrvAC BlSwpAC BlCrvAng BlTwist BlChord BlAFID
 0.7 0 0 0 5 0.1 1
 0.8 0 0 0 4 0.1 1
 """
-THICK, THIN = (
-    "{polar: naca4415_Re2e5, thickness: 0.24}",
-    "{polar: naca63815_Re2e5, thickness: 0.15}",
-)
+THICK = "{polar: naca4415_Re2e5, thickness: 0.24}"
+THIN = "{polar: naca63815_Re2e5, thickness: 0.15}"
 
 
 @pytest.fixture
@@ -100,6 +98,8 @@ def test_sections_are_blended_by_thickness(turbine):
     base = Outline.from_file("naca63815")
     area = base.area * found.thickness / base.thickness
     np.testing.assert_allclose(found.structure.section_area, area, rtol=1e-12)
+    with pytest.raises(InputError, match=r"names the section a, which rotor\.sections"):
+        turbine(f"blade: n.csv, radius: 1, sections: [{THIN}]")
 
 
 def test_rows_may_begin_outboard_of_the_hub(turbine, tmp_path):

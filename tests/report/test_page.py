@@ -192,6 +192,7 @@ def test_envelope_covers_every_scenario(tmp_path):
     assert np.all(low <= high)
     slow, fast = (views[name]["time"]["layout"]["annotations"] for name in ("slow", "fast"))
     assert "thrust limit 6 kN" in {x["text"] for x in fast} - {x["text"] for x in slow}
+    assert "thrust limit 6 kN in fast" in str(views["all scenarios"]["time"]["layout"])
 
 
 def test_an_unfinished_result_is_reported(folders, tmp_path):

@@ -166,6 +166,8 @@ def test_the_steady_curve_has_friction_and_the_motors_constant(solution: Solutio
     keys = "condition.torque_constant=1.1", "generator.shaft_friction="
     new, worn = (solution.case.with_overrides(keys[0], f"{keys[1]}{x}") for x in (0, 20))
     assert replace(solution, case=new).limits[0].end == pytest.approx(770.0)  # of 700 N m demanded
+    none = solution.summary.model_copy(update={"limits": {}})  # out of reach in the run
+    assert replace(solution, summary=none).limits == ()
     new, worn = (steady.steady_curve(replace(solution, case=each)) for each in (new, worn))
     law = solution.case.control.torque(worn["rotor_speed_rad_s"], np.array([solution.gain]))
     np.testing.assert_allclose(worn["control_torque_Nm"], 1.1 * law, rtol=3e-3)

@@ -39,12 +39,14 @@ def test_load_reads_everything(result_folder: Path) -> None:
 
 def test_the_only_scenario_has_its_own_water_flow_and_limits(result_folder: Path) -> None:
     path = result_folder / "case.yaml"
-    own = "scenarios=[{name: one, density: 1025, inflow: step, limits: {thrust: 6 kN}}]"
+    own = "scenarios=[{name: one, density: 1025, inflow: step, limits: {thrust: 6 kN}, "
+    own += "condition: {drag: 2, torque_constant: 0.9}}]"
     path.write_text(load_case(path).with_overrides(own).to_yaml())
     solution = Solution.load(result_folder)
     assert [limit.name for limit in solution.limits] == ["control_torque", "thrust"]
     case = solution.by_scenario[0].case
     assert (case.fluid.density, case.inflow.profile) == (1025.0, "step")
+    assert solution.by_scenario[0].coefficients == {}  # they are of clean sections
 
 
 def test_load_takes_an_interrupted_run(result_folder: Path) -> None:

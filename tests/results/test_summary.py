@@ -83,6 +83,8 @@ def test_the_verdict_counts_the_warnings(result_folder: Path) -> None:
     rows = dict(table(both))
     assert rows["largest stress"] == "60 MPa, limit 100 MPa, margin 40.00 %, in slow"
     assert rows["largest stress of all"].endswith("allows: fast has no limits.stress")
+    least = {"slowest": {"unit": "rad/s", "value": 6.0, "limit": 5.0, "lower": True}}
+    assert edit(result_folder, limits=least).summary.used == {"slowest": pytest.approx(80.0)}
     at_limit = {"stress": {"unit": "Pa", "value": 240.01e6}}  # as a limit may be kept
     changes = {"limits": None, "loads": at_limit, "tip_deflection_m": 0.13, "doubts": None}
     kept = edit(result_folder, success=True, **changes)

@@ -186,6 +186,9 @@ def test_a_case_allows_what_asks_more_of_its_turbine(nested):
         "open_loop": {"quadratic", "limited", "power_law"},
         "designed": {"quadratic", "limited", "power_law", "open_loop"},
     }
+    changes = "control.law=quadratic", "design.gain_bounds=[1, 9]"
+    bounded = nested["designed"].case.with_overrides(*changes)
+    assert not allows(replace(nested["designed"], case=bounded), nested["quadratic"])
 
 
 def test_no_result_is_beaten_unless_it_is_worse_or_refused(nested):

@@ -10,11 +10,7 @@ from hkt_mdo.results.summary import LoadEntry, Summary, unasked
 from hkt_mdo.results.words import texts
 from hkt_mdo.run.summary import summarize
 
-SHORT = {
-    "inflow": "sine",
-    "control": {"law": "quadratic"},
-    "phase": {"duration": 8.0, "segments": 8},
-}
+SHORT = {"inflow": "sine", "control": "quadratic", "phase": {"duration": 8.0, "segments": 8}}
 
 
 def told(finished):
