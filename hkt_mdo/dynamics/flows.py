@@ -386,11 +386,9 @@ class GustInflow(Inflow):
         return self.mean + self.amplitude * inside * gust
 
 
-def _of_parts(name, together):
+def _of_parts(name, join):
     """Return a property of a sum of flows: what its parts have by that name, put together."""
-    return property(
-        lambda self: together(y for x in self.parts if (y := getattr(x, name)) is not None)
-    )
+    return property(lambda self: join(y for x in self.parts if (y := getattr(x, name)) is not None))
 
 
 class SumInflow(Inflow):

@@ -66,6 +66,11 @@ class Law(Section):
         return self.is_feedback and not self.states
 
     @property
+    def follows(self) -> bool:
+        """Whether it can nearly follow an open loop, as is not known of two gains of your own."""
+        return bool(self.states) or len(self.gain_units) > 2
+
+    @property
     def named_gains(self) -> dict[str, tuple[str | None, str]]:
         """Unit and description of each gain, by its name in the model."""
         return {f"gain_{i}": (unit, "feedback gain") for i, unit in enumerate(self.gain_units)}

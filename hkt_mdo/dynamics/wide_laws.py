@@ -50,6 +50,8 @@ class _TwoGains(FeedbackLaw):
     """Key of the second parameter."""
     both_units: ClassVar[tuple[str | None, ...]] = ()
 
+    follows = property(lambda self: len(self.gain_units) > 1)  # type: ignore[assignment]
+
     def flaws(self) -> Flaws:
         if self.gain is not None and getattr(self, self.second) is None:
             yield "gain", f"is given without control.{self.second}", "give both, or neither"

@@ -80,7 +80,7 @@ def redundant_limits(case: Case, shape: Shape) -> Iterator[str]:
     limits, generator = _bounds(case), case.generator
     names = "power", "electrical_power", "rotor_speed", "tip_speed"
     power, electrical, speed, tip = (limits.get(name, np.inf) for name in names)
-    torque = case.control.torque_limit or np.inf
+    torque = case.control.applied(case.condition.torque_constant).largest_torque or np.inf
     smallest, largest = shape.radii
     share = generator.largest_efficiency
     implied = [

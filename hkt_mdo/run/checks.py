@@ -41,7 +41,6 @@ ENERGY_ERROR, SPEED_ERROR = 2e-4, 1e-2
 FLOW_ERROR, MESH_ERROR = 1e-4, 1e-5
 STORED = 0.01  # largest energy stored in the rotor, over the captured energy
 RECOVERY_ERROR = 0.2  # of the least recovery torque, which is a small difference of torques
-MOST_GAINS = 2  # of a law that follows few schedules
 BEHIND_OPEN_LOOP = 0.2  # largest share that the others may lose: more is another optimum
 BELOW_START = 2e-3  # largest relative loss by the rotor's inertia and its distance from stall
 BOUND_MARGIN, NODE_VIOLATION = 1e-5, 1e-6
@@ -169,8 +168,7 @@ class Checked:
 def _behind_open_loop(ended):
     """Yield how far a law that can follow a schedule is behind the open loops of its search."""
     physics, starts = ended.physics, ended.start.starts
-    follows = physics.law.states or len(physics.law.gain_units) > MOST_GAINS
-    if not follows or physics.start_objective is not physics.objective:
+    if not physics.law.follows or physics.start_objective is not physics.objective:
         return
     kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
     ceiling = max(kept, default=0.0)
@@ -305,11 +303,10 @@ def _of_design(ended):
             yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
-    limited = captured or not physics.law.is_feedback  # an open loop that delivers may begin fast
-    for each, suffix in _suffixed(verifications) if limited else ():
+    for each, suffix in _suffixed(verifications):
         if each.scenario.mesh.final_speed == "free" and not each.scenario.steady:
             share = _stored(physics, each) / max(abs(each.simulation.energy), 1e-9)
-            word = "energy stored in the rotor, beyond that in equilibrium, over captured energy"
+            word = "energy that the rotor keeps or gives, beyond equilibrium, over captured energy"
             yield f"stored_energy{suffix}", share, STORED, word
     if not captured:
         of_model = tuple(each.of_model for each in verifications)
@@ -387,19 +384,20 @@ def _resolved(ended):
 def _stored(physics, verification) -> float:
     """Return the kinetic energy that the optimizer stores in a rotor, or takes from it, J.
 
-    Open loop chooses the first and the last speed. Under feedback these follow from the flow: only
-    what is gained over the scenario and exceeds that at the equilibrium speed of the last flow
-    counts.
+    Open loop chooses the first and the last speed. Under feedback that begins in equilibrium these
+    follow from the flow: only what is gained over the scenario and exceeds that at the equilibrium
+    speed of the last flow counts, or what is lost, unless captured energy is the objective.
     """
+    captured = isinstance(physics.objective, CapturedEnergy)
     speed, inertia = verification.simulation.rotor_speed, verification.plant.inertia
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
-    if not physics.law.is_feedback:
+    if not physics.law.is_feedback or verification.scenario.mesh.initial_speed == "free":
         return abs(change)
     net, slowed = (each[-1] for each in verification.net_torques)
     slope = (slowed - net) / (SLOWED * speed[-1])
     # without a slope no speed near the last one is a stable equilibrium
     beyond = -inertia * speed[-1] * net / slope if slope > 0.0 else change
-    return max(min(change, beyond), 0.0)
+    return max(min(change, beyond) if captured else -change, 0.0)
 
 
 def recovery(

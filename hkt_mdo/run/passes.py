@@ -391,5 +391,6 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = next(limit.key for limit in physics.all_limits if limit.name == name)
     law = "control.law: curve, which can keep more limits, or " * (len(physics.law.gain_units) == 1)
+    law += "start.method: blade, with low gain, or " * (name in rates and physics.law.is_feedback)
     about = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
     return NONE_FOUND.format(starts=starts, **about)

@@ -165,7 +165,7 @@ class Search:
     def _open_loop(self) -> Physics:
         """The same with an open loop, to whose schedule a law is fitted."""
         law = self.steady.law
-        free = OpenLoop(torque_limit=law.torque_limit) if law.is_feedback else law
+        free = OpenLoop(torque_limit=law.largest_torque) if law.is_feedback else law
         return replace(self.steady, law=free)
 
     @cached_property
@@ -366,7 +366,7 @@ class Search:
         if gains is None and law.states:
             gains = law.follow(flow, speed, held, problem.plant.torque_slope(speed, flow))
         elif gains is None:
-            gains = law.fit(speed, held)
+            gains = law.fit(speed, held / self.physics.case.condition.torque_constant)
         gains = self.physics.bounded(gains)
         if not law.states:
             return replace(point, gains=gains)

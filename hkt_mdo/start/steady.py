@@ -44,7 +44,7 @@ def without_time(physics: Physics) -> Physics:
     """
     law, case = physics.law, physics.case
     if law.chooses_torque:
-        law = OpenLoop(torque_limit=law.torque_limit, cut_out=law.cut_out)
+        law = OpenLoop(torque_limit=law.largest_torque, cut_out=law.cut_out)
     design = case.design
     if physics.designs_hub:
         held = 2 * (physics.blade.hub_inertia,)

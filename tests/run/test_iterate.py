@@ -35,9 +35,7 @@ FLOWS = ONE | {"scenarios": [{"inflow": "sine", "duration": 8.0, "segments": 6},
 def iterate(case):
     """Return physics on a finer mesh, a point there, and the data of its file."""
     physics = make_physics(load_case(case))
-    finer = tuple(
-        each.divided(np.arange(1, each.segments + 1) % 2 + 1) for each in physics.scenarios
-    )
+    finer = tuple(x.divided(np.arange(1, x.segments + 1) % 2 + 1) for x in physics.scenarios)
     fine = type(physics)(**vars(physics) | {"scenarios": finer})
     start = find_start(fine)
     point = replace(start, branch="underspeed", reference=5.0)

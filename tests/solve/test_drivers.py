@@ -103,9 +103,8 @@ def bowl(driver, hook=None, linear=False):
     options = {} if hook is None else {"hook": hook}
     problem.model.add_subsystem("bowl", Bowl(**options), promotes=["*"])
     problem.model.add_design_var("x", lower=-100.0, upper=250.0, units="cm", ref0=100.0, ref=330.0)
-    problem.model.add_constraint(
-        "sums", indices=[1], upper=200.0, units="cm", ref=70.0, linear=linear
-    )
+    about = {"units": "cm", "ref": 70.0, "linear": linear}
+    problem.model.add_constraint("sums", indices=[1], upper=200.0, **about)
     problem.model.add_objective("f", ref=3.0)
     return ready(problem, driver)
 
