@@ -186,7 +186,7 @@ def test_a_case_allows_what_asks_more_of_its_turbine(nested):
         "open_loop": {"quadratic", "limited", "power_law"},
         "designed": {"quadratic", "limited", "power_law", "open_loop"},
     }
-    changes = "control.law=quadratic", "design.gain_bounds=[1, 9]"
+    changes = "control={law: quadratic, torque_limit: 700}", "design.gain_bounds=[1, 9]"
     bounded = nested["designed"].case.with_overrides(*changes)
     assert not allows(replace(nested["designed"], case=bounded), nested["quadratic"])
 
