@@ -150,13 +150,13 @@ def _kind(value: Mapping[str, Any]) -> str:
     if value["type"] == "object":
         return f"section of {_code(value['properties'])}"
     unit = f" in {value['unit']}" if "unit" in value else ""
-    plain = {
+    words = {
         "null": "null",
         "string": "text",
         "integer": "whole number",
         "boolean": "true or false",
     }
-    kind = f"number{unit}" if "number" in value["type"] else plain[value["type"]]
+    kind = f"number{unit}" if "number" in value["type"] else words[value["type"]]
     given = [f"{words} {_yaml(value[key])}" for _, _, words, key in BOUNDS if key in value]
     return ", ".join(filter(None, (kind, " and ".join(given))))
 

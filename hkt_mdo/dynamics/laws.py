@@ -67,7 +67,7 @@ class Law(Section):
 
     @property
     def follows(self) -> bool:
-        """Whether it can nearly follow an open loop, as is not known of two gains of your own."""
+        """Whether it can nearly follow an open loop; of two gains of your own that is not known."""
         return bool(self.states) or len(self.gain_units) > 2
 
     @property
