@@ -32,8 +32,8 @@ WAKE_SHARE = 0.3  # typical axial induction
 # bounds, and most iterations are needed to return.
 BARRIER = 6e-3
 # Largest barrier of an open loop on a finer mesh, over the mean product of multiplier and distance
-# from a bound: a larger one drives the iterates from the optimum again (river25_record: 127
-# iterations for 89). On the way to a first optimum it may lead to a better one (0.5 % of
+# from a bound: a larger one drives the iterates from the optimum again (`river25` with open loop
+# takes 127 s for 73). On the way to a first optimum it may lead to a better one (0.5 % of
 # rm1_turbulent_limits).
 LARGEST_BARRIER = 1.0
 # Every step from which the Hessian is approximated costs time over all segments in each iteration.
