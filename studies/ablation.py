@@ -217,8 +217,8 @@ is switched off, one at a time, in the reference cases in which it has a share, 
 all parts. Then some are refused; some have another objective, by the relative difference that is \
 given; some take other iterations, those without the part over those with it. Changes below 10⁻⁵ \
 of the objective and a tenth of the iterations count as none. Where parts replace each other, one \
-at a time shows too little. Left out are `river25` with open loop, whose better branch has a \
-torque that jumps, and the random turbines.
+at a time shows too little. Left out are the random turbines, and `river25` with open \
+loop, whose better branch has a torque that jumps; without the last part it takes 127 s for 73.
 """
 
 
