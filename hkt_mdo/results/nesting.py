@@ -189,8 +189,7 @@ def _keeps_limits(result, other) -> bool:
     # the suction in the tables depends on depth and margin
     if any(x.name == "cavitation" and theirs.get(x.name) not in (None, x) for x in given):
         return False
-    limits = {"limits": result.summary.limits}
-    summary = other.summary.model_copy(update=limits)
+    summary = other.summary.model_copy(update={"limits": result.summary.limits})
     shares = replace(other, case=result.case, summary=summary).limit_shares()
     if not {each.name for each in given} <= shares.keys():
         return False

@@ -27,6 +27,9 @@ _FEATURES = (
     *("optimization", "gradients", "simultaneous_derivatives"),
     *("inequality_constraints", "equality_constraints", "two_sided_constraints"),
 )
+STUCK = "Error_In_Step_Computation", "Restoration_Failed", "Search_Direction_Becomes_Too_Small"
+"""Ends of IPOPT where it finds no step: after an optimum as of `Stationary`, which then is the end,
+as of `sine_oloc` with the kernels of Sandybridge."""
 _LACKS = "integer_design_vars", "distributed_design_vars"
 """What the driver supports and what not, in OpenMDAO's names."""
 
@@ -136,6 +139,8 @@ class CasadiIpoptDriver(ReportingDriver):
         })  # fmt: skip
         solution = solver(x0=start, lbx=lower, ubx=upper, lbg=lower_g, ubg=upper_g)
         status, best = solver.stats(), self._stationary.best
+        if status["return_status"] in STUCK and best is not None:
+            status["return_status"] = "User_Requested_Stop"
         ends = status["return_status"] == "User_Requested_Stop" and self._error is None
         return best if ends and best is not None else np.array(solution["x"]).ravel(), status
 

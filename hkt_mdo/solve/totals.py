@@ -63,9 +63,8 @@ class SparseTotals:
         of_row = np.repeat(np.arange(rows.size), counts)
         chosen = np.arange(ends[-1]) + (first[rows] - ends[:-1])[of_row]
         self._chosen = chosen[np.lexsort((columns[chosen], of_row))]
-        self.pattern = csr_matrix(
-            (np.ones(ends[-1]), columns[self._chosen], ends), (rows.size, seeds.size)
-        )
+        entries = np.ones(ends[-1]), columns[self._chosen], ends
+        self.pattern = csr_matrix(entries, (rows.size, seeds.size))
         scalers = self._scalers(functions)[of_row]
         self._entry_scalers = scalers / self._scalers(design)[self.pattern.indices]
 

@@ -361,8 +361,7 @@ class Run:
             One line.
         """
         told = ((limit_words(name), x) for name, x in self.extremes.items() if x.share is not None)
-        word = {True: "", False: " BROKEN"}
-        return joined(*(f"{name} {100.0 * x.share:.2f} %{word[x.kept]}" for name, x in told))
+        return joined(*(f"{n} {100.0 * x.share:.2f} %{' BROKEN' * (not x.kept)}" for n, x in told))
 
 
 def runs_of(

@@ -300,9 +300,8 @@ def at_places(load):
     """Return the derivatives of a load's values at each place, (n, m) and (n, m, n_stations)."""
     each = [load.slopes(np.tile(place, (len(load.values), 1))) for place in np.eye(load.r.size)]
     names = "tip_speed_ratio", "chord", "twist", "thickness", "rotor_radius"
-    return {
-        name: np.stack(by, axis=1) for name, by in zip(names, zip(*each, strict=True), strict=True)
-    }
+    pairs = zip(names, zip(*each, strict=True), strict=True)
+    return {name: np.stack(by, axis=1) for name, by in pairs}
 
 
 @pytest.mark.parametrize(("cone", "hollow"), [(0.0, False), (0.12, False), (0.12, True)])

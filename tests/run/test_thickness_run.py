@@ -15,11 +15,8 @@ SECTIONS = [
 
 
 SINGLE = {"polar": "naca63815_Re1e6", "outline": "naca63815"}
-CASE = {
-    "inflow": "sine",
-    "control": {"law": "open_loop", "torque_limit": 700},
-    "phase": {"segments": 30},
-}
+LAW = {"law": "open_loop", "torque_limit": 700}
+CASE = {"inflow": "sine", "control": LAW, "phase": {"segments": 30}}
 STRONG = {"stress": "60 MPa"}
 
 

@@ -71,8 +71,11 @@ class Rough(om.ExplicitComponent):
         partials["f", "x"] = 2.0 * (x - 1.0) + 2e-5 * np.sin(1e13 * x)
 
 
-def test_ipopt_ends_where_nothing_is_gained():
-    driver = make_driver("casadi", "IPOPT", 1e-7, 500)
+@pytest.mark.parametrize(("most", "stuck"), [(500, ""), (12, "Maximum_Iterations_Exceeded")])
+def test_ipopt_ends_where_nothing_is_gained(monkeypatch, most, stuck):
+    """After some patience, or at once where IPOPT finds no step any more."""
+    monkeypatch.setattr("hkt_mdo.solve.casadi_driver.STUCK", (stuck,))
+    driver = make_driver("casadi", "IPOPT", 1e-7, most)
     problem = om.Problem(driver=driver, reports=False)
     problem.model.add_subsystem("rough", Rough(), promotes=["*"])
     problem.model.add_design_var("x", lower=-5.0, upper=5.0)
