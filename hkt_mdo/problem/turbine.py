@@ -355,9 +355,8 @@ def _with_reynolds(rotor, named) -> tuple[Rotor, tuple[str, ...]]:
         raise InputError(problem, "give polars there", key="rotor.reynolds_number", value=given)
     if given and all(len(each.polars.polars) == 1 for each in named.values()):
         text = f"rotor.reynolds_number = {given:g} chooses no polar: each section has one"
-        return rotor.model_copy(update={"reynolds_number": None if numbers.size else given}), (
-            text,
-        )
+        number = None if numbers.size else given  # of polars that do not say theirs
+        return rotor.model_copy(update={"reynolds_number": number}), (text,)
     own = not rotor.sections and rotor.polar is None
     if not own or rotor.reynolds_number or rotor.reynolds == "local" or numbers.size < 2:
         return rotor, ()

@@ -42,7 +42,9 @@ def test_a_case_is_refused_with_file_key_value_and_remedy(how, text, words, tmp_
 def test_message_is_one_plain_line():
     with pytest.raises(InputError) as caught:
         read_case(MINIMAL + "rotor: {radius: -1.4}", file="cases/a.yaml")
-    told = "cases/a.yaml: rotor.radius = -1.4: must be greater than 0 m; give the tip radius R as "
+    told = (
+        "cases/a.yaml: rotor.radius = -1.4: must be greater than 0 m; give the tip radius R as a "
+    )
     assert str(caught.value).startswith(told)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
