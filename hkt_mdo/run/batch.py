@@ -33,23 +33,23 @@ def run_batch(
     `figures` which figures to draw, as `run_case` takes it.
     """
     run = partial(run_case, force=True, figures=figures, records=records)
-    found, waiting = {}, {}
+    solutions, waiting = {}, {}
     for folder, case in cases.items():
-        found[folder] = finished_result(folder, case)
-        if found[folder]:
+        solutions[folder] = finished_result(folder, case)
+        if solutions[folder]:
             done(folder, "reused")
         else:
             waiting[folder] = partial(run, case, folder)
 
     def ended(folder, future):
         try:
-            found[folder] = future.result()
-            done(folder, "ok" if found[folder].success else "failed")
+            solutions[folder] = future.result()
+            done(folder, "ok" if solutions[folder].success else "failed")
         except Exception as error:  # one failing run must not end the others
             done(folder, why_failed(error))
 
     in_processes(waiting.items(), jobs, ended)
-    return found
+    return solutions
 
 
 def passed_on(case: Case, source: str) -> Case:
@@ -72,7 +72,7 @@ def improved(
     """
     with tempfile.TemporaryDirectory(prefix="hkt_mdo_", dir=before.folder.parent) as scratch:
         after = run(passed_on(case, str(source)), Path(scratch, "run"))
-        values = [each.summary.objective.simulated for each in (after, before)]
+        values = [solution.summary.objective.simulated for solution in (after, before)]
         if not after.success or (
             before.success and before.case.objective.behind(*values) >= -least
         ):
@@ -109,13 +109,13 @@ def finished_result(folder: Path, case: Case) -> Solution | None:
 
     The files that the case names and the source code must have the content that the run met.
     """
-    found = ended_result(folder, case)
-    return found if found and is_current(found, case) else None
+    solution = ended_result(folder, case)
+    return solution if solution and is_current(solution, case) else None
 
 
-def is_current(found: Solution, case: Case) -> bool:
+def is_current(solution: Solution, case: Case) -> bool:
     """Tell whether a result of a case is of the source code and the files as they are."""
-    return found.summary.digest == digest(complete(case))
+    return solution.summary.digest == digest(complete(case))
 
 
 def ended_result(folder: Path, case: Case) -> Solution | None:

@@ -31,26 +31,26 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
     rotor, designs_radius = physics.rotor, shape.radius_bounds is not None
     designed = designs_radius or physics.designs_hub or "thickness" in shape.bases
     moves_more = rotor.inertia_factor != 1.0 or rotor.added_inertia != "none"
-    several = len(physics.rotors) > 1
+    turbines_differ = len(physics.rotors) > 1
     fast = optimum.tip_speed_ratio > 0.8 * HIGHEST
-    if rotor.polar.follows_reynolds or designed or moves_more or several or fast:
+    if rotor.polar.follows_reynolds or designed or moves_more or turbines_differ or fast:
         return None
-    known = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
-    free = limit is None and (known is None or isinstance(known, QuadraticFeedback))
-    if free or any(each.duration < 10.0 * RAMP for each in physics.scenarios):
+    known_law = law if type(law) in (LinearFeedback, QuadraticFeedback) else None
+    free = limit is None and (known_law is None or isinstance(known_law, QuadraticFeedback))
+    if free or any(scenario.duration < 10.0 * RAMP for scenario in physics.scenarios):
         return bound  # which quadratic feedback reaches
     best, friction = _best_power(physics, optimum), physics.case.generator.friction
 
     def at(inertia):
         total = 0.0
         for scenario in physics.scenarios:
-            about = scenario.inflow, scenario.edges, physics.density, shape.blade.rotor_radius
-            certificate = Certificate(*best, inertia, *about, friction)
+            flow, radius = (scenario.inflow, scenario.edges), shape.blade.rotor_radius
+            certificate = Certificate(*best, inertia, *flow, physics.density, radius, friction)
             # the torque of a law under a limit lies between zero and the limit
-            found = [certificate.of_limit(limit)] if limit is not None else []
-            if known is not None:
-                found.append(certificate.of_law(known))
-            total += scenario.weight * min(found)
+            bounds = [certificate.of_limit(limit)] if limit is not None else []
+            if known_law is not None:
+                bounds.append(certificate.of_law(known_law))
+            total += scenario.weight * min(bounds)
         return total
 
     if not shape.designs_chord:
@@ -58,11 +58,11 @@ def certified_energy(physics: Physics, optimum: SteadyOptimum, bound: float) -> 
         return min(at((inertia, inertia)), bound)
     lightest, heaviest = _inertia_of_heavy(physics, optimum)
     level = 1.0 - NEAR
-    found = at((lightest, heaviest(level)))
-    if found < level * bound:
-        level = found / bound
-        found = at((lightest, heaviest(level)))
-    return min(max(found, level * bound), bound)
+    energy = at((lightest, heaviest(level)))
+    if energy < level * bound:
+        level = energy / bound
+        energy = at((lightest, heaviest(level)))
+    return min(max(energy, level * bound), bound)
 
 
 def _best_power(physics, optimum):
@@ -81,8 +81,8 @@ def _best_power(physics, optimum):
         power = ratios * (load @ bem.torque_weights(blade))
     elif shape.designs_set_angle:
         angles = np.linspace(*shape.bounds["twist"], ANGLES)
-        turned = (shape.at({"twist": [angle]}) for angle in angles)
-        curves = [physics.rotor.coefficients(each, ratios).power for each in turned]
+        blades = (shape.at({"twist": [angle]}) for angle in angles)
+        curves = [physics.rotor.coefficients(turned, ratios).power for turned in blades]
         # the increase between two angles, by a parabola
         power = np.max(curves, axis=0) + np.abs(np.diff(curves, 2, axis=0)).max(axis=0) / 8.0
     else:
@@ -121,9 +121,9 @@ def _inertia_of_heavy(physics, optimum):
             pairs = np.meshgrid(chords[first:-1], twists, indexing="ij")
             chord, twist = map(np.ravel, pairs)
             strip = replace(blade, r=np.full(chord.size, r), chord=chord, twist=twist)
-            found = bem.sections(strip, physics.rotor.polar.at_station(j), ratios).tangential_load
+            loads = bem.sections(strip, physics.rotor.polar.at_station(j), ratios).tangential_load
             # the increase between twists, by a parabola; then the best of this and larger chords
-            load[:, first:] = peak(found.reshape(-1, TWISTS)).reshape(RATIOS, -1)
+            load[:, first:] = peak(loads.reshape(-1, TWISTS)).reshape(RATIOS, -1)
             load = np.maximum.accumulate(load[:, ::-1], axis=1)[:, ::-1]
         load = np.where(chords[:-1] <= best_chord[:, j, None], best_load[:, j, None], load)
         load = np.minimum(load, best_load[:, j, None])

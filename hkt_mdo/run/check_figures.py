@@ -25,28 +25,28 @@ def save_check_figures(report: CheckReport, folder: Path) -> list[Path]:
 
     Of several scenarios there is one of each flow.
     """
-    found, figures = report.findings, {}
-    charts = {"blade": _blade_panels(found), "polar": polar_panels([*_polar_curves(found)])}
-    met = np.rad2deg([found.stations.met.min(), found.stations.met.max()])
+    findings, figures = report.findings, {}
+    charts = {"blade": _blade_panels(findings), "polar": polar_panels([*_polar_curves(findings)])}
+    angles = np.rad2deg([findings.stations.met.min(), findings.stations.met.max()])
     for panel in charts["polar"]:
-        panel.spans.append(Span(*met, "met in this flow", GREY))
-    for flow in found.flows:
-        name = f"inflow_{flow.name}" if len(found.flows) > 1 else "inflow"
-        charts[name] = [*_flow_panels(flow, found.rated_speed)]
-    charts["coefficients"] = [_power_panel(found)]
+        panel.spans.append(Span(*angles, "met in this flow", GREY))
+    for flow in findings.flows:
+        name = f"inflow_{flow.name}" if len(findings.flows) > 1 else "inflow"
+        charts[name] = [*_flow_panels(flow, findings.rated_speed)]
+    charts["coefficients"] = [_power_panel(findings)]
     for name, panels in charts.items():
         width, height = SIZES.get(name, (6.8, 2.6))
-        title = f"{found.case.name}: {name.replace('_', ' ')}"
+        title = f"{findings.case.name}: {name.replace('_', ' ')}"
         figures[name] = style.figure_of_panels(panels, width, height, title)
     return style.save(figures, folder)
 
 
-def _blade_panels(found: Findings) -> list[Panel]:
+def _blade_panels(findings: Findings) -> list[Panel]:
     """Return the starting blade, and control points beside the file's blade where there are any."""
-    shape, blade, given = found.physics.shape, found.plant.blade, found.given
+    shape, blade, from_file = findings.physics.shape, findings.plant.blade, findings.given
     marks = {"hub": blade.hub_radius, "tip": blade.tip_radius}
     control = shape.control(blade) if shape.designs_chord else {}
-    thickness = np.broadcast_to(found.physics.turbine.thickness, blade.r.shape)
+    thickness = np.broadcast_to(findings.physics.turbine.thickness, blade.r.shape)
     panels = []
     for title, name, scale, values in (
         ("chord (m)", "chord", 1.0, blade.chord),
@@ -59,23 +59,23 @@ def _blade_panels(found: Findings) -> list[Panel]:
         if name in control and control[name].size < blade.r.size:
             # they stand where their own spline is the radius itself
             places = np.linalg.lstsq(shape.bases[name], blade.r, rcond=None)[0]
-            file = Curve(blade.r, scale * getattr(given, name), "blade of the file", GREY, None)
-            own = Curve(places, scale * control[name], "control points", COLORS[1], 1, "marked")
-            panel.curves = [file, *panel.curves, own]
+            file = Curve(blade.r, scale * getattr(from_file, name), "blade of the file", GREY, None)
+            points = Curve(places, scale * control[name], "control points", COLORS[1], 1, "marked")
+            panel.curves = [file, *panel.curves, points]
         panels.append(panel)
     return panels
 
 
-def _polar_curves(found: Findings) -> Iterator[tuple[str, Polar, np.ndarray, np.ndarray]]:
+def _polar_curves(findings: Findings) -> Iterator[tuple[str, Polar, np.ndarray, np.ndarray]]:
     """Yield the different polars, root to tip, as `polar_panels` takes them."""
     groups: dict[tuple[Polar, ...], list[int]] = {}
-    for station, polars in enumerate(found.stations.polars):
+    for station, polars in enumerate(findings.stations.polars):
         groups.setdefault(polars, []).append(station)
     angle = np.deg2rad(np.linspace(-40.0, 50.0, 361))
     for tables, where in groups.items():
-        label = "all stations" if len(groups) == 1 else found.stations.places(where)
+        label = "all stations" if len(groups) == 1 else findings.stations.places(where)
         labels = [label]
-        if (polar := found.plant.polar).follows_reynolds:
+        if (polar := findings.plant.polar).follows_reynolds:
             labels = [f"{label}, Re {powers(np.exp(log))}" for log in polar.log_reynolds]
         for table, label in zip(tables, labels, strict=True):
             yield label, table, angle, (angle >= table.alpha_min) & (angle <= table.alpha_max)
@@ -114,17 +114,17 @@ def power_spectrum(speed: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarr
     return tuple(np.bincount(band, each[1:]) / count for each in (frequency, density))
 
 
-def _power_panel(found: Findings) -> Panel:
+def _power_panel(findings: Findings) -> Panel:
     """Return the starting blade's power coefficient, its peak and the range it works in."""
-    best = found.best
+    best = findings.best
     ratios = np.linspace(0.2, 1.9, 171) * best.tip_speed_ratio
-    power = bem.rotor_coefficients(found.plant.blade, found.plant.polar, ratios).power
+    power = bem.rotor_coefficients(findings.plant.blade, findings.plant.polar, ratios).power
     panel = Panel("power coefficient (-)", "tip speed ratio (-)", from_zero=True)
     peak = np.array([best.tip_speed_ratio]), np.array([best.power_coefficient])
     panel.curves = [
         Curve(ratios, np.where(power >= 0.0, power, np.nan), "blade at the start", COLORS[0]),
         Curve(*peak, "largest value", COLORS[0], 0, "points"),
     ]
-    if found.running:
-        panel.spans.append(Span(*found.working, "met under the control law", GREY))
+    if findings.running:
+        panel.spans.append(Span(*findings.working, "met under the control law", GREY))
     return panel

@@ -87,12 +87,12 @@ class Checked:
         physics, blade = self.physics, self.result.point.blade
         if blade.rotor_radius == physics.blade.rotor_radius:  # whose optimum is known already
             blade = physics.blade
-        found = [physics.rotor.best_of_shape(physics.shape, blade)]
+        optima = [physics.rotor.best_of_shape(physics.shape, blade)]
         if physics.rotor.polar.follows_reynolds:
             speeds = np.concatenate([s.inflow.speed_at(s.node_times) for s in physics.scenarios])
             rotors = (physics.rotor.at_flow(speed) for speed in (speeds.min(), speeds.max()))
-            found += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
-        return max(found, key=attrgetter("power_coefficient"))
+            optima += [rotor.best_of_shape(physics.shape, blade) for rotor in rotors]
+        return max(optima, key=attrgetter("power_coefficient"))
 
     @cached_property
     def checks(self) -> list[CheckEntry]:
@@ -103,8 +103,8 @@ class Checked:
             word = f"the optimizer did not converge: {word}{self.jump}"
         checks = [entry("optimizer", not status.success, 0.0, word)]
         for verification, suffix in _suffixed(self.verifications):
-            checks += [entry(name + suffix, *about) for name, *about in _of_scenario(verification)]
-        return checks + [entry(*each) for each in (*_of_design(self), *_behind_open_loop(self))]
+            checks += [entry(name + suffix, *row) for name, *row in _of_scenario(verification)]
+        return checks + [entry(*row) for row in (*_of_design(self), *_behind_open_loop(self))]
 
     @cached_property
     def jump(self) -> str:
@@ -114,10 +114,10 @@ class Checked:
         sections (IEA 3.4 MW, `make verify PART=real`).
         """
         ratios = [np.maximum(x["tip_speed_ratio"], SLOWEST_RATIO) for x in self.result.trajectories]
-        place = self.physics.rotor.torque_jump(self.result.point.blade, np.hstack(ratios), NEAR)
-        if place is None:
+        radius = self.physics.rotor.torque_jump(self.result.point.blade, np.hstack(ratios), NEAR)
+        if radius is None:
             return ""
-        return f"; near it the torque jumps: the flow at r = {place:.4g} m stalls at once"
+        return f"; near it the torque jumps: the flow at r = {radius:.4g} m stalls at once"
 
     def total(self, of: Callable[[Verification], float]) -> float:
         """Return the weighted sum over the scenarios of something of each verification."""
@@ -170,8 +170,8 @@ def _behind_open_loop(ended):
     physics, starts = ended.physics, ended.start.starts
     if not physics.law.follows or physics.start_objective is not physics.objective:
         return
-    kept = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
-    ceiling = max(kept, default=0.0)
+    feasible = (x.objective for x in starts if x.law == "open_loop" and x.excess <= START_EXCESS)
+    ceiling = max(feasible, default=0.0)
     if ceiling > 0.0:
         behind = physics.objective.behind(ended.objective, ceiling)
         word = "share by which the objective is below that of an open loop that keeps the limits"
@@ -205,7 +205,7 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
     """Yield name, value, limit and place of the checks of a scenario's integration."""
     simulated, integrated = verification.simulation, verification.integrated
     nodes = verification.trajectory
-    time, stopped, own = nodes["time"], simulated.stopped_at, verification.of_model.integrated
+    time, stopped, series = nodes["time"], simulated.stopped_at, verification.of_model.integrated
     yield from of_flow(verification.scenario)
     when = verification.scenario.when
     word = "the rotor generates until the end"
@@ -217,12 +217,12 @@ def _of_scenario(verification: Verification) -> Iterator[tuple[str, float, float
         flow = measured(integrated["inflow_speed"][-1], "m/s", 3)
         word = f"rotor stops at {when(stopped)} in a flow of {flow}, not generating"
     yield "rotor_keeps_turning", float(stopped is not None), 0.0, word
-    power = np.interp(time, own["time"], own["hydrodynamic_power"])
+    power = np.interp(time, series["time"], series["hydrodynamic_power"])
     off = time[np.argmax(np.abs(power - nodes["hydrodynamic_power"]))]
     word = "collocated over independently integrated energy, less one; power differs most at "
     yield "energy_error", verification.energy_error, ENERGY_ERROR, word + when(off)
-    error, place = _largest(verification.scenario, verification.speed_errors, time)
-    word = f"collocated over integrated rotor speed, less one, at {place}"
+    error, instant = _largest(verification.scenario, verification.speed_errors, time)
+    word = f"collocated over integrated rotor speed, less one, at {instant}"
     yield "max_speed_error", error, SPEED_ERROR, word
     if verification.two_filters is not None:
         yield from _of_two_filters(verification, verification.two_filters)
@@ -251,26 +251,26 @@ def of_flow(scenario: Scenario) -> Iterator[tuple[str, float, float, str]]:
     """
     errors, missed, edges = scenario.flow_errors, scenario.flow_missed, scenario.edges
 
-    def place(values):
+    def where(values):
         worst = int(np.argmax(values))
         return f"most between t = {edges[worst]:.10g} and {edges[worst + 1]:.10g} s"
 
     if not scenario.steady:
-        word = f"error of the mesh's integral of v³, {place(errors)}"
+        word = f"error of the mesh's integral of v³, {where(errors)}"
         yield "flow_error", np.sum(errors), FLOW_ERROR, word
         word = "share of the flow's speed missed between the instants at which limits are checked"
-        yield "flow_missed", np.max(missed), FLOW_MISSED, f"{word}, {place(missed)}"
+        yield "flow_missed", np.max(missed), FLOW_MISSED, f"{word}, {where(missed)}"
 
 
-def of_table(generator: Generator, several: Iterable[dict]) -> Iterator[tuple]:
+def of_table(generator: Generator, trajectories: Iterable[dict]) -> Iterator[tuple]:
     """Yield how far trajectories leave the table of a generator, if it has one, as `of_flow`."""
     if generator.table is not None:
-        pairs = ((known["control_torque"], known["rotor_speed"]) for known in several)
+        pairs = ((series["control_torque"], series["rotor_speed"]) for series in trajectories)
         torque, speed = map(np.concatenate, zip(*pairs, strict=True))
         # a limit holds the speed below the end of the table
         off = generator.beyond_table(torque, np.minimum(speed, generator.fastest))
-        told = f"{measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)}"
-        word = f"how far {told} leave generator.table, over its range"
+        ranges = f"{measured(torque, 'N*m', 4)} at {measured(speed, 'rad/s', 4)}"
+        word = f"how far {ranges} leave generator.table, over its range"
         yield "generator_table", max(off, 0.0), BEYOND, word
 
 
@@ -294,24 +294,24 @@ def _of_design(ended):
         word = f"largest real part of the closed loop's eigenvalues, 1/s, at {when}"
         yield "closed_loop", growth, 0.0, word
     if physics.remembers:
-        names = {physics.named("wake_induction_table", each) for each in physics.scenarios}
+        names = {physics.named("wake_induction_table", scenario) for scenario in physics.scenarios}
         yield from _of_tables(result.setup.band(physics), result, names)
-        found = stability_of(result)
-        growth = found.growth if found else np.inf
-        word = found.text if found else "not known at tip speed ratios as small as these"
-        if physics.law.is_feedback or not all(each.steady for each in physics.scenarios):
+        memory = stability_of(result)
+        growth = memory.growth if memory else np.inf
+        word = memory.text if memory else "not known at tip speed ratios as small as these"
+        if physics.law.is_feedback or not all(scenario.steady for scenario in physics.scenarios):
             yield "closed_loop_with_memory", growth, 0.0, f"growth, 1/s, with memory: {word}"
     yield from _bounds(ended)
     captured = isinstance(physics.objective, CapturedEnergy)
-    for each, suffix in _suffixed(verifications):
-        if each.scenario.mesh.final_speed == "free" and not each.scenario.steady:
-            share = _stored(physics, each) / max(abs(each.simulation.energy), 1e-9)
+    for verification, suffix in _suffixed(verifications):
+        if verification.scenario.mesh.final_speed == "free" and not verification.scenario.steady:
+            share = _stored(physics, verification) / max(abs(verification.simulation.energy), 1e-9)
             word = "energy that the rotor keeps or gives, beyond equilibrium, over captured energy"
             yield f"stored_energy{suffix}", share, STORED, word
     if not captured:
-        of_model = tuple(each.of_model for each in verifications)
-        known = replace(ended, verifications=of_model).objective
-        error = abs(result.objective - known) / max(abs(known), 1e-9)
+        of_model = tuple(verification.of_model for verification in verifications)
+        integrated = replace(ended, verifications=of_model).objective
+        error = abs(result.objective - integrated) / max(abs(integrated), 1e-9)
         yield "objective_error", error, ENERGY_ERROR, "collocated against integrated objective"
     if ended.start.reference > 0.0:
         behind = physics.objective.behind(ended.objective, ended.start.reference)
@@ -332,9 +332,9 @@ def _of_tables(band, result, names):
     everywhere, or to fall.
     """
     nodes, outside, used = result.setup.nodes, 0.0, []
-    for known in result.trajectories:
-        wake = known["wake_ratio"]
-        factor = known["tip_speed_ratio"] / wake
+    for trajectory in result.trajectories:
+        wake = trajectory["wake_ratio"]
+        factor = trajectory["tip_speed_ratio"] / wake
         for values, ends in ((factor, FACTORS), (wake, nodes)):
             beyond = np.maximum(ends[0] - values, values - ends[-1])
             outside = max(outside, float(np.max(beyond)) / np.ptp(ends))
@@ -344,7 +344,7 @@ def _of_tables(band, result, names):
     pieces = TorqueSpline(nodes).pieces
     ratios = np.linspace(max(min(used), nodes[0]), min(max(used), nodes[-1]), PROBES)
     tables = map(result.problem.get_val, names)
-    slopes = np.min([band.direction * pieces(each)(ratios, 1) for each in tables], axis=0)
+    slopes = np.min([band.direction * pieces(table)(ratios, 1) for table in tables], axis=0)
     worst = int(np.argmin(slopes))
     word = f"slope of the mean induction against its direction, at ratio {ratios[worst]:.3g}"
     yield "wake_induction_turns", max(-float(slopes[worst]), 0.0), 0.0, word
@@ -368,15 +368,15 @@ def _bounds(ended):
 
 def _resolved(ended):
     """Yield by how much a blade of many stations exceeds a limit on its loads, the most."""
-    found = []
+    excesses = []
     for verification in ended.verifications:
         for limit in verification.scenario.limits:
             if limit.is_of(LOADS) and verification.resolved:
-                known = verification.resolved
-                over, when = _largest(verification.scenario, limit.excess(known), known["time"])
-                found.append((over, limit.name, when))
-    if found:
-        over, name, when = max(found)
+                series = verification.resolved
+                over, when = _largest(verification.scenario, limit.excess(series), series["time"])
+                excesses.append((over, limit.name, when))
+    if excesses:
+        over, name, when = max(excesses)
         word = f"{name} of the same blade with {loads.STATIONS} stations over its limit, less one"
         yield "loads_resolved", max(over, 0.0), RESOLVED, f"{word}, at {when}"
 
@@ -393,7 +393,7 @@ def _stored(physics, verification) -> float:
     change = 0.5 * inertia * (speed[-1] ** 2 - speed[0] ** 2)
     if not physics.law.is_feedback or verification.scenario.mesh.initial_speed == "free":
         return abs(change)
-    net, slowed = (each[-1] for each in verification.net_torques)
+    net, slowed = (torque[-1] for torque in verification.net_torques)
     slope = (slowed - net) / (SLOWED * speed[-1])
     # without a slope no speed near the last one is a stable equilibrium
     beyond = -inertia * speed[-1] * net / slope if slope > 0.0 else change
@@ -468,8 +468,8 @@ def energy_bound(physics: Physics, optimum: SteadyOptimum) -> float:
     for scenario in physics.scenarios:
         rotor, coefficient = physics.rotor_in(scenario), optimum.power_coefficient
         if rotor is not physics.rotor:
-            own = physics.blade.with_rotor_radius(blade.rotor_radius)
-            coefficient = rotor.best_of_shape(physics.shape, own).power_coefficient
+            sized = physics.blade.with_rotor_radius(blade.rotor_radius)
+            coefficient = rotor.best_of_shape(physics.shape, sized).power_coefficient
         passing = scenario.weight * float(np.sum(scenario.inflow.cubes(scenario.edges)))
         bound += passing * coefficient * power_scale(rotor.water_density, blade.rotor_radius, 1.0)
     return bound
@@ -482,9 +482,9 @@ def curve_errors(result: Optimized) -> tuple[np.ndarray, np.ndarray]:
     the tip speed ratios of its equilibria: between them the torque may jump.
     """
     physics, blade, probes = result.physics, result.point.blade, []
-    for scenario, each in zip(physics.scenarios, result.trajectories, strict=True):
-        own = np.maximum(each["tip_speed_ratio"], SLOWEST_RATIO)
-        probes.append(own if scenario.steady else np.linspace(np.min(own), np.max(own), 201))
+    for scenario, trajectory in zip(physics.scenarios, result.trajectories, strict=True):
+        ratio = np.maximum(trajectory["tip_speed_ratio"], SLOWEST_RATIO)
+        probes.append(ratio if scenario.steady else np.linspace(np.min(ratio), np.max(ratio), 201))
     probe = np.sort(np.concatenate(probes))
     if not result.curve.size:
         return probe, np.zeros(probe.size)
@@ -507,31 +507,31 @@ def explain_all(checks: list[CheckEntry], physics: Physics) -> str:
     if not failed or failed[0].name != "optimizer":
         return "; ".join(explain(check, physics) for check in failed)
     stops = [check for check in failed if check.name.startswith("rotor_keeps_turning")][:1]
-    others = [f"{each.name} = {each.value:.3g}" for each in failed[1:] if each not in stops]
+    others = [f"{check.name} = {check.value:.3g}" for check in failed[1:] if check not in stops]
     text = "; ".join(explain(check, physics) for check in (*stops, failed[0]))
     return f"{text}; also refused: {', '.join(others)}" if others else text
 
 
 def explain(check: CheckEntry, physics: Physics) -> str:
     """Return the failed check, its place and what to try."""
-    told = check.detail or ""
+    text = check.detail or ""
     if check.name.partition(" (")[0] not in ("optimizer", "rotor_keeps_turning"):
-        told = joined(f"{check.name} = {check.value:.3g} exceeds {check.limit:g}", told)
-    return f"{told} ({_remedy(check, physics)})"
+        text = joined(f"{check.name} = {check.value:.3g} exceeds {check.limit:g}", text)
+    return f"{text} ({_remedy(check, physics)})"
 
 
 def _remedy(check: CheckEntry, physics: Physics) -> str:
     """Return what to try where a check fails, without what the case has already."""
     name, _, of = check.name.rstrip(")").partition(" (")
-    known, end = REMEDIES["moving"], "_".join(name.split("_")[-2:])
-    found = known.get(name) or known.get(end, known["others"])
-    if all(each.steady for each in physics.scenarios if of in ("", each.name)):
-        found = REMEDIES["steady"].get(name, found)
+    remedies, end = REMEDIES["moving"], "_".join(name.split("_")[-2:])
+    suggestions = remedies.get(name) or remedies.get(end, remedies["others"])
+    if all(scenario.steady for scenario in physics.scenarios if of in ("", scenario.name)):
+        suggestions = REMEDIES["steady"].get(name, suggestions)
     many = [key for key, count in physics.shape.points.items() if count > POINTS + 1]
     if name == "optimizer" and many and physics.blade.r.size > POINTS + 1:
         return "try " + " and ".join(f"design.{key}_points: {POINTS}" for key in many)
-    why = f"{found[0]} " if found[0].endswith(":") else ""
-    *others, last = (x for x in found[bool(why) :] if not _has(physics.case, x))
+    why = f"{suggestions[0]} " if suggestions[0].endswith(":") else ""
+    *others, last = (x for x in suggestions[bool(why) :] if not _has(physics.case, x))
     return f"{why}try {', '.join([*others, f'or {last}' if others else last])}"
 
 
@@ -541,5 +541,5 @@ def _has(case, suggestion: str) -> bool:
         return not any(x.inflow and x.inflow.steady for x in (case, *case.scenarios))
     if "control.smoothing" in suggestion:
         return not case.control.is_feedback or case.control.torque_limit is None
-    given = re.match(r"([\w.]+)=([\w-]+)", suggestion)
-    return given is not None and attrgetter(given[1])(case) == given[2]
+    match = re.match(r"([\w.]+)=([\w-]+)", suggestion)
+    return match is not None and attrgetter(match[1])(case) == match[2]

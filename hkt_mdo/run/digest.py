@@ -42,8 +42,8 @@ def _of_file(path: Path) -> bytes:
 
 def _extensions(case: Case) -> Iterator[Path]:
     """Yield the source files of a case's extensions."""
-    for each in case.extensions:
+    for entry in case.extensions:
         try:
-            yield Path(each if isinstance(each, str | Path) else inspect.getfile(each))
+            yield Path(entry if isinstance(entry, str | Path) else inspect.getfile(entry))
         except (OSError, TypeError):  # typed at a prompt
             continue

@@ -64,7 +64,7 @@ def in_processes(
                 if new := {*threads} - seen:
                     _check_workers(client, {name: threads[name] for name in new}, folder)
                     seen |= new
-            for future in [each for each in keys if each.done()]:
+            for future in [future for future in keys if future.done()]:
                 ended(keys.pop(future), future)
                 future.release()
             if client.cluster is not None:  # one that died as it started has not come back
@@ -121,14 +121,14 @@ def _check_workers(client: Any, threads: dict[str, int], folder: Path | None) ->
     """Refuse workers of another version, of several threads, or that do not see a folder."""
     introduced = client.run(_introduce, folder, workers=list(threads), on_error="return")
     ours, same = versions(), "start workers in the same environment as this program"
-    for name, found in introduced.items():
-        if isinstance(found, OSError):  # it has died meanwhile
+    for name, answer in introduced.items():
+        if isinstance(answer, OSError):  # it has died meanwhile
             continue
         worker = f"the worker {name}"
-        if isinstance(found, BaseException):
-            problem = f"{worker} has no such hkt_mdo ({why_failed(found)})"
+        if isinstance(answer, BaseException):
+            problem = f"{worker} has no such hkt_mdo ({why_failed(answer)})"
             raise InputError(problem, same, key="scheduler")
-        theirs, sees = found
+        theirs, sees = answer
         other = [f"{x} {theirs.get(x)} (here {ours[x]})" for x in ours if theirs.get(x) != ours[x]]
         if other:
             raise InputError(f"{worker} has {', '.join(other)}", same, key="scheduler")

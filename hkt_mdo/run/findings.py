@@ -56,21 +56,21 @@ class Stations:
 
     def __init__(self, physics: Physics, blade: Blade, working: tuple[float, float]):
         polar, turbine = physics.rotor.polar, physics.turbine
-        known = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
-        self.numbers, self.used = known, turbine.reynolds_number or [*known] or np.nan
+        numbers = {n for each in turbine.sections for n in each.polars.reynolds if np.isfinite(n)}
+        self.numbers, self.used = numbers, turbine.reynolds_number or [*numbers] or np.nan
         self.follows_reynolds, polars = polar.follows_reynolds, polar.stations(blade)
         flow = np.quantile(physics.sampled_flow[0], ((0.0,), (1.0,))) * np.cos(blade.cone)
         ratio = np.array(working)[:, None] * blade.r / blade.rotor_radius
         passing = blade.chord * flow * np.hypot(1.0, ratio)
         self.reynolds = passing / physics.case.fluid.kinematic_viscosity
-        found = bem.sections(blade, polar, np.linspace(*working, 31))
-        lowest = [max(each.alpha_min for each in tables) for tables in polars]
-        highest = [min(each.alpha_max for each in tables) for tables in polars]
-        torque = np.abs(bem.torque_weights(blade) * found.tangential_load)
+        sections = bem.sections(blade, polar, np.linspace(*working, 31))
+        lowest = [max(table.alpha_min for table in tables) for tables in polars]
+        highest = [min(table.alpha_max for table in tables) for tables in polars]
+        torque = np.abs(bem.torque_weights(blade) * sections.tangential_load)
         self.blade, self.working, self.polars = blade, working, polars
-        self.met = np.quantile(found.angle_of_attack, (0.0, 1.0), axis=0)
+        self.met = np.quantile(sections.angle_of_attack, (0.0, 1.0), axis=0)
         self.table = np.array((lowest, highest))
-        self.unsolved = np.any(found.branch < 0, axis=0)
+        self.unsolved = np.any(sections.branch < 0, axis=0)
         self.share = torque / torque.sum(axis=1, keepdims=True)
 
     def places(self, chosen=slice(None)) -> str:
@@ -144,16 +144,16 @@ class Flow:
         self.kind = getattr(first, "resource", first.inflow)
         self.duration = first.mesh.duration
         self.cutoff = self.inflow.highest_frequency or 0.0
-        met = np.concatenate([each.speeds for each in scenarios])
+        speeds = np.concatenate([scenario.speeds for scenario in scenarios])
         if self.steady:
-            self.weights = np.concatenate([each.sample_weights for each in scenarios])
-            self.time, self.speed = np.cumsum(self.weights) - 0.5 * self.weights, met
+            self.weights = np.concatenate([scenario.sample_weights for scenario in scenarios])
+            self.time, self.speed = np.cumsum(self.weights) - 0.5 * self.weights, speeds
         else:
             instants = int(np.clip(16.0 * self.duration * self.cutoff, 2048, MOST_INSTANTS)) + 1
             self.time = np.linspace(0.0, self.duration, instants)
             self.speed = np.asarray(self.inflow.speed_at(self.time))
             self.weights = np.pad(np.ones(instants - 2), 1, constant_values=0.5)
-        self.range = np.quantile(np.append(self.speed, met), [0.0, 1.0])
+        self.range = np.quantile(np.append(self.speed, speeds), [0.0, 1.0])
         self.mean = self.average(self.speed)
         changes = np.any(self.speed != self.speed[0])  # else it would be that of the rounding
         self.deviation = changes * float(np.sqrt(self.average((self.speed - self.mean) ** 2)))
@@ -210,16 +210,16 @@ class Findings:
         physics = self.physics
         self.start = find_start(physics, self.best, improve=False)
         self.running = self.start.operation.running
-        several = on_start(physics, self.start)
+        series = on_start(physics, self.start)
         if self.running:
-            names = tuple(name for name in physics.rotor.load_names if name not in several[0])
-            pairs = zip(map(physics.rotor_in, physics.scenarios), several, strict=True)
-            several = [x | loads_along(rotor, self.start.blade, x, names) for rotor, x in pairs]
+            names = tuple(name for name in physics.rotor.load_names if name not in series[0])
+            pairs = zip(map(physics.rotor_in, physics.scenarios), series, strict=True)
+            series = [x | loads_along(rotor, self.start.blade, x, names) for rotor, x in pairs]
         self.at_start = {}
         for name, places in physics.groups.items():
-            parts = [several[place] for place in places]
+            parts = [series[index] for index in places]
             over_time = parts[0].keys() & {*OVER_TIME}
-            whole = {x: np.concatenate([each[x] for each in parts]) for x in over_time}
+            whole = {x: np.concatenate([part[x] for part in parts]) for x in over_time}
             self.at_start[name] = parts[0] | whole
         most = max(energy_bound(physics, self.best), 1e-9)
         self.captured = float(self.start.operation.energy / most)
@@ -268,13 +268,13 @@ class Findings:
         return flow
 
 
-def evaluated_problem(found: Findings) -> om.Problem:
+def evaluated_problem(findings: Findings) -> om.Problem:
     """Return the problem of a case at its start.
 
     The model and its derivatives are evaluated once, so that those of the user's own are checked.
     """
-    physics, ratios = found.physics, found.best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
-    problem = assemble(physics, Setup(found.start, ratios))
+    physics, ratios = findings.physics, findings.best.tip_speed_ratio * np.linspace(0.5, 1.6, 80)
+    problem = assemble(physics, Setup(findings.start, ratios))
     problem.run_model()
     driver = problem.driver
     responses = [*driver.get_objective_values(), *driver.get_constraint_values()]

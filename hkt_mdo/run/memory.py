@@ -44,9 +44,9 @@ def stability(verifications: Sequence[Verification]) -> MemoryEntry | None:
         Of the instant at which the loop is least stable; None where the rotor does not turn.
     """
     along = [
-        (each.scenario, each.plant.with_memory(), each.controller, each.integrated)
-        for each in verifications
-        if not isinstance(each.controller, HeldSpeeds)  # of an open loop in steady flows
+        (run.scenario, run.plant.with_memory(), run.controller, run.integrated)
+        for run in verifications
+        if not isinstance(run.controller, HeldSpeeds)  # of an open loop in steady flows
     ]
     return _verdict(verifications[0].physics, along)
 
@@ -73,13 +73,13 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
     if not (physics.remembers and physics.law.is_feedback and start.operation.running):
         return start
     along = _along(physics, start, on_start(physics, start))
-    found = _verdict(physics, along)
-    if found is None or found.stable:
+    verdict = _verdict(physics, along)
+    if verdict is None or verdict.stable:
         return _followed(physics, start, along)
-    heavier = stable_hub(physics, start.blade, found, SAFE)
+    heavier = stable_hub(physics, start.blade, verdict, SAFE)
     if heavier is not None:
         return with_memory(physics, replace(start, blade=replace(start.blade, hub_inertia=heavier)))
-    inertia, least = physics.rotor.mass_and_inertia(start.blade)[1], found.least_inertia_kg_m2
+    inertia, least = physics.rotor.mass_and_inertia(start.blade)[1], verdict.least_inertia_kg_m2
     if least is not None and inertia >= HOPELESS * least:
         return start
     remedy = "give another control.law, or inflow_dynamics: quasi_steady"
@@ -87,13 +87,13 @@ def with_memory(physics: Physics, start: StartingPoint) -> StartingPoint:
         more, key = physics.rotor.hub_of(start.blade) + SAFE * least - inertia, "rotor.hub_inertia"
         key = "an upper bound in design.hub_inertia_bounds" if physics.designs_hub else key
         remedy = f"give {key} of about {more:.3g} kg*m**2 or more, {remedy[5:]}"
-    problem = f"has a start whose loop with memory is {found.text}"
+    problem = f"has a start whose loop with memory is {verdict.text}"
     value = physics.case.inflow_dynamics.model
     raise InputError(problem, remedy, key="inflow_dynamics", value=value)
 
 
 def stable_hub(
-    physics: Physics, blade: Blade, found: MemoryEntry | None, margin: float = MARGIN
+    physics: Physics, blade: Blade, verdict: MemoryEntry | None, margin: float = MARGIN
 ) -> float | None:
     """Return the designed `hub_inertia` with which a loop is stable, kg*m**2, by a margin.
 
@@ -101,9 +101,9 @@ def stable_hub(
     case's bounds. None where the hub is not designed, where no inertia makes the loop stable, and
     where even `MARGIN` needs more than the upper bound.
     """
-    if not physics.designs_hub or found is None or found.least_inertia_kg_m2 is None:
+    if not physics.designs_hub or verdict is None or verdict.least_inertia_kg_m2 is None:
         return None
-    least, rotor = found.least_inertia_kg_m2, physics.rotor
+    least, rotor = verdict.least_inertia_kg_m2, physics.rotor
     blades = float(rotor.mass_and_inertia(replace(blade, hub_inertia=0.0)).inertia)
     hub, needed = ((x * least - blades) / rotor.inertia_factor for x in (margin, MARGIN))
     low, high = physics.case.design.hub_inertia_bounds
@@ -114,8 +114,8 @@ def first_hub(physics: Physics, start: StartingPoint) -> float:
     """Return the lower bound on a designed `hub_inertia` in the first optimization, kg*m**2."""
     if not (physics.designs_hub and physics.remembers and physics.law.is_feedback):
         return 0.0
-    found = _verdict(physics, _along(physics, start, on_start(physics, start)))
-    return stable_hub(physics, start.blade, found, SAFE) or 0.0
+    verdict = _verdict(physics, _along(physics, start, on_start(physics, start)))
+    return stable_hub(physics, start.blade, verdict, SAFE) or 0.0
 
 
 def _along(physics, point, trajectories):
@@ -124,11 +124,11 @@ def _along(physics, point, trajectories):
     An open loop needs time.
     """
     along = []
-    for scenario, known in zip(physics.scenarios, trajectories, strict=True):
+    for scenario, trajectory in zip(physics.scenarios, trajectories, strict=True):
         if physics.law.is_feedback or not scenario.steady:
             plant = plant_of(physics, scenario, point.blade)
-            controller = controller_of(physics, scenario, plant, point.gains, known)
-            along.append((scenario, plant, controller, known))
+            controller = controller_of(physics, scenario, plant, point.gains, trajectory)
+            along.append((scenario, plant, controller, trajectory))
     return along
 
 
@@ -137,21 +137,20 @@ def _followed(physics, start, along) -> StartingPoint:
     if any(scenario.steady for scenario in physics.scenarios):
         return start
     runs = []
-    for scenario, plant, controller, known in along:
-        begin = [known[name][0] for name in ("rotor_speed", *physics.law.states)]
-        longest = float(np.max(np.diff(scenario.edges)))
-        about = scenario.inflow, controller, begin, scenario.samples, longest
+    for scenario, plant, controller, trajectory in along:
+        begin = [trajectory[name][0] for name in ("rotor_speed", *physics.law.states)]
+        step = float(np.max(np.diff(scenario.edges)))
         try:
-            runs.append(simulate(plant, *about))
+            runs.append(simulate(plant, scenario.inflow, controller, begin, scenario.samples, step))
         except IntegrationError:
             return start
     if any(run.stopped_at is not None for run in runs):
         return start
     names = "rotor_speed", "hydrodynamic_torque"
-    found = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
-    if np.max(np.abs(found["rotor_speed"] / start.operation.rotor_speed - 1.0)) < FAR:
+    followed = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
+    if np.max(np.abs(followed["rotor_speed"] / start.operation.rotor_speed - 1.0)) < FAR:
         return start
-    return replace(start, operation=replace(start.operation, **found))
+    return replace(start, operation=replace(start.operation, **followed))
 
 
 def _verdict(physics, along):
@@ -160,19 +159,19 @@ def _verdict(physics, along):
     An instant of a steady scenario counts by the time for which its flow lasts.
     """
     parts, count = [], max(INSTANTS // max(len(along), 1), 5)
-    for scenario, plant, controller, known in along:
-        speed, flow = known["rotor_speed"], known["inflow_speed"]
+    for scenario, plant, controller, trajectory in along:
+        speed, flow = trajectory["rotor_speed"], trajectory["inflow_speed"]
         turning = np.flatnonzero(speed * plant.blade.rotor_radius >= LEAST_RATIO * flow)
         if turning.size:
             at = np.linspace(0, turning.size - 1, count).round().astype(int)
             ends = np.argmax(flow[turning]), np.argmin(flow[turning])
             at = turning[np.unique([*at, *ends])]
-            states = (known[name][at] for name in physics.law.states)
+            states = (trajectory[name][at] for name in physics.law.states)
             loop = Loop.of(plant, controller, speed[at], flow[at], *states)
             slopes = loop.growth, loop.frozen_growth, loop.least_inertia, loop.slow[:, 0]
             lasts = scenario.node_weights[at] if scenario.steady else np.ones(at.size)
             share = lasts / np.sum(lasts)
-            parts.append((known["time"][at], flow[at], share, *slopes, loop.frozen))
+            parts.append((trajectory["time"][at], flow[at], share, *slopes, loop.frozen))
     if not parts:
         return None
     time, flow, share, growth, frozen, least, slow, answer = np.concatenate(parts, axis=1)

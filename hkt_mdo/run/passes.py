@@ -168,54 +168,54 @@ class Pass:
         return Checked(start, result, self.verifications)
 
 
-def heavier_hub(this: Pass) -> Task | None:
+def heavier_hub(pass_: Pass) -> Task | None:
     """Bound a designed hub from below by the inertia from which the loop with memory is stable.
 
     The optimization does not see an instability whose growth is faster than its segments. A bound
     that is too high is lowered again. No mesh helps, and the integration runs away: nothing else
     follows an instability.
     """
-    point, bound = this.result.point, this.task.setup.least_hub
-    hub = stable_hub(this.physics, point.blade, this.memory)
-    if hub is None or not (this.runs_away or hub < bound - SETTLED * this.result.inertia):
+    point, bound = pass_.result.point, pass_.task.setup.least_hub
+    hub = stable_hub(pass_.physics, point.blade, pass_.memory)
+    if hub is None or not (pass_.runs_away or hub < bound - SETTLED * pass_.result.inertia):
         return None
     why = f"the loop with memory is stable from {hub:.4g} kg m^2 besides the blades"
     heavier = replace(point.blade, hub_inertia=max(hub, point.blade.hub_inertia))
-    start, nodes = replace(point, blade=heavier), curve_nodes(this.physics, point)
-    return this.next(why, start=start, nodes=nodes, least_hub=hub)
+    start, nodes = replace(point, blade=heavier), curve_nodes(pass_.physics, point)
+    return pass_.next(why, start=start, nodes=nodes, least_hub=hub)
 
 
-def refine(this: Pass) -> Task | None:
+def refine(pass_: Pass) -> Task | None:
     """Refine what the integration of an optimum shows to be too coarse.
 
     That are the torque curve, segments of the mesh, and limits exceeded between the nodes: these
     are held between them, or lowered at the nodes of segments that are not divided.
     """
-    if not this.converged or this.runs_away:
+    if not pass_.converged or pass_.runs_away:
         return None
-    physics, setup, finer, reasons = this.physics, this.task.setup, None, []
+    physics, setup, finer, reasons = pass_.physics, pass_.task.setup, None, []
     most, nodes = physics.case.hydrodynamics.tolerance, setup.nodes
-    error = float(np.max(curve_errors(this.result)[1], initial=0.0))  # 0 without a curve
-    if error > most and (finest := _finer_curve(this.result, error)) is not None:
+    error = float(np.max(curve_errors(pass_.result)[1], initial=0.0))  # 0 without a curve
+    if error > most and (finest := _finer_curve(pass_.result, error)) is not None:
         nodes = finest
         reasons.append(f"error of the torque curve {error:.2g}, allowed {most:.2g}")
     # an open loop whose wake has memory would pulse faster on a finer mesh
-    divides = not physics.may_pulse and this.division.allowed(physics.case.driver.optimizer)
+    divides = not physics.may_pulse and pass_.division.allowed(physics.case.driver.optimizer)
     shares = setup.shares
     # where a finer mesh still changes the operation, limits would be lowered in vain
-    settled = this.division.error <= MESH_ERROR and not is_false(this.verifications)
+    settled = pass_.division.error <= MESH_ERROR and not is_false(pass_.verifications)
     if settled or not divides:
-        shares, worst = lowered(setup, this.verifications)
+        shares, worst = lowered(setup, pass_.verifications)
         if worst:
             reasons.append(f"a limit is exceeded between the nodes by {100.0 * worst:.2g} %")
-    excess = excesses_at_nodes(setup, this.verifications)
+    excess = excesses_at_nodes(setup, pass_.verifications)
     if divides:
-        reasons.append(this.division.why)
-        finer, shares, excess = divided(physics, this.division, shares, excess)
+        reasons.append(pass_.division.why)
+        finer, shares, excess = divided(physics, pass_.division, shares, excess)
     if not reasons:
         return None
-    start = point_of(finer or physics, this.result.problem)
-    return this.next(
+    start = point_of(finer or physics, pass_.result.problem)
+    return pass_.next(
         "; ".join(reasons), physics=finer, start=start, nodes=nodes, shares=shares, excess=excess
     )
 
@@ -237,10 +237,10 @@ def _finer_curve(result: Optimized, error: float) -> np.ndarray | None:
 FOLLOW_UPS = heavier_hub, refine
 
 
-def next_task(this: Pass) -> Task | None:
+def next_task(pass_: Pass) -> Task | None:
     """Return the next optimization by the first of `FOLLOW_UPS` that applies and is allowed."""
     for follow in FOLLOW_UPS:
-        task = follow(this)
+        task = follow(pass_)
         if task is not None and task.passes < MAX_PASSES:
             return replace(task, name=follow.__name__.replace("_", " "))
     return None
@@ -268,14 +268,14 @@ def optimize(state: RunState, start: StartingPoint) -> Checked:
         state.go_on_from(task.physics, task.setup.start, start)
         began = time.perf_counter()
         driver = make_driver(task.physics, state, refined=task.name == "refine")
-        this = Pass(state, task, solve(state, task.physics, task.setup, driver))
-        following = next_task(this)
-        if following is None and this.approximate:
-            this = this.exactly
-            following = next_task(this)
-        state.note_pass(this.entry(time.perf_counter() - began, following))
+        pass_ = Pass(state, task, solve(state, task.physics, task.setup, driver))
+        following = next_task(pass_)
+        if following is None and pass_.approximate:
+            pass_ = pass_.exactly
+            following = next_task(pass_)
+        state.note_pass(pass_.entry(time.perf_counter() - began, following))
         if following is None:
-            return this.end
+            return pass_.end
         task = following
 
 
@@ -307,11 +307,11 @@ def _moving_reference(physics, start, result) -> float:
     """
     stands = as_it_stands(physics, start, result)
     verifications = verify(stands)
-    stops = any(each.simulation.stopped_at is not None for each in verifications)
+    stops = any(run.simulation.stopped_at is not None for run in verifications)
     near = recovery(physics, verifications) if physics.law.is_feedback else ()
     # a law with states has other states over time than in equilibrium
-    both = [(each, known) for each in verifications for known in (each.at_nodes, each.simulated)]
-    over = [np.max(x.excess(known)) for each, known in both for x in each.scenario.limits]
+    pairs = [(run, series) for run in verifications for series in (run.at_nodes, run.simulated)]
+    over = [np.max(x.excess(series)) for run, series in pairs for x in run.scenario.limits]
     if stops or max(over) > START_EXCESS or any(value > most for _, value, most, _ in near):
         return 0.0
     return Checked(start, stands, verifications).objective
@@ -356,9 +356,9 @@ def best_of(state: RunState, end: Checked) -> tuple[Checked, str]:
         others.append((state.first, end.start, "the start"))
     for physics, point, words in others:
         stands = as_it_stands(physics, point, end.result)
-        known = Pass(state, Task(end.start, physics, stands.setup), stands).exactly.end
-        if known.rank > best.rank:
-            best, held = known, words
+        checked = Pass(state, Task(end.start, physics, stands.setup), stands).exactly.end
+        if checked.rank > best.rank:
+            best, held = checked, words
     return best, held
 
 
@@ -375,8 +375,8 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     if not start.operation.running:
         return NOT_RUNNING.format(starts=starts, wider=wider)
     rates = {limit.name for limit in physics.all_limits if limit.is_of(RATES)}
-    found = excesses(physics, start)
-    over = {name: share for name, (share, _) in found.items()}
+    exceeded = excesses(physics, start)
+    over = {name: share for name, (share, _) in exceeded.items()}
     if not np.isnan(start.objective):  # optimized at some speeds; between these it exceeds more
         over = {x: y if x in rates else min(y, start.excess) for x, y in over.items()}
     begun = max((share, name) for name, share in over.items())
@@ -385,12 +385,12 @@ def none_found(physics: Physics, start: StartingPoint, checks: list[CheckEntry])
     ended = max(broken, default=(0.0, ""))
     if begun[0] <= START_EXCESS or ended[0] <= 0.0:
         return ""
-    flow = found[begun[1]][1]
+    flow = exceeded[begun[1]][1]
     in_flow = "any flow" if flow is None else f"a flow of {flow:.4g} m/s"
     at_start = f"by the best of them, in {in_flow}"
     share, name, where = min((*begun, at_start), (*ended, "at the end of the optimization"))
     key = next(limit.key for limit in physics.all_limits if limit.name == name)
     law = "control.law: curve, which can keep more limits, or " * (len(physics.law.gain_units) == 1)
     law += "start.method: blade, with low gain, or " * (name in rates and physics.law.is_feedback)
-    about = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
-    return NONE_FOUND.format(starts=starts, **about)
+    fields = {"share": 100.0 * share, "key": key, "where": where, "law": law, "wider": wider}
+    return NONE_FOUND.format(starts=starts, **fields)

@@ -66,7 +66,7 @@ class Division:
     def why(self) -> str:
         """The reason of the division, as text."""
         error = f", error of the mesh {self.error:.2g}" if self.error else ""
-        count = sum(np.sum(own > 1) for own in self.parts)
+        count = sum(np.sum(parts > 1) for parts in self.parts)
         what = f"{count} segment{' is' if count == 1 else 's are'}"
         if self.order:
             what = f"polynomials of order {self.order} for nearly all segments are"
@@ -82,10 +82,10 @@ def divided(
     """
     order = {"order": division.order} if division.order else {}
     scenarios = tuple(
-        replace(each.divided(parts), mesh=each.mesh.model_copy(update=order))
-        for each, parts in zip(physics.scenarios, division.parts, strict=True)
+        replace(scenario.divided(parts), mesh=scenario.mesh.model_copy(update=order))
+        for scenario, parts in zip(physics.scenarios, division.parts, strict=True)
     )
-    parts_of = {each.name: own for each, own in zip(scenarios, division.parts, strict=True)}
+    parts_of = {each.name: parts for each, parts in zip(scenarios, division.parts, strict=True)}
     shares = {
         (limit, name): np.repeat(np.where(parts_of[name] > 1, 1.0, share), parts_of[name])
         for (limit, name), share in shares.items()
@@ -102,14 +102,14 @@ def excesses_at_nodes(setup: Setup, verifications: tuple[Verification, ...]) -> 
     where it is held it may be far from its limit; without that the passes alternate
     (`test_a_limited_rate_of_the_torque_is_one_optimum_in_speed_and_in_torque`).
     """
-    found = {}
-    for each in verifications:
-        for limit in each.constrained:
-            if not each.scenario.steady and _chooses(each.physics):
-                own, key = each.excess_at_nodes(limit), (limit.name, each.scenario.name)
-                largest = np.maximum(np.max(own, axis=1), setup.excess.get(key, own)[:, 0])
-                found[key] = np.stack((largest, np.min(own, axis=1)), axis=1)
-    return found
+    extremes = {}
+    for run in verifications:
+        for limit in run.constrained:
+            if not run.scenario.steady and _chooses(run.physics):
+                excess, key = run.excess_at_nodes(limit), (limit.name, run.scenario.name)
+                largest = np.maximum(np.max(excess, axis=1), setup.excess.get(key, excess)[:, 0])
+                extremes[key] = np.stack((largest, np.min(excess, axis=1)), axis=1)
+    return extremes
 
 
 def _chooses(physics: Physics) -> bool:
@@ -138,8 +138,8 @@ def lowered(
             share = reached = setup.share(limit, verification.scenario)
             if verification.two_filters is not None:
                 # all stations may exceed a limit that the two filters of the nodes do not reach
-                own = np.max(verification.excess_at_nodes(limit), axis=1)
-                reached = np.minimum(share, 1.0 + own)
+                excess = np.max(verification.excess_at_nodes(limit), axis=1)
+                reached = np.minimum(share, 1.0 + excess)
             # if it has not helped, or the limit is exceeded by much, a lower limit does not help
             held = setup.holds(limit, verification.scenario)
             over = np.where(~held | (share > lowest) & (over < MOST_EXCEEDED), over, 0.0)
@@ -219,27 +219,27 @@ def _exceeded_between(verification, energy) -> np.ndarray:
 
     A limit counts if a lower one at the nodes would cost energy, or would have to be much lower.
     """
-    found = np.zeros(verification.scenario.segments, dtype=bool)
-    known, shares = verification.of_model, np.sum(_energies(verification, energy), axis=1)
+    marks = np.zeros(verification.scenario.segments, dtype=bool)
+    model, shares = verification.of_model, np.sum(_energies(verification, energy), axis=1)
     for limit in verification.constrained:
-        over, _ = known.between_nodes(limit)
-        nodes = known.excess_at_nodes(limit)
+        over, _ = model.between_nodes(limit)
+        nodes = model.excess_at_nodes(limit)
         # what is exceeded at the nodes as well, no division corrects
-        own = (over > limit.most_between) & (np.max(nodes, axis=1) < 0.5 * over)
-        if shares[own] @ over[own] > LOST or np.max(over) > MOST_LOWERED:
-            found |= own
-    return found
+        exceeded = (over > limit.most_between) & (np.max(nodes, axis=1) < 0.5 * over)
+        if shares[exceeded] @ over[exceeded] > LOST or np.max(over) > MOST_LOWERED:
+            marks |= exceeded
+    return marks
 
 
 def _near_stall(verification) -> np.ndarray:
     """Return the segments in which a rotor under feedback is closer to stall than at the nodes."""
     physics, scenario = verification.physics, verification.scenario
-    found = np.zeros(scenario.segments, dtype=bool)
+    marks = np.zeros(scenario.segments, dtype=bool)
     if physics.law.is_feedback and physics.has_curve:
         near = verification.short_of_recovery > checks.RECOVERY_ERROR
-        place = np.searchsorted(scenario.edges, verification.simulation.time[near]) - 1
-        found[np.maximum(place, 0)] = True
-    return found
+        segments = np.searchsorted(scenario.edges, verification.simulation.time[near]) - 1
+        marks[np.maximum(segments, 0)] = True
+    return marks
 
 
 def _open_loop(result, moving, before, rates) -> float:
@@ -249,28 +249,28 @@ def _open_loop(result, moving, before, rates) -> float:
     """
     best = result.physics.rotor.best_operation(result.point.blade).power_coefficient
     left = [_left(verification, result.energy, best) for _, verification in moving]
-    known = float(sum(map(np.sum, left)))
+    total = float(sum(map(np.sum, left)))
     change = abs(result.objective / before[-1] - 1.0) if before else np.inf
     # the distance from a limit on the torque's rate is no power: only a division shows its error
-    error = change if rates and before else min(change / (PARTS - 1), known)
+    error = change if rates and before else min(change / (PARTS - 1), total)
     if error <= checks.MESH_ERROR and (before or not rates):
         return error
-    for (marks, verification), own in zip(moving, left, strict=True):
-        large = own > 0.0 if rates and not before else too_large(own, LOST)
+    for (marks, verification), shares in zip(moving, left, strict=True):
+        large = shares > 0.0 if rates and not before else too_large(shares, LOST)
         marks |= _switches(verification) | large
     return error
 
 
 def _switches(verification) -> np.ndarray:
     """Return the segments in which a limit begins or ceases to bind, and their neighbours."""
-    found = np.zeros(verification.scenario.segments, dtype=bool)
+    marks = np.zeros(verification.scenario.segments, dtype=bool)
     for limit in verification.constrained:
         first, *others = (verification.excess_at_nodes(limit) > -BINDS).T
         last = others[-1]
-        found |= ~np.all(np.equal(first, others), axis=0)
-        found[1:] |= last[:-1] != last[1:]
-        found[:-1] |= first[:-1] != first[1:]
-    return found
+        marks |= ~np.all(np.equal(first, others), axis=0)
+        marks[1:] |= last[:-1] != last[1:]
+        marks[:-1] |= first[:-1] != first[1:]
+    return marks
 
 
 def _left(verification, energy, best) -> np.ndarray:

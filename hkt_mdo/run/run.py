@@ -143,8 +143,8 @@ def resume_case(
                 return solution
             evaluations = [*zip(*solution.convergence.values(), strict=True)]
         physics, start = read_iterate(out, physics)
-        about = evaluations if start else [], progress, on_pass, on_start
-        return _run(RunState(physics, out, records, *about), figures, start)
+        history, callbacks = evaluations if start else [], (progress, on_pass, on_start)
+        return _run(RunState(physics, out, records, history, *callbacks), figures, start)
 
 
 def _prepared(case: Case) -> Physics:

@@ -25,26 +25,26 @@ def shadow_prices(optimum: Checked) -> dict[str, float]:
     if not (physics.objective.is_energy and result.outcome.success):
         return {}
     pairs = [
-        (limit, each.at_nodes)
-        for each in optimum.verifications
-        for limit in each.scenario.limits
+        (limit, run.at_nodes)
+        for run in optimum.verifications
+        for limit in run.scenario.limits
         if limit.caps_series
     ]
-    near = {limit.name for limit, known in pairs if np.any(limit.excess(known) >= -FAR)}
+    near = {limit.name for limit, series in pairs if np.any(limit.excess(series) >= -FAR)}
     limits = {limit.name: limit for limit, _ in pairs}
     if not near:
         return dict.fromkeys(limits, 0.0)
     state = State.of(result.problem.driver)
-    found = multipliers(result.problem.driver, state)
+    multiplier = multipliers(result.problem.driver, state)
 
-    def worth(limit):
+    def shadow_price(limit):
         if physics.law.is_feedback and not limit.constrains(physics.law):  # a law holds it
             changed = _with_other_saturation(result.problem)
         else:
             changed = _with_more(result, limit, state)
-        return MORE / STEP * gain(state, found, changed)
+        return MORE / STEP * gain(state, multiplier, changed)
 
-    return {name: worth(limit) if name in near else 0.0 for name, limit in limits.items()}
+    return {name: shadow_price(limit) if name in near else 0.0 for name, limit in limits.items()}
 
 
 def _with_more(result, limit, optimum) -> State:
@@ -66,14 +66,14 @@ def _with_more(result, limit, optimum) -> State:
 
 def _with_other_saturation(problem) -> State:
     """Return the state with a law that saturates at a little more torque; the model is restored."""
-    controllers = list(problem.model.system_iter(typ=FeedbackComp))
-    laws = [each.law for each in controllers]
+    components = list(problem.model.system_iter(typ=FeedbackComp))
+    laws = [component.law for component in components]
     try:
-        for each, law in zip(controllers, laws, strict=True):
-            each.law = law.model_copy(update={"torque_limit": (1.0 + STEP) * law.torque_limit})
+        for component, law in zip(components, laws, strict=True):
+            component.law = law.model_copy(update={"torque_limit": (1.0 + STEP) * law.torque_limit})
         problem.run_model()
         return State.of(problem.driver)
     finally:
-        for each, law in zip(controllers, laws, strict=True):
-            each.law = law
+        for component, law in zip(components, laws, strict=True):
+            component.law = law
         problem.run_model()

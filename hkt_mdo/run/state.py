@@ -90,8 +90,8 @@ class RunState:
 
     def __post_init__(self) -> None:
         """Write the summary that stands in the folder until the run ends."""
-        self.physics, about = self.first, {"version": VERSION, "case": self.first.case.name}
-        self.summary = Summary(**about, success=False, message=UNFINISHED)
+        self.physics, name = self.first, self.first.case.name
+        self.summary = Summary(version=VERSION, case=name, success=False, message=UNFINISHED)
         self.write_summary()
 
     def __call__(self, count: int, objective: float, infeasibility: float) -> None:
@@ -117,9 +117,9 @@ class RunState:
 
     def keep(self, point: StartingPoint, objective: float) -> None:
         """Keep a feasible point of the physics at work if it is the best so far."""
-        worth = self.first.objective.sign * objective
-        if worth > self._highest:
-            self.best, self._highest = (self.physics, point), worth
+        merit = self.first.objective.sign * objective
+        if merit > self._highest:
+            self.best, self._highest = (self.physics, point), merit
 
     def go_on_from(self, physics: Physics, point: StartingPoint, start: StartingPoint) -> None:
         """Take a point as the last iterate, and write it.
@@ -171,7 +171,7 @@ def as_data(physics: Physics, point: StartingPoint, start: StartingPoint) -> dic
     """
     pairs = zip(physics.scenarios, split(physics, point.operation), strict=True)
     names = *OVER_TIME, *physics.law.states
-    over_time = {x.name: dict(zip(names, (x.edges, *own), strict=True)) for x, own in pairs}
+    over_time = {x.name: dict(zip(names, (x.edges, *series), strict=True)) for x, series in pairs}
     return {
         "version": ITERATE,
         "chord_m": point.blade.chord,
@@ -216,8 +216,8 @@ def read_iterate(out: Path, physics: Physics) -> tuple[Physics, StartingPoint | 
         starts = tuple(map(_record, data.get("starts", ())))
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
         raise InputError("is no iterate of this case", REMEDY, file=path) from None
-    about = {"branch": str(data.get("branch", "")), "starts": starts, "reference": reference}
-    return physics, StartingPoint(blade, gains, operation, **about)
+    origin = {"branch": str(data.get("branch", "")), "starts": starts, "reference": reference}
+    return physics, StartingPoint(blade, gains, operation, **origin)
 
 
 def _record(data) -> StartRecord:
@@ -237,18 +237,18 @@ def _numbers(row, size) -> np.ndarray:
 
 def _over_time(physics, data) -> tuple[Physics, Operation]:
     """Return the physics on the mesh of an iterate, and its trajectories."""
-    found = data["scenarios"]
-    if found.keys() != {scenario.name for scenario in physics.scenarios}:
+    entries = data["scenarios"]
+    if entries.keys() != {scenario.name for scenario in physics.scenarios}:
         raise ValueError
     scenarios, rows = [], []
     for scenario in physics.scenarios:
-        ends, *own = (found[scenario.name][key] for key in (*OVER_TIME, *physics.law.states))
+        ends, *series = (entries[scenario.name][key] for key in (*OVER_TIME, *physics.law.states))
         edges, before = np.array(ends, dtype=float), scenario.edges
         same = np.array_equal(edges[[0, -1]], before[[0, -1]]) and np.all(np.isin(before, edges))
         if edges.ndim != 1 or not same or np.any(np.diff(edges) <= 0.0):
             raise ValueError
         scenarios.append(replace(scenario, edges=edges))
-        rows.append([_numbers(row, scenarios[-1].samples.size) for row in own])
+        rows.append([_numbers(row, scenarios[-1].samples.size) for row in series])
     energy = float(_numbers(data["energy_J"], 1)[0])
     speed, torque, *states = np.concatenate(rows, axis=1)
     operation = Operation(energy, speed, torque, states=tuple(states))
@@ -259,11 +259,11 @@ def _design(physics, data):
     """Return blade, gains and reference of an iterate."""
     shape, stations = physics.shape, physics.blade.r.size
     names = ["chord_m", "twist_rad", *["thickness_over_chord"] * ("thickness" in shape.bases)]
-    found = [_numbers(data[name], stations) for name in names]
+    rows = [_numbers(data[name], stations) for name in names]
     keys = "rotor_radius_m", "reference_energy_J"
     radius, reference = (float(_numbers(data[key], 1)[0]) for key in keys)
-    if np.any(found[0] <= 0.0) or radius <= 0.0:
+    if np.any(rows[0] <= 0.0) or radius <= 0.0:
         raise ValueError
     hub = _numbers(data["hub_inertia_kg_m2"], 1)[0] if physics.designs_hub else None
     gains = _numbers(data["gains"], len(physics.law.gain_units))
-    return shape.nearest(physics.sized(radius, hub).with_shape(*found)), gains, reference
+    return shape.nearest(physics.sized(radius, hub).with_shape(*rows)), gains, reference

@@ -64,9 +64,9 @@ def summarize(finished: Checked, message: str = "", start_breaks: Sequence[str] 
     design, blade, outcome = _design(finished), result.point.blade, result.outcome
     ratios = design["tip_speed_ratio"]
     working = max(float(ratios["min"]), SLOWEST_RATIO), float(ratios["max"])
-    told = list(Stations(physics, blade, working).messages("found blade"))
-    warned, noted = ([x.text for x in told if x.severity == kind] for kind in ("warning", "note"))
-    scenarios = {name: _scenario(finished, each) for name, each in finished.scenarios.items()}
+    rows = list(Stations(physics, blade, working).messages("found blade"))
+    warned, noted = ([x.text for x in rows if x.severity == kind] for kind in ("warning", "note"))
+    scenarios = {name: _scenario(finished, runs) for name, runs in finished.scenarios.items()}
     if len(scenarios) > 1 and physics.objective.is_rate:
         _decide(physics, scenarios)
     packages = {name: [*metadata.distributions(name=name)] for name in PACKAGES}
@@ -90,22 +90,22 @@ def summarize(finished: Checked, message: str = "", start_breaks: Sequence[str] 
         "start_breaks": list(start_breaks),
         "surrogate_error": finished.check("surrogate_error"),
         "bins_error": a_year.bins_error(finished.verifications),
-        "max_speed_error": max(np.max(each.speed_errors) for each in finished.verifications),
+        "max_speed_error": max(np.max(run.speed_errors) for run in finished.verifications),
         "checks": [vars(check) for check in finished.checks],
         "notes": [*physics.messages, *start.messages, *noted, *_notes(finished)],
         "doubts": [*physics.warnings, *physics.law.held(start.gains), *warned],
         "versions": {"python": platform.python_version()}
-        | {name: found[0].version for name, found in packages.items() if found},
+        | {name: installed[0].version for name, installed in packages.items() if installed},
     }
     return Summary.parse(to_json(values))
 
 
 def _branches(start):
     """Yield the branches of the search for a result's start, that of the result first."""
-    sides = [each for each in start.starts if each.side]
-    for each in sorted(sides, key=lambda x: x.side != start.branch):
-        about = {"taken": each.side == start.branch, "kept": each.excess <= START_EXCESS}
-        yield {"name": each.side, "objective_J": each.objective} | about
+    sides = [record for record in start.starts if record.side]
+    for record in sorted(sides, key=lambda x: x.side != start.branch):
+        flags = {"taken": record.side == start.branch, "kept": record.excess <= START_EXCESS}
+        yield {"name": record.side, "objective_J": record.objective} | flags
 
 
 def _energies(finished):
@@ -117,7 +117,7 @@ def _energies(finished):
     simulated = {key: sums[name] if turning else None for name, key in ENERGIES.items()}
     energy, used = sums["energy"], sum(sums[name] for name in taken)
     bound, over = energy_bound(physics, finished.optimum), finished.check("energy_over_certificate")
-    meshes = [each.mesh for each in physics.scenarios]
+    meshes = [scenario.mesh for scenario in physics.scenarios]
     open_ended = physics.objective.closes and any(x.final_speed != "initial" for x in meshes)
     return {
         "energy_J": finished.result.energy,
@@ -142,7 +142,7 @@ def _energies(finished):
 def _design(finished):
     """Return gains and largest torque, the rotor's best operation, and its blade and the case's."""
     physics, blade = finished.physics, finished.result.point.blade
-    gains, known = finished.result.point.gains.tolist(), finished.verifications
+    gains, verifications = finished.result.point.gains.tolist(), finished.verifications
     peak, shape = physics.rotor.best_operation(blade), physics.shape
     set_angle = None if shape.designs_chord else physics.case.rotor.set_angle or 0.0
     if shape.designs_set_angle:
@@ -150,10 +150,10 @@ def _design(finished):
     return {
         "gain": None if not gains else gains[0] if len(gains) == 1 else gains,
         "gain_units": list(physics.law.gain_units),
-        "tip_speed_ratio": _ratios(known),
+        "tip_speed_ratio": _ratios(verifications),
         "power_coefficient_max": peak.power_coefficient,
         "tip_speed_ratio_at_power_coefficient_max": peak.tip_speed_ratio,
-        "control_torque_max_Nm": max(np.max(x.simulated["control_torque"]) for x in known),
+        "control_torque_max_Nm": max(np.max(x.simulated["control_torque"]) for x in verifications),
         "rotor_radius_m": blade.rotor_radius,
         "tip_radius_m": blade.tip_radius,
         "set_angle_deg": set_angle,
@@ -185,32 +185,32 @@ def _at_bounds(finished):
                 spans = np.flatnonzero(np.diff(at, prepend=False, append=False)).reshape(-1, 2)
                 along = limit.place == "span"
                 ratio = (blade.r / blade.tip_radius)[spans - [0, 1]] if along else []
-                about = {"unit": unit, "r_over_R": ratio}
-                yield {"name": limit.name, "end": end, "bound": scale * bound} | about
+                where = {"unit": unit, "r_over_R": ratio}
+                yield {"name": limit.name, "end": end, "bound": scale * bound} | where
 
 
 def _extremes(finished, scenarios):
     """Return limits, loads and standstill of the result: the largest of all scenarios."""
-    physics, found, limits = finished.physics, {}, {}
+    physics, largest, limits = finished.physics, {}, {}
     for name, scenario in scenarios.items():
         for load, entry in scenario["loads"].items():
-            if load not in found or entry["value"] > found[load]["value"]:
-                found[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
+            if load not in largest or entry["value"] > largest[load]["value"]:
+                largest[load] = entry | ({"scenario": name} if len(scenarios) > 1 else {})
     for limit in physics.design_limits:
         if not isinstance(limit, DesignBounds) and np.isfinite(limit.end):
             entry = loads.of_limit(limit, finished.quantities)
             limits[limit.name] = entry.model_dump(exclude_unset=True)
-    over_time = _over_time(finished.verifications, several=len(scenarios) > 1)
-    worth = shadow_prices(finished)
-    limits |= {name: x | {"worth": worth.get(name)} for name, x in over_time.items()}
+    over_time = _over_time(finished.verifications, with_scenario=len(scenarios) > 1)
+    prices = shadow_prices(finished)
+    limits |= {name: x | {"worth": prices.get(name)} for name, x in over_time.items()}
     (first, *others) = scenarios.values()
     blade = finished.result.point.blade
-    several = [(each.rotor, each.simulated) for each in finished.verifications]
+    pairs = [(run.rotor, run.simulated) for run in finished.verifications]
     return {
         "operation": None if others else first["operation"],
         "limits": limits,
-        "loads": found,
-        "tip_deflection_m": loads.tip_deflection(blade, several),
+        "loads": largest,
+        "tip_deflection_m": loads.tip_deflection(blade, pairs),
         "weight_stress_Pa": finished.quantities["weight_stress"],
         "weight_moment_Nm": physics.rotor.weight_moment(blade),
     }
@@ -219,15 +219,15 @@ def _extremes(finished, scenarios):
 def _scenario(finished, verifications):
     """Return the results of one scenario, by the keys of `ScenarioEntry`."""
     scenario, objective = verifications[0].scenario, finished.physics.start_objective
-    simulations, duration = [each.simulation for each in verifications], scenario.mesh.duration
+    simulations, duration = [run.simulation for run in verifications], scenario.mesh.duration
     sums, power = dict.fromkeys(ENERGIES.values()), None
     if _turning(verifications):
         sums = {key: sum(getattr(x, name) for x in simulations) for name, key in ENERGIES.items()}
-        power = sum(each.objective(objective) for each in verifications) / duration
-    speeds = [each.inflow_speed for each in simulations]
+        power = sum(run.objective(objective) for run in verifications) / duration
+    speeds = [simulation.inflow_speed for simulation in simulations]
     limits = _over_time(verifications)
-    several = [(each.rotor, each.simulated) for each in verifications]
-    largest = loads.placed(finished.result.point.blade, several)
+    pairs = [(run.rotor, run.simulated) for run in verifications]
+    largest = loads.placed(finished.result.point.blade, pairs)
     year = None
     if isinstance(getattr(scenario, "resource", None), Resource):
         year = a_year.entry(verifications, limits).model_dump()
@@ -257,27 +257,27 @@ def _decide(physics, scenarios):
     if None not in powers:
         shares = np.array(list(physics.shares.values()))
         decides = physics.case.robustness.binding(physics.rate_factors * np.array(powers), shares)
-        for name, own in zip(physics.shares, decides, strict=True):
-            scenarios[name]["decides"] = own
+        for name, decisive in zip(physics.shares, decides, strict=True):
+            scenarios[name]["decides"] = decisive
 
 
 def _turning(verifications):
-    return all(each.simulation.stopped_at is None for each in verifications)
+    return all(run.simulation.stopped_at is None for run in verifications)
 
 
 def _mean(verifications, values):
     """Return the mean over time of values along each integration, by the scenarios' weights."""
     sums = np.zeros(2)
-    for each, known in zip(verifications, values, strict=True):
-        weight = max(each.scenario.weight, LEAST_WEIGHT)
-        sums += weight * np.array([each.integral(known), each.integral(np.ones(known.size))])
+    for run, series in zip(verifications, values, strict=True):
+        weight = max(run.scenario.weight, LEAST_WEIGHT)
+        sums += weight * np.array([run.integral(series), run.integral(np.ones(series.size))])
     return sums[0] / sums[1]
 
 
 def _ratios(verifications):
     """Return the range of the tip speed ratio at the nodes, and its mean over time."""
-    simulated = [each.simulated["tip_speed_ratio"] for each in verifications]
-    nodes = [each.trajectory["tip_speed_ratio"] for each in verifications]
+    simulated = [run.simulated["tip_speed_ratio"] for run in verifications]
+    nodes = [run.trajectory["tip_speed_ratio"] for run in verifications]
     return _span(nodes, _mean(verifications, simulated))
 
 
@@ -287,12 +287,12 @@ def _span(parts, mean):
 
 def _operation(finished, verifications, power):
     """Return the intervals of operation; None where a machine never stands still."""
-    spans = np.array([each.scenario.edges[[0, -1]] for each in verifications])
+    spans = np.array([run.scenario.edges[[0, -1]] for run in verifications])
     still = verifications[0].scenario.mesh.duration - float(np.sum(np.diff(spans)))
     steady = verifications[0].scenario.steady
     if finished.physics.case.control.cut_out is None or still <= 0.0 or steady:
         return None
-    speeds = np.array([each.trajectory["rotor_speed"][0] for each in verifications])
+    speeds = np.array([run.trajectory["rotor_speed"][0] for run in verifications])
     return {
         "intervals_s": spans,
         "standstill_s": still,
@@ -304,10 +304,10 @@ def _operation(finished, verifications, power):
 def _notes(finished):
     """Yield notes on the stations that loads need, and on the operation."""
     physics, verifications = finished.physics, finished.verifications
-    if all(each.resolved for each in verifications):
+    if all(run.resolved for run in verifications):
 
-        def most(known, name):
-            return max(np.max(getattr(each, known)[name]) for each in verifications)
+        def most(attribute, name):
+            return max(np.max(getattr(run, attribute)[name]) for run in verifications)
 
         changes = {x: most("resolved", x) / most("simulated", x) - 1.0 for x in physics.load_names}
         if max(map(abs, changes.values())) > RESOLVED:
@@ -316,7 +316,7 @@ def _notes(finished):
                 f"loads are held on {physics.blade.r.size} stations; the same blade with "
                 f"{loads.STATIONS} stations has {text}: give rotor.station_count: 40"
             )
-    if stiffness := max(getattr(each.controller, "stiffness", 0.0) for each in verifications):
+    if stiffness := max(getattr(run.controller, "stiffness", 0.0) for run in verifications):
         yield (
             "the rotor turns below the speed of its largest torque, where a torque over time does "
             f"not hold its speed: the integration adds {stiffness:.3g} N m s/rad times the "
@@ -329,28 +329,28 @@ def _notes(finished):
         yield PULSES
 
 
-def _over_time(verifications, several=False):
-    """Return the entries of limits over time by their names; of several, with the scenario."""
-    limits = [limit for each in verifications for limit in each.scenario.limits]
+def _over_time(verifications, with_scenario=False):
+    """Return the entries of limits over time by their names, with their scenario on request."""
+    limits = [limit for run in verifications for limit in run.scenario.limits]
     names = dict.fromkeys(limit.name for limit in limits if np.isfinite(limit.end))
-    return {name: _limit(name, verifications, several) for name in names}
+    return {name: _limit(name, verifications, with_scenario) for name in names}
 
 
-def _limit(name, verifications, several):
+def _limit(name, verifications, with_scenario):
     """Return the worst value of a limit over time, at the nodes and in the integration.
 
     With its time and the share of the whole time in which it binds, which it does not in scenarios
     that do not have it.
     """
-    found, binding = [], []
+    rows, binding = [], []
     for run in verifications:
-        own = [limit for limit in run.scenario.limits if limit.name == name]
-        where = {"scenario": run.scenario.group} if several else {}
-        both = product(own, (run.simulated, run.at_nodes))
-        found += [(np.max(x.share(known)), loads.of_limit(x, known), where) for x, known in both]
-        binds = [x.share(run.simulated) >= loads.binds_from(x) for x in own]
+        limits = [limit for limit in run.scenario.limits if limit.name == name]
+        where = {"scenario": run.scenario.group} if with_scenario else {}
+        pairs = product(limits, (run.simulated, run.at_nodes))
+        rows += [(np.max(x.share(series)), loads.of_limit(x, series), where) for x, series in pairs]
+        binds = [x.share(run.simulated) >= loads.binds_from(x) for x in limits]
         binding.append(np.any(binds, axis=0) * np.ones(run.simulated["rotor_speed"].size))
-    _, entry, where = max(found, key=itemgetter(0))
+    _, entry, where = max(rows, key=itemgetter(0))
     share = round(_mean(verifications, binding), 9)
     return entry.model_dump(exclude_unset=True) | where | {"share_of_time": share}
 
@@ -370,10 +370,10 @@ def write_tables(out: Path, finished: Checked) -> None:
     headers |= {name: column_of(name, unit) for name, (unit, _) in states}
     for scenario, verifications in finished.scenarios.items():
         suffix = f"_{scenario}" if len(finished.scenarios) > 1 else ""
-        for name, known in (("trajectory", "at_nodes"), ("simulation", "simulated")):
-            parts = [getattr(each, known) for each in verifications]
+        for name, attribute in (("trajectory", "at_nodes"), ("simulation", "simulated")):
+            parts = [getattr(run, attribute) for run in verifications]
             table = {
-                column: np.concatenate([each[quantity] for each in parts])
+                column: np.concatenate([part[quantity] for part in parts])
                 for quantity, column in headers.items()
                 if quantity in parts[0]
             }
@@ -381,35 +381,35 @@ def write_tables(out: Path, finished: Checked) -> None:
                 shown = _shown(np.column_stack([*table.values()]))
                 table = {column: values[shown] for column, values in table.items()}
             write_csv(out / f"{name}{suffix}.csv", table)
-        span = loads.over_span(blade, [(each.rotor, each.simulated) for each in verifications])
+        span = loads.over_span(blade, [(run.rotor, run.simulated) for run in verifications])
         _write_loads(out / f"loads{suffix}.csv", blade, span)
         if verifications[0].scenario.steady:
             write_csv(out / f"year{suffix}.csv", a_year.table(verifications))
     _write_blade(out / "blade.csv", physics, blade)
-    met = [each.simulated["tip_speed_ratio"] for each in finished.verifications]
+    working = [run.simulated["tip_speed_ratio"] for run in finished.verifications]
     best = physics.rotor.best_operation(blade).tip_speed_ratio
-    low = min(0.3 * best, 0.95 * min(map(np.min, met)))
-    high = max(1.7 * best, 1.05 * max(map(np.max, met)))
+    low = min(0.3 * best, 0.95 * min(map(np.min, working)))
+    high = max(1.7 * best, 1.05 * max(map(np.max, working)))
     ratios = np.linspace(max(low, 0.05 * best), min(high, 5.0 * best), 141)
-    known = [physics.rotor.coefficients(each, ratios) for each in (blade, physics.blade)]
-    columns = ratios, *(x.power for x in known), *(x.thrust for x in known)
+    curves = [physics.rotor.coefficients(design, ratios) for design in (blade, physics.blade)]
+    columns = ratios, *(x.power for x in curves), *(x.thrust for x in curves)
     write_csv(out / "coefficients.csv", dict(zip(TABLES["coefficients"], columns, strict=True)))
 
 
 def _shown(rows):
     """Return places of the rows of a long table, at equal steps and at each column's extremes."""
     step = -(-len(rows) // MOST_ROWS)
-    known = np.nan_to_num(rows)
-    ends = np.argmin(known, axis=0), np.argmax(known, axis=0), [0, len(rows) - 1]
+    values = np.nan_to_num(rows)
+    ends = np.argmin(values, axis=0), np.argmax(values, axis=0), [0, len(rows) - 1]
     return np.union1d(np.arange(0, len(rows), step), np.concatenate(ends))
 
 
-def _write_loads(path, blade, found):
+def _write_loads(path, blade, curves):
     """Write the loads along the blade; values at stations only are linear between them."""
     units = {"stress": "stress_Pa", "flapwise_moment": "flapwise_moment_Nm"}
     places = place_weights(blade.r.size) @ blade.r
     table = {"r_m": places, "r_over_R": places / blade.tip_radius}
-    for name, (r, values) in found.items():
+    for name, (r, values) in curves.items():
         table[units.get(name, name)] = np.interp(places, r, values)
     write_csv(path, table)
 
@@ -425,9 +425,9 @@ def _write_blade(path, physics, blade):
         "set_angle": 0.0,
         "stations": None,
     }
-    given = physics.case.rotor.model_dump(mode="json")
+    case_rotor = physics.case.rotor.model_dump(mode="json")
     for key in ("polar", "outline", "sections", "reynolds_number"):
-        rotor |= {key: given[key]} if given[key] else {}
+        rotor |= {key: case_rotor[key]} if case_rotor[key] else {}
     section = dump(rotor, width=float("inf"), default_flow_style=True).strip()
     remarks = (
         f"blade found by the case {physics.case.name}; the twist includes the set angle",

@@ -85,8 +85,8 @@ class Plan:
 
     def tasks(self) -> Iterator[tuple[str, Callable[[], Row]]]:
         """Yield the runs that have no result, in the order of the points."""
-        for place in islice(self.sweep.places(), self.total):
-            point = self.sweep.point_at(place)
+        for position in islice(self.sweep.places(), self.total):
+            point = self.sweep.point_at(position)
             try:
                 case = self.sweep.case_at(point)
             except InputError as error:
@@ -103,12 +103,12 @@ class Plan:
                 self.total -= 1
                 continue
             self.rows[name] = {"run": f"{RUNS}/{name}", "state": "", "message": "has not ended"}
-            self.places[name] = np.array([*place.values()])
+            self.places[name] = np.array([*position.values()])
             folder = self.out / RUNS / name
-            if found := ended_result(folder, case):
-                if is_current(found, case):
+            if solution := ended_result(folder, case):
+                if is_current(solution, case):
                     self.reused += 1
-                    self.done(name, _row(found, case))
+                    self.done(name, _row(solution, case))
                     continue
                 self.older += 1
                 self.report(self)
@@ -127,10 +127,10 @@ class Plan:
 
     def nearest(self, name: str) -> Path | None:
         """Return the folder of the verified run nearest to one, if it is asked for and there is."""
-        verified = [each for each, row in self.rows.items() if row["state"] == VERIFIED]
+        verified = [other for other, row in self.rows.items() if row["state"] == VERIFIED]
         if not (self.sweep.neighbours and verified):
             return None
-        far = {each: np.sum((self.places[each] - self.places[name]) ** 2) for each in verified}
+        far = {other: np.sum((self.places[other] - self.places[name]) ** 2) for other in verified}
         return self.out / RUNS / min(verified, key=far.__getitem__)
 
     def done(self, name: str, row: Row) -> None:
@@ -144,8 +144,8 @@ class Plan:
         """Estimate of the time that is left, s; None before a run has been computed."""
         if not self.computed:
             return None
-        each = (time.monotonic() - self.began) / self.computed
-        return each * max(0, self.total - self.reused - self.computed)
+        seconds = (time.monotonic() - self.began) / self.computed
+        return seconds * max(0, self.total - self.reused - self.computed)
 
     def table(self) -> list[Row]:
         """Return the rows of the points so far; a run that has not ended has no state."""
@@ -165,8 +165,8 @@ def run_one(case: Case, folder: Path, neighbour: Path | None, run: Callable[...,
     """
     run = partial(run, figures=False, records=False)
     while True:
-        if found := finished_result(folder, case):
-            return _row(found, case)
+        if solution := finished_result(folder, case):
+            return _row(solution, case)
         try:
             solution = run(case, folder, force=True)
             break
@@ -180,5 +180,5 @@ def run_one(case: Case, folder: Path, neighbour: Path | None, run: Callable[...,
 
 def _row(solution: Solution, case: Case) -> Row:
     """Return the row of a result, with the start that it comes from."""
-    own = solution.case.start.from_ == case.start.from_
-    return {"start": "own" if own else "neighbour"} | row_of(solution)
+    own_start = solution.case.start.from_ == case.start.from_
+    return {"start": "own" if own_start else "neighbour"} | row_of(solution)

@@ -78,15 +78,15 @@ class SimulatedDesign:
         """The quantities of the design."""
         return scalars(self.physics, self.rotor, self.plant.blade) | {"inertia": self.plant.inertia}
 
-    def loads(self, known: dict) -> dict[str, np.ndarray]:
+    def loads(self, series: dict) -> dict[str, np.ndarray]:
         """Return all loads of the model, of a trajectory's quantities, by direct BEM."""
-        return loads_along(self.rotor, self.plant.blade, known, self.rotor.load_names)
+        return loads_along(self.rotor, self.plant.blade, series, self.rotor.load_names)
 
     @cached_property
     def simulated(self) -> dict[str, Any]:
         """What is reported of the integration: its quantities, all loads, rates and the scalars."""
-        known = self.integrated
-        return known | self.loads(known) | self.simulated_rates | self.scalars
+        series = self.integrated
+        return series | self.loads(series) | self.simulated_rates | self.scalars
 
     @property
     def simulated_rates(self) -> dict[str, np.ndarray]:
@@ -110,9 +110,9 @@ class SimulatedDesign:
         """The quantities of the integration, by their names in a trajectory."""
         names = "time inflow_speed rotor_speed hydrodynamic_torque control_torque".split()
         simulated = (getattr(self.simulation, name) for name in names)
-        known = trajectory_of(*simulated, self.scalars["rotor_radius"], self.plant.generator)
-        known |= zip(self.physics.law.states, self.simulation.states, strict=True)
-        return known if self.sections is None else known | {"sections": self.sections}
+        series = trajectory_of(*simulated, self.scalars["rotor_radius"], self.plant.generator)
+        series |= zip(self.physics.law.states, self.simulation.states, strict=True)
+        return series if self.sections is None else series | {"sections": self.sections}
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,11 +140,11 @@ class Verification(SimulatedDesign):
 
         The loads are those in the wake of the optimization.
         """
-        known, wake = self.trajectory, self.of_model.plant.wake
+        series, wake = self.trajectory, self.of_model.plant.wake
         if wake is not None:
-            ratios = (known[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
-            known = known | {"sections": wake.behind(*ratios)}
-        return self.trajectory | self.loads(known) | self.rates_at_nodes | self.scalars
+            ratios = (series[name] for name in ("tip_speed_ratio", "wake_ratio", "inflow_speed"))
+            series = series | {"sections": wake.behind(*ratios)}
+        return self.trajectory | self.loads(series) | self.rates_at_nodes | self.scalars
 
     def excess_at_nodes(self, limit: Limit) -> np.ndarray:
         """Return how far a limit is exceeded at the nodes, relatively, (n_segments, n_nodes)."""
@@ -179,9 +179,9 @@ class Verification(SimulatedDesign):
     @cached_property
     def growth(self) -> np.ndarray:
         """Growth of a small change of speed and states under feedback, 1/s."""
-        run = self.simulation
-        known = self.controller, run.rotor_speed, run.inflow_speed, *run.states
-        return Loop.of(replace(self.plant, wake=None), *known).frozen_growth
+        plant, run = replace(self.plant, wake=None), self.simulation
+        loop = Loop.of(plant, self.controller, run.rotor_speed, run.inflow_speed, *run.states)
+        return loop.frozen_growth
 
     @cached_property
     def net_torques(self) -> tuple[np.ndarray, np.ndarray]:
@@ -210,8 +210,8 @@ class Verification(SimulatedDesign):
         flow, radius = self.simulation.inflow_speed, self.scalars["rotor_radius"]
         unit = TYPICAL * torque_scale(self.rotor.water_density, radius, flow)
         net, slowed = self.net_torques
-        known = settled(self.integrated | self.scalars)
-        return np.where(known, 1.0 - (slowed - net) / unit / LEAST, -np.inf)
+        is_settled = settled(self.integrated | self.scalars)
+        return np.where(is_settled, 1.0 - (slowed - net) / unit / LEAST, -np.inf)
 
     def integral(self, values: np.ndarray) -> float:
         """Return the integral of values along the integration."""
@@ -291,10 +291,10 @@ def in_equilibrium(physics: Physics, scenario, plant: Plant, gains, nodes) -> St
     powers = plant.powers(speed, driving, control)
     energies = (float(scenario.node_weights @ power) for power in powers)
     stopped = None if np.all(running) else float(time[np.argmin(running)])
-    found = (time, flow, speed, driving, control, *energies, 0.0, stopped)
-    run = Simulation(*found, lambda _: speed, rest, none)
-    known = run, controller, scenario, {"control_torque": control} | nodes
-    return SteadyVerification(physics, physics.rotor_in(scenario), plant, *known)
+    series = time, flow, speed, driving, control
+    run = Simulation(*series, *energies, 0.0, stopped, lambda _: speed, rest, none)
+    rotor, nodes = physics.rotor_in(scenario), {"control_torque": control} | nodes
+    return SteadyVerification(physics, rotor, plant, run, controller, scenario, nodes)
 
 
 def verify(
@@ -313,18 +313,18 @@ def verify(
         plant = plant_of(physics, scenario, result.point.blade)
         plant = plant.tabulated(TABULATED) if tabulated else plant
         if scenario.steady:
-            known = physics, scenario, plant, result.point.gains, nodes
-            verifications.append(in_equilibrium(*known))
+            steady = in_equilibrium(physics, scenario, plant, result.point.gains, nodes)
+            verifications.append(steady)
             continue
         options = {"scenario": scenario, "trajectory": nodes}
         controller = controller_of(physics, scenario, plant, result.point.gains, nodes)
         start = [nodes[name][0] for name in ("rotor_speed", *physics.law.states)]
-        about = scenario, controller, start, mesh.duration / mesh.segments
+        arguments = scenario, controller, start, mesh.duration / mesh.segments
         if plant.wake is not None:
             mean = plant.with_mean_wake(result.setup.band(physics))
-            run = _simulated(mean, *about), controller
+            run = _simulated(mean, *arguments), controller
             options["two_filters"] = Verification(physics, rotor, mean, *run, **options)
-        run = _simulated(plant, *about, guess=guess), controller
+        run = _simulated(plant, *arguments, guess=guess), controller
         verifications.append(Verification(physics, rotor, plant, *run, **options))
     return tuple(verifications)
 

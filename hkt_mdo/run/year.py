@@ -44,19 +44,19 @@ def table(verifications: Sequence[Verification]) -> dict[str, np.ndarray]:
 
 def _of_direction(verification: Verification) -> dict[str, np.ndarray]:
     """Return the table of one direction of the flow."""
-    scenario, known = verification.scenario, verification.integrated
+    scenario, series = verification.scenario, verification.integrated
     bins, shares = scenario.bins, scenario.node_weights / scenario.mesh.duration
     used = np.unique(bins.place)
 
     def mean(values):
         return np.bincount(bins.place, shares * values)[used] / bins.time[used]
 
-    found = {"inflow_speed_m_s": (-1.0 if scenario.backwards else 1.0) * bins.mean[used]}
-    found["hours"] = bins.time[used] * YEAR / HOUR
-    found |= {column: mean(known[name]) for column, name in MEANS.items()}
-    kept = scenario.resource.kept if isinstance(scenario.resource, Resource) else 1.0
-    energy = found["electrical_power_W"] * found["hours"] * HOUR
-    return found | {"energy_kWh": kept * energy / KILOWATT_HOUR}
+    columns = {"inflow_speed_m_s": (-1.0 if scenario.backwards else 1.0) * bins.mean[used]}
+    columns["hours"] = bins.time[used] * YEAR / HOUR
+    columns |= {column: mean(series[name]) for column, name in MEANS.items()}
+    share = scenario.resource.kept if isinstance(scenario.resource, Resource) else 1.0
+    energy = columns["electrical_power_W"] * columns["hours"] * HOUR
+    return columns | {"energy_kWh": share * energy / KILOWATT_HOUR}
 
 
 def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any]]) -> YearEntry:
@@ -74,26 +74,26 @@ def entry(verifications: Sequence[Verification], limits: dict[str, dict[str, Any
     YearEntry
     """
     scenario = verifications[0].scenario
-    scale, kept = YEAR / scenario.mesh.duration, scenario.resource.kept
-    energy = sum(each.simulation.electrical_energy for each in verifications) * scale
+    scale, share = YEAR / scenario.mesh.duration, scenario.resource.kept
+    energy = sum(run.simulation.electrical_energy for run in verifications) * scale
     power = "electrical_power"
-    rated = max(float(np.max(each.integrated[power])) for each in verifications)
-    hours = sum(each.scenario.duration for each in verifications) * scale / HOUR
+    rated = max(float(np.max(run.integrated[power])) for run in verifications)
+    hours = sum(run.scenario.duration for run in verifications) * scale / HOUR
     at_rated = sum(x.integral(1.0 * (x.integrated[power] >= RATED * rated)) for x in verifications)
     parts = uncertainty(verifications)
-    known = parts and None not in parts.values()
+    complete = parts and None not in parts.values()
     return YearEntry(
         energy_kWh=energy / KILOWATT_HOUR,
-        net_energy_kWh=kept * energy / KILOWATT_HOUR,
-        uncertainty=float(np.linalg.norm([*parts.values()])) if known else None,
+        net_energy_kWh=share * energy / KILOWATT_HOUR,
+        uncertainty=float(np.linalg.norm([*parts.values()])) if complete else None,
         uncertainty_by=parts,
-        kept=kept,
+        kept=share,
         rated_power_W=rated,
-        capacity_factor=kept * energy / (YEAR * rated),
+        capacity_factor=share * energy / (YEAR * rated),
         operation_h=hours,
         standstill_h=max(YEAR / HOUR - hours, 0.0),
         rated_h=round(at_rated * scale / HOUR, 6),
-        limits_h={name: hours * each["share_of_time"] for name, each in limits.items()},
+        limits_h={name: hours * limit["share_of_time"] for name, limit in limits.items()},
     )
 
 
@@ -115,13 +115,13 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float | None
     dict of str to float or None
         ``speed`` and ``record``, where they count; None: not known, of a short record.
     """
-    resource, found, total, slope = verifications[0].scenario.resource, {}, 0.0, 0.0
+    resource, parts, total, slope = verifications[0].scenario.resource, {}, 0.0, 0.0
     reach, by_bin = max(resource.speed_uncertainty, NARROW), {}
-    for scenario, known in ((each.scenario, each.integrated) for each in verifications):
-        bins, speed, power = scenario.bins, known["inflow_speed"], known["electrical_power"]
-        place, energy = np.log(speed), scenario.node_weights * power
-        ends = np.clip((place + reach, place - reach), place[0], place[-1])
-        change = np.subtract(*np.interp(ends, place, power / speed**3))
+    for scenario, series in ((run.scenario, run.integrated) for run in verifications):
+        bins, speed, power = scenario.bins, series["inflow_speed"], series["electrical_power"]
+        log_speed, energy = np.log(speed), scenario.node_weights * power
+        ends = np.clip((log_speed + reach, log_speed - reach), log_speed[0], log_speed[-1])
+        change = np.subtract(*np.interp(ends, log_speed, power / speed**3))
         change = change / np.maximum(np.subtract(*ends), NARROW)
         total += float(np.sum(energy))
         slope += float(np.sum(3.0 * energy + scenario.node_weights * speed**3 * change))
@@ -133,8 +133,8 @@ def uncertainty(verifications: Sequence[Verification]) -> dict[str, float | None
         slope -= float(np.sum(beyond * lost * (faster - slower) / (2.0 * near)))
         by_bin[way] = np.bincount(bins.place, energy, bins.mean.size)
     if resource.speed_uncertainty and total:
-        found["speed"] = resource.speed_uncertainty * abs(slope / total)
-    return found | resource.scatter(by_bin)
+        parts["speed"] = resource.speed_uncertainty * abs(slope / total)
+    return parts | resource.scatter(by_bin)
 
 
 def bins_error(verifications: Sequence[Verification]) -> float | None:
@@ -160,7 +160,7 @@ def bins_error(verifications: Sequence[Verification]) -> float | None:
             at, power = (verification.integrated[x] for x in ("inflow_speed", "hydrodynamic_power"))
             speed, share = scenario.bins.finer
             inside = (speed >= at[0]) & (speed <= at[-1])
-            found = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
-            exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ found)
+            powers = PchipInterpolator(at, power / at**3)(speed[inside]) * speed[inside] ** 3
+            exact += scenario.weight * scenario.mesh.duration * float(share[inside] @ powers)
             binned += scenario.weight * verification.integral(power)
     return binned / exact - 1.0 if exact > 0.0 else None

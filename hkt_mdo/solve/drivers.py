@@ -151,7 +151,7 @@ def _carrier(package: str, optimizer: str) -> str:
         if _is_usable(candidate, optimizer):
             return candidate
     conda = {"pyoptsparse": "conda install -c conda-forge pyoptsparse"}
-    remedies = " or ".join(conda.get(each, f"pip install {each}") for each in candidates)
+    remedies = " or ".join(conda.get(name, f"pip install {name}") for name in candidates)
     if optimizer == "SNOPT":
         remedies = "SNOPT is commercial: build pyoptsparse with your copy of it, or give IPOPT"
     key, value = ("optimizer", optimizer) if package == "auto" else ("package", package)

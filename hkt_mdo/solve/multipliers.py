@@ -104,14 +104,14 @@ def _solved(system: csc_array, right: np.ndarray) -> np.ndarray:
     Those of the design, in a flow of many segments, would fill the factors (12 s for 0.1 s in
     `river25_record`): their unknowns are found first, by the Schur complement of the others.
     """
-    full, found = np.diff(system.indptr) > FULL * np.sqrt(right.size), np.empty_like(right)
-    across, own = system[:, full].toarray(), splu(system[~full][:, ~full])
+    full, solution = np.diff(system.indptr) > FULL * np.sqrt(right.size), np.empty_like(right)
+    across, factors = system[:, full].toarray(), splu(system[~full][:, ~full])
     sides = np.column_stack((right, across))
-    solved = own.solve(sides[~full])
+    solved = factors.solve(sides[~full])
     left = sides[full] - across[~full].T @ solved
-    found[full] = np.linalg.solve(left[:, 1:], left[:, 0])
-    found[~full] = solved[:, 0] - solved[:, 1:] @ found[full]
-    return found
+    solution[full] = np.linalg.solve(left[:, 1:], left[:, 0])
+    solution[~full] = solved[:, 0] - solved[:, 1:] @ solution[full]
+    return solution
 
 
 def gain(optimum: State, multiplier: np.ndarray, changed: State) -> float:
@@ -136,7 +136,7 @@ def gain(optimum: State, multiplier: np.ndarray, changed: State) -> float:
     at_upper = optimum.upper - optimum.values <= optimum.values - optimum.lower
     bounds = (np.where(at_upper, state.upper, state.lower) for state in (changed, optimum))
     active = multiplier != 0.0
-    new, old = (each[active] for each in bounds)  # the others may have none
+    new, old = (bound[active] for bound in bounds)  # the others may have none
     change = (changed.values - optimum.values)[active] - (new - old)
     lagrangian = changed.objective - optimum.objective + float(multiplier[active] @ change)
     return lagrangian / optimum.scaler

@@ -51,8 +51,8 @@ class SparseTotals:
         needed[seeds] = False
         # every row is a component of its own, and SciPy numbers it after those that it depends on
         order = np.argsort(connected_components(graph, connection="strong")[1])
-        place = np.argsort(order)
-        if np.any(place[graph.indices] > np.repeat(place, np.diff(graph.indptr))):
+        rank = np.argsort(order)
+        if np.any(rank[graph.indices] > np.repeat(rank, np.diff(graph.indptr))):
             raise RuntimeError("parts of the model depend on each other in a circle")
         order = order[needed[order]]
         self._structure = order, *chain, *_total_pattern(order, seeds, *chain)

@@ -6,7 +6,7 @@ from hkt_mdo.case import Case
 from hkt_mdo.problem.build import add_turbine, assemble
 from hkt_mdo.problem.evaluation import in_motion
 from hkt_mdo.problem.model import Physics
-from hkt_mdo.problem.physics import physics
+from hkt_mdo.problem.physics import physics as make_physics
 from hkt_mdo.problem.setup import Setup, curve_nodes
 from hkt_mdo.solve.threads import one_thread
 from hkt_mdo.start.find import find_start
@@ -57,10 +57,10 @@ def start_of_case(case: Case, improve: bool | None = None) -> tuple[Physics, Set
     InputError
         If a file of the case is broken.
     """
-    world = physics(case)
+    physics = make_physics(case)
     with one_thread():
-        start = find_start(world, improve=improve)
-    return world, Setup(in_motion(world, start), curve_nodes(world, start))
+        start = find_start(physics, improve=improve)
+    return physics, Setup(in_motion(physics, start), curve_nodes(physics, start))
 
 
 class TurbineGroup(om.Group):

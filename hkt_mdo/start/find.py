@@ -77,27 +77,27 @@ def find_start(
     InputError
         If `start.from` is no result that the case can begin with.
     """
-    given, messages = given_designs(physics)
+    designs, messages = given_designs(physics)
     optimum = optimum or physics.rotor.best_of_shape(physics.shape, physics.blade)
     search = Search(physics, optimum, on_start)
     if improve or (improve is None and physics.case.start.method == "quasi_steady"):
         # under limits a law may end 1.3 % lower without the given blade (turbine 12 of `make verify
         # PART=turbines` with `quadratic`)
-        *results, own = given
-        tried = physics.law.is_feedback and (has_branches(physics) or own.gains is not None)
-        candidates = [*best_blades(physics, optimum), *(given if tried else results)]
+        *results, case_design = designs
+        tried = physics.law.is_feedback and (has_branches(physics) or case_design.gains is not None)
+        candidates = [*best_blades(physics, optimum), *(designs if tried else results)]
         simpler = physics.law.simpler is not None and limits_power(physics)
-        if simpler and all(each.gains is None for each in candidates):
-            found = [search.of_simpler_law(candidates)]
+        if simpler and all(candidate.gains is None for candidate in candidates):
+            points = [search.of_simpler_law(candidates)]
         else:
-            found = search.optima(candidates)
+            points = search.optima(candidates)
     else:
-        found = [search.as_given(given[0], each) for each in search.branches]
-        found.sort(key=MERIT, reverse=True)
+        points = [search.as_given(designs[0], branch) for branch in search.branches]
+        points.sort(key=MERIT, reverse=True)
         messages += (LOCAL,) if improve is None else ()
-    branches = tuple(found) if search.branches != ("",) else ()
-    starts = records(search.tried, found[0], branches)
-    return replace(found[0], messages=messages, branches=branches, starts=starts)
+    branches = tuple(points) if search.branches != ("",) else ()
+    starts = records(search.tried, points[0], branches)
+    return replace(points[0], messages=messages, branches=branches, starts=starts)
 
 
 def best_blades(physics: Physics, optimum: SteadyOptimum) -> Iterator[Candidate]:
@@ -124,16 +124,16 @@ def _jumps(physics: Physics, point: StartingPoint) -> bool:
     So it does on the better branch of `river25` with open loop. Without time a rotor never passes a
     jump between two flows.
     """
-    both = zip(physics.scenarios, on_start(physics, point), strict=True)
-    ratios = [known["tip_speed_ratio"] for each, known in both if not each.steady]
-    place = physics.rotor.torque_jump(point.blade, np.concatenate(ratios)) if ratios else None
-    return place is not None
+    pairs = zip(physics.scenarios, on_start(physics, point), strict=True)
+    ratios = [series["tip_speed_ratio"] for scenario, series in pairs if not scenario.steady]
+    radius = physics.rotor.torque_jump(point.blade, np.concatenate(ratios)) if ratios else None
+    return radius is not None
 
 
-def _ties(found: Sequence[StartingPoint]) -> list[StartingPoint]:
+def _ties(points: Sequence[StartingPoint]) -> list[StartingPoint]:
     """Return the best, by their merit, and those that tie with it, in their order."""
-    kept, value = max(map(MERIT, found))
-    return [each for each in found if each.merit >= (kept, value - TIE * abs(value))]
+    feasible, value = max(map(MERIT, points))
+    return [point for point in points if point.merit >= (feasible, value - TIE * abs(value))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,30 +199,30 @@ class Search:
         law keeps its limits. On a second branch the flow is stalled, which makes optimizations
         long: one blade is enough.
         """
-        law, found = self.physics.law, []
+        law, ends = self.physics.law, []
         follows = bool(law.states) or len(law.gain_units) > 1
         for branch in self.branches:
-            some = candidates if branch == self.branches[0] else candidates[:1]
-            own = [x for x in some if not follows or (x.gains is not None and law.is_static)]
-            found += [self._optimum(self._begin(each, branch)) for each in own]
+            chosen = candidates if branch == self.branches[0] else candidates[:1]
+            direct = [x for x in chosen if not follows or (x.gains is not None and law.is_static)]
+            ends += [self._optimum(self._begin(candidate, branch)) for candidate in direct]
             followed = set()
-            for each in some if follows else ():
-                begin = replace(self._scheduled(each.blade, branch), strategy=each.strategy)
+            for design in chosen if follows else ():
+                begin = replace(self._scheduled(design.blade, branch), strategy=design.strategy)
                 guide = self._optimum(begin, self._open_loop)
-                about = f"{guide.objective:.6g}"
+                key = f"{guide.objective:.6g}"
                 if law.is_static and guide.branch != branch:
                     # it has left the branch that the law can hold: 33 % of turbine 16 of `make
                     # verify PART=turbines` with `rated`
-                    guide, about = begin, each.strategy
-                if about not in followed:
-                    found.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
-                    if found[-1].excess <= START_EXCESS:
-                        followed.add(about)
+                    guide, key = begin, design.strategy
+                if key not in followed:
+                    ends.append(self._optimum(self._fitted(replace(guide, strategy=FITTED), None)))
+                    if ends[-1].excess <= START_EXCESS:
+                        followed.add(key)
         # last, since rivals end it: its curve may have 1,700 nodes (`two_flows`)
-        found += map(self._optimum, self._at_constant_torque())
-        found.sort(key=MERIT, reverse=True)
-        branches = dict.fromkeys(end.branch for end in found)
-        best = [self._heaviest([x for x in found if x.branch == name]) for name in branches]
+        ends += map(self._optimum, self._at_constant_torque())
+        ends.sort(key=MERIT, reverse=True)
+        branches = dict.fromkeys(end.branch for end in ends)
+        best = [self._heaviest([x for x in ends if x.branch == name]) for name in branches]
         best = list(map(self._over_time, best))
         return sorted(best, key=self._rank, reverse=True) if len(best) > 1 else best
 
@@ -250,18 +250,18 @@ class Search:
 
         One whose torque jumps must be much better, since optimizations seldom converge there.
         """
-        kept, value = end.merit
+        feasible, value = end.merit
         share = EVEN * (end.branch == next(iter(BRANCHES))) - JUMPING * _jumps(self.physics, end)
-        return kept, value + share * abs(value)
+        return feasible, value + share * abs(value)
 
-    def _heaviest(self, found: list[StartingPoint]) -> StartingPoint:
+    def _heaviest(self, optima: list[StartingPoint]) -> StartingPoint:
         """Return the heaviest rotor of the optima that tie with the best.
 
         Inertia has no effect without time. Over time it keeps limits in gusts: of three blades that
         tie under a limit of the power in turbulence, the heaviest leads to 5 % more energy.
         """
         rotor = self.physics.rotor
-        return max(_ties(found), key=lambda end: rotor.mass_and_inertia(end.blade)[1])
+        return max(_ties(optima), key=lambda end: rotor.mass_and_inertia(end.blade)[1])
 
     def as_given(self, candidate: Candidate, branch: str) -> StartingPoint:
         """Return a candidate as it is, in operation over the whole flow."""
@@ -280,17 +280,17 @@ class Search:
 
     def _evaluated(self, point: StartingPoint) -> StartingPoint:
         """Return a point with the objective and the excess of its operation in the whole flow."""
-        own = replace(self.physics, objective=self.physics.start_objective)
+        model = replace(self.physics, objective=self.physics.start_objective)
         limited = [limit.name for limit in self._schedules.limits]
-        over = {name: x for name, (x, _) in excesses(own, point).items() if name in limited}
+        over = {name: x for name, (x, _) in excesses(model, point).items() if name in limited}
         exceeds = tuple(name for name, x in over.items() if x > START_EXCESS)
         excess = max(over.values(), default=-np.inf) if point.operation.running else np.inf
-        return replace(point, objective=objective_at(own, point), excess=excess, exceeds=exceeds)
+        return replace(point, objective=objective_at(model, point), excess=excess, exceeds=exceeds)
 
     def _noted(self, law: str, end: StartingPoint) -> StartingPoint:
         """Return the end of an optimization under a law, noted."""
-        known = end.strategy, end.branch, end.objective, end.excess, end.exceeds
-        self.tried.append(StartRecord(*known, law=law))
+        outcome = end.strategy, end.branch, end.objective, end.excess, end.exceeds
+        self.tried.append(StartRecord(*outcome, law=law))
         if self.on_start is not None:
             self.on_start(self.tried[-1])
         return end
@@ -302,7 +302,7 @@ class Search:
         if point.branch != self.branches[0] or point.strategy == CONSTANT:
             rivals += [x.objective for x in self.tried if x.law == law and x.excess <= START_EXCESS]
         shares = [SLOWED] * self._one_gain + [FARTHER]
-        ends = [co_designed(steady, point, max(rivals), each) for each in shares]
+        ends = [co_designed(steady, point, max(rivals), share) for share in shares]
         return self._noted(law, self._on_its_side(_ties(ends)[0], steady))
 
     def _on_its_side(self, point: StartingPoint, physics: Physics) -> StartingPoint:
@@ -329,8 +329,8 @@ class Search:
         if not (self._one_gain and law.torque_limit and physics.shape.designs_chord):
             return
         ratio = SOLID_RATIO * self.optimum.tip_speed_ratio
-        about = physics.rotor.polar, ratio, physics.shape.bounds, 1e-8
-        slow = nearest_optimum(self.optimum.blade, *about).blade
+        best, polar, bounds = self.optimum.blade, physics.rotor.polar, physics.shape.bounds
+        slow = nearest_optimum(best, polar, ratio, bounds, 1e-8).blade
         blade = physics.shape.nearest(replace(slow, chord=SOLID_WIDTH * slow.chord))
         problem = self._quasi_steady(blade, self.steady)
         speed = ratio * problem.inflow_speed / blade.rotor_radius
@@ -342,8 +342,8 @@ class Search:
     def _scheduled(self, blade: Blade, branch: str, over: Physics | None = None) -> StartingPoint:
         """Return a blade with an open loop's schedule, by default in the flow without time."""
         over, tip_speed = over or self.steady, []
-        for each in over.scenarios:
-            fine, flow = self._schedules.within(each, FINE), each.speeds
+        for scenario in over.scenarios:
+            fine, flow = self._schedules.within(scenario, FINE), scenario.speeds
             ratio = fine.ratios(blade, branch or "overspeed")
             tip_speed.append(_smooth(flow, fine.speeds, ratio) * flow)
         speed = np.concatenate(tip_speed) / blade.rotor_radius
@@ -386,17 +386,17 @@ class Search:
             whole = self._scheduled(point.blade, point.branch, physics)
             return replace(point, operation=whole.operation)
         problem = self._quasi_steady(point.blade)
-        found, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
+        parts, pairs = [], zip(physics.scenarios, self.steady.scenarios, strict=True)
         designed = split(self.steady, point.operation)
         for (scenario, steady), (speed, _, *states) in zip(pairs, designed, strict=True):
             flow, values = scenario.speeds, (speed / steady.speeds, *states)
-            ratio, *states = (_smooth(flow, steady.speeds, each) for each in values)
-            found.append((ratio * flow, *states))
-        speed, *states = np.concatenate(found, axis=1)
+            ratio, *states = (_smooth(flow, steady.speeds, series) for series in values)
+            parts.append((ratio * flow, *states))
+        speed, *states = np.concatenate(parts, axis=1)
         if law.is_static:
-            own = problem.operate(point.gains)
-            if own.running and np.allclose(own.rotor_speed, speed, rtol=CLOSE):
-                return replace(point, operation=own)
+            operation = problem.operate(point.gains)
+            if operation.running and np.allclose(operation.rotor_speed, speed, rtol=CLOSE):
+                return replace(point, operation=operation)
         return replace(point, operation=problem.held(speed, states))
 
 

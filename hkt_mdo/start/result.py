@@ -42,10 +42,10 @@ def given_designs(physics: Physics) -> tuple[list[Candidate], tuple[str, ...]]:
     InputError
         If the folder is no result, holds no design, or the blade count is another.
     """
-    own = Candidate(GIVEN, physics.blade, physics.law.starting_gains())
+    case_design = Candidate(GIVEN, physics.blade, physics.law.starting_gains())
     folder = physics.case.start.from_
     if folder is None:
-        return [own], ()
+        return [case_design], ()
     where = {"key": "start.from", "value": folder}
     try:
         solution = Solution.load(folder, extensions=physics.case.extensions)
@@ -65,7 +65,7 @@ def given_designs(physics: Physics) -> tuple[list[Candidate], tuple[str, ...]]:
         raise InputError("contains no design yet", remedy, file=solution.folder, **where)
     refused = f"start.from: the result there was refused by its checks: {solution.message}"
     result = Candidate(RESULT, _blade(physics, summary), _gains(physics, solution))
-    return [result, own], (refused,) * (not solution.success)
+    return [result, case_design], (refused,) * (not solution.success)
 
 
 def _blade(physics: Physics, summary) -> Blade:

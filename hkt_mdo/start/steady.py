@@ -49,8 +49,8 @@ def without_time(physics: Physics) -> Physics:
     if physics.designs_hub:
         held = 2 * (physics.blade.hub_inertia,)
         design = design.model_copy(update={"hub_inertia_bounds": held, "hub_inertia_price": 0.0})
-    own = case.hydrodynamics.model_copy(update={"bem": "vectorized"})
-    update = {"inflow_dynamics": InflowDynamics(), "design": design, "hydrodynamics": own}
+    hydrodynamics = case.hydrodynamics.model_copy(update={"bem": "vectorized"})
+    update = {"inflow_dynamics": InflowDynamics(), "design": design, "hydrodynamics": hydrodynamics}
     scenarios = tuple(each if each.steady else _in_speeds(each) for each in physics.scenarios)
     return replace(
         physics,
@@ -66,9 +66,9 @@ def _in_speeds(scenario) -> SteadyScenario:
     speeds, times = in_speeds(scenario.speeds, scenario.sample_weights)
     times = np.maximum(times, LEAST_SHARE * np.sum(scenario.sample_weights))
     curve = DurationCurve(speeds=tuple(speeds), ends=(0.0, *np.cumsum(times)))
-    kept = "mesh", "weight", "name", "limits", "interval_of", "turbine"
-    about = {name: getattr(scenario, name) for name in kept}
-    return SteadyScenario(curve, resource=curve, **about)
+    names = "mesh", "weight", "name", "limits", "interval_of", "turbine"
+    attributes = {name: getattr(scenario, name) for name in names}
+    return SteadyScenario(curve, resource=curve, **attributes)
 
 
 class _Hopeless(Exception):
@@ -131,8 +131,8 @@ def optimized(
     ipopt = drivers.near_start(BARRIER / count) | ({"max_soc": 0} if open_loop else {})
     driver = drivers.make_driver("casadi", "IPOPT", TOLERANCE, most, ipopt=ipopt, progress=progress)
     # a year does not pass a jump between its flows, and beside it nodes help
-    kept = KEPT if any(each.sampled for each in physics.scenarios) else np.inf
-    setup = Setup(point, curve_nodes(physics, point, kept), near=not free, slowed=slowed)
+    share = KEPT if any(each.sampled for each in physics.scenarios) else np.inf
+    setup = Setup(point, curve_nodes(physics, point, share), near=not free, slowed=slowed)
     problem = assemble(physics, setup, driver)
     given_up = False
     try:
@@ -142,9 +142,9 @@ def optimized(
         given_up = True
     end, excess = point_of(physics, problem), driver.violation()
     exceeds = broken_limits(physics, end) or ["balance_of_torques"] * (excess > START_EXCESS)
-    about = {"strategy": point.strategy, "branch": point.branch, "excess": excess}
     objective = sign * float(problem.get_val("objective")[0])
-    end = replace(end, objective=objective, exceeds=tuple(exceeds), **about)
+    end = replace(end, objective=objective, excess=excess, exceeds=tuple(exceeds))
+    end = replace(end, strategy=point.strategy, branch=point.branch)
     return end, given_up, (open_loop and driver.gap > TIE) or setup.stops(physics, end)
 
 

@@ -58,9 +58,9 @@ def in_speeds(
     if high - low < 1e-9 * high:
         return np.array([high]), np.array([np.sum(weights)])
     speeds = np.linspace(low, high, knots)
-    place = np.clip((speed - low) / (speeds[1] - low), 0.0, knots - 1.0)
-    below = np.minimum(place.astype(int), knots - 2)
-    share, cubes = place - below, weights * speed**3
+    position = np.clip((speed - low) / (speeds[1] - low), 0.0, knots - 1.0)
+    below = np.minimum(position.astype(int), knots - 2)
+    share, cubes = position - below, weights * speed**3
     sums = np.bincount(below, cubes * (1.0 - share), knots)
     sums += np.bincount(below + 1, cubes * share, knots)
     return speeds, sums / speeds**3
@@ -94,8 +94,8 @@ class SteadyFlow:
 
     def within(self, scenario: Scenario, knots: int) -> "SteadyFlow":
         """Return the same for a number of speeds of one of the scenarios, within its limits."""
-        own = replace(self.physics, scenarios=(scenario,))
-        return replace(self, speeds=in_speeds(*own.sampled_flow, knots)[0], limits=_kept(own))
+        part = replace(self.physics, scenarios=(scenario,))
+        return replace(self, speeds=in_speeds(*part.sampled_flow, knots)[0], limits=_kept(part))
 
     def curves(self, blade: Blade) -> tuple[np.ndarray, dict[str, Any]]:
         """Return a blade's coefficients at the nodes, and its `scalars`, which are computed once.
@@ -104,8 +104,8 @@ class SteadyFlow:
         """
         if blade not in self._curves:
             physics, names = self.physics, ["torque_coefficient", *self.physics.load_names]
-            found = physics.rotor.tables(blade, self.spline.nodes, names)
-            table = np.stack([each.values for each in found.values()], axis=1)
+            tables = physics.rotor.tables(blade, self.spline.nodes, names)
+            table = np.stack([each.values for each in tables.values()], axis=1)
             self._curves[blade] = table, scalars(physics, physics.rotor, blade)
         return self._curves[blade]
 
@@ -131,8 +131,8 @@ class SteadyFlow:
         torque, *loads = self.spline.curve(table)(ratio).T
         torque = torque_scale(physics.density, radius, flow) * torque
         speed = ratio * flow / radius
-        both = torque, torque - generator.friction(speed)  # of the flow, of the generator
-        series = trajectory_of(np.zeros(flow.shape), flow, speed, *both, radius, generator)
+        torques = torque, torque - generator.friction(speed)  # of the flow, of the generator
+        series = trajectory_of(np.zeros(flow.shape), flow, speed, *torques, radius, generator)
         loads = 0.5 * physics.density * flow**2 * np.reshape(loads, (-1, flow.size))
         return series | dict(zip(physics.load_names, loads, strict=True)) | design
 
@@ -169,9 +169,9 @@ class SteadyFlow:
         largest = self._largest(blade, nodes[peak - 1], nodes[peak + 1])
         order = np.arange(nodes.size)[::sign]  # of the search, from either end
         beyond = (nodes[order] - largest[:, None]) * sign > 0.0
-        kept = beyond & (over[:, order] <= 0.0)
+        allowed = beyond & (over[:, order] <= 0.0)
         least = np.argmin(np.where(beyond, over[:, order], np.inf), axis=1)
-        has, first = kept.any(axis=1), np.argmax(kept, axis=1)
+        has, first = allowed.any(axis=1), np.argmax(allowed, axis=1)
         before = np.maximum(nodes[order[first - 1]] * sign, largest * sign)
         broken = self.excess(self.along(blade, largest)) > 0.0
         inside = np.where(has, nodes[order[first]], nodes[order[least]])
@@ -205,7 +205,7 @@ def has_branches(physics: Physics) -> bool:
 
 def limits_power(physics: Physics) -> bool:
     """Tell whether a case has a limit of the power."""
-    return any(isinstance(each, PowerLimit | ElectricalPowerLimit) for each in _kept(physics))
+    return any(isinstance(limit, PowerLimit | ElectricalPowerLimit) for limit in _kept(physics))
 
 
 def _kept(physics: Physics) -> tuple[Limit, ...]:
