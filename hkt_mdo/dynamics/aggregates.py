@@ -143,5 +143,5 @@ class ConditionalValueAtRisk(_OfTheWorst):
         """Return the rate that the worst scenarios do not exceed: the value at risk."""
         rates, shares = rates[shares > 0.0], shares[shares > 0.0]
         order = np.argsort(rates)
-        place = np.searchsorted(np.cumsum(shares[order]), self.share * (1.0 - 1e-12))
-        return rates[order[min(place, order.size - 1)]]
+        rank = np.searchsorted(np.cumsum(shares[order]), self.share * (1.0 - 1e-12))
+        return rates[order[min(rank, order.size - 1)]]

@@ -60,10 +60,10 @@ class Certificate:
 
         For gains within a factor `WIDEST` of the one that is best in steady flow.
         """
-        place = np.argmax(self.power)
+        best = np.argmax(self.power)
         middle = np.cbrt(self.weights @ self.speed**3 / self.weights.sum())
-        speed = self.ratio[place] * middle / self.radius
-        torque = power_scale(self.density, self.radius, middle) * self.power[place] / speed
+        speed = self.ratio[best] * middle / self.radius
+        torque = power_scale(self.density, self.radius, middle) * self.power[best] / speed
         held = max(torque - self.friction(speed), LEAST * torque)
         fitted = law.fit(np.array([speed]), np.array([held]))
 
@@ -72,14 +72,14 @@ class Certificate:
             return self._energy(lambda w: (law.torque(w, gain) + self.friction(w)) * w)
 
         gains = fitted * np.geomspace(1.0 / WIDEST, WIDEST, GAINS)
-        found = np.array([at(gain) for gain in gains])
+        bounds = np.array([at(gain) for gain in gains])
         for _ in range(REFINEMENTS):
-            peak = int(np.argmax(found))
+            peak = int(np.argmax(bounds))
             around = gains[max(peak - 1, 0) : peak + 2]
             new = np.sqrt(around[1:] * around[:-1])
             gains, order = np.unique(np.append(gains, new), return_index=True)
-            found = np.append(found, [at(gain) for gain in new])[order]
-        return float(found.max())
+            bounds = np.append(bounds, [at(gain) for gain in new])[order]
+        return float(bounds.max())
 
     def _energy(self, generated, most=MOST):
         """Return the bound, J, from the generator power u w (W), a function of the rotor speed.
@@ -93,9 +93,9 @@ class Certificate:
         time = self.time
         duration = time[0] + time[-1]
         # rises from zero at both ends to one within RAMP
-        place = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
+        part = np.minimum(np.minimum(time, duration - time) / RAMP, 1.0)
         sign = np.where(time < 0.5 * duration, 1.0, -1.0)
-        ramp, ramp_rate = place**2 * (3.0 - 2.0 * place), sign * 6.0 * place * (1.0 - place) / RAMP
+        ramp, ramp_rate = part**2 * (3.0 - 2.0 * part), sign * 6.0 * part * (1.0 - part) / RAMP
         excess = theta(self.speed) - 1.0
         rate = ramp * theta(self.speed, 1) * self.rate + ramp_rate * excess
         mean = 0.5 * self.weights @ (rate * balanced(self.speed) ** 2) / duration
@@ -122,8 +122,7 @@ class Certificate:
         rising, falling = np.maximum(share, 0.0), np.maximum(-share, 0.0)
         power, outer = power_scale(self.density, self.radius, self.speed), ~inner
         power[inner] *= level + rising * (up - level) + falling * (down - level)
-        about = self.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer]
-        power[outer] *= supremum(*about)
+        power[outer] *= supremum(self.speed[outer], 1.0 + ramp[outer] * excess[outer], rate[outer])
         return float(self.weights @ power)
 
     def _multiplier(self, braking, most):
@@ -133,10 +132,10 @@ class Certificate:
         rows = np.arange(SPEEDS)
         for _ in range(BISECTIONS + 1):
             theta = np.minimum(0.5 * (low + high), most)
-            place = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
-            rising = power[place] > braking[rows, place]
+            best = np.argmax(braking + theta[:, None] * (power - braking), axis=1)
+            rising = power[best] > braking[rows, best]
             low, high = np.where(rising, low, theta), np.where(rising, theta, high)
-        return theta, self.rotor_speed[rows, place]
+        return theta, self.rotor_speed[rows, best]
 
 
 def between(x, values, at):
@@ -148,9 +147,9 @@ def between(x, values, at):
 
 def peak(values):
     """Return the largest value of each row, between the points by a parabola."""
-    place = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)
+    index = np.clip(np.argmax(values, axis=1), 1, values.shape[1] - 2)
     rows = np.arange(values.shape[0])
-    left, middle, right = (values[rows, place + shift] for shift in (-1, 0, 1))
+    left, middle, right = (values[rows, index + shift] for shift in (-1, 0, 1))
     bend = np.maximum(2.0 * middle - left - right, 1e-300)
     gain = np.minimum((right - left) ** 2 / (8.0 * bend), np.abs(right - left))
     return np.maximum(values.max(axis=1), middle + gain)

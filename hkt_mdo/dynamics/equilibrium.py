@@ -60,8 +60,8 @@ def equilibria(
         if not np.any(driving[:, -1]) or highest >= last:
             break
         highest *= 2.0
-    found, running = last_fall(net, ratios, driving, flow)
-    return np.where(running, found, SLOWEST_RATIO) * unit, running, np.empty((0, flow.size))
+    ratio, running = last_fall(net, ratios, driving, flow)
+    return np.where(running, ratio, SLOWEST_RATIO) * unit, running, np.empty((0, flow.size))
 
 
 def at_rest(law, gains, flow: np.ndarray, held: Callable) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,7 @@ def at_rest(law, gains, flow: np.ndarray, held: Callable) -> tuple[np.ndarray, n
     -------
     values : np.ndarray
         Speed of the rotor (rad/s) and states, (1 + n_states, n); the law's own where there is none.
-    found : np.ndarray
+    balanced : np.ndarray
         Whether there is an equilibrium in which the flow drives the rotor, (n,).
     """
     speed = np.asarray(law.speed_at_rest(flow, gains), dtype=float)
@@ -97,19 +97,19 @@ def at_rest(law, gains, flow: np.ndarray, held: Callable) -> tuple[np.ndarray, n
         slopes[0, 0] -= change / (2.0 * MOVE * speed)
         off = np.array([torque - held(speed), *law.rates(speed, flow, gains, *states)])
         terms = np.einsum("ijn,jn->in", np.abs(slopes), np.abs(values))
-        found = np.all(np.abs(off) <= BALANCED * terms, axis=0)
-        if np.all(found):
+        balanced = np.all(np.abs(off) <= BALANCED * terms, axis=0)
+        if np.all(balanced):
             break
         moves = -np.einsum("nij,jn->in", np.linalg.pinv(np.moveaxis(slopes, -1, 0)), off)
         far = np.abs(moves[0]) / (FARTHEST * speed), np.abs(moves) / (REACH * np.max(values))
         values = values + moves / np.maximum(1.0, np.max(np.vstack(far), axis=0))
-    return np.where(found, values, first), found & (held(values[0]) > 0.0)
+    return np.where(balanced, values, first), balanced & (held(values[0]) > 0.0)
 
 
 def _driving(plant, flow, ratios):
     """Return the torque of the flow at tip speed ratios, N m, (n, n_ratios)."""
     radius = plant.blade.rotor_radius
     if plant.polar.follows_reynolds:
-        both = np.outer(flow / radius, ratios).ravel(), np.repeat(flow, ratios.size)
-        return plant.torque(*both).reshape(flow.size, -1)
+        speed, inflow = np.outer(flow / radius, ratios).ravel(), np.repeat(flow, ratios.size)
+        return plant.torque(speed, inflow).reshape(flow.size, -1)
     return np.outer(torque_scale(plant.density, radius, flow), plant.coefficient(ratios))

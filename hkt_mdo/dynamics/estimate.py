@@ -32,8 +32,8 @@ class FlowEstimate:
         rising = np.flatnonzero(np.diff(share) >= 0.0)
         first, last = np.searchsorted(rising, best) + np.array([-1, 0])
         begin = rising[first] + 1 if first >= 0 else 0
-        kept = slice(begin, rising[last] + 1 if last < rising.size else None)
-        return PchipInterpolator(share[kept][::-1], ratio[kept][::-1])
+        falling = slice(begin, rising[last] + 1 if last < rising.size else None)
+        return PchipInterpolator(share[falling][::-1], ratio[falling][::-1])
 
     def __call__(self, speed, torque, acceleration):
         """Return the flow's speed, m/s, by the rotor's (rad/s), the generator's torque and dw/dt.

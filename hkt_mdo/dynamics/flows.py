@@ -83,8 +83,8 @@ class Inflow(Section):
         """Time spans with the shortest period in each, (from, to, period) in s."""
         cutoff = self.highest_frequency or 0.0
         if not (isinstance(cutoff, Real) and 0.0 <= cutoff < np.inf):
-            place = {"key": f"{type(self).__name__}.highest_frequency", "value": cutoff}
-            raise InputError("is no frequency", "give a number in Hz, or None", **place)
+            entry = {"key": f"{type(self).__name__}.highest_frequency", "value": cutoff}
+            raise InputError("is no frequency", "give a number in Hz, or None", **entry)
         return ((-np.inf, np.inf, 1.0 / cutoff),) if cutoff else ()
 
     @property
@@ -98,12 +98,12 @@ class Inflow(Section):
         They are no farther apart than the shortest period there, and features begin and end there.
         """
         count = 1 if self.tells_features else UNKNOWN_PIECES
-        found = [np.linspace(first, last, count + 1)]
+        times = [np.linspace(first, last, count + 1)]
         for begin, end, period in self.features:
             begin, end = np.clip((begin, end), first, last)
             if end > begin:
-                found.append(np.linspace(begin, end, int(np.ceil((end - begin) / period)) + 1))
-        return np.unique(np.concatenate(found))
+                times.append(np.linspace(begin, end, int(np.ceil((end - begin) / period)) + 1))
+        return np.unique(np.concatenate(times))
 
     def _looks(self, duration: float) -> Iterator[np.ndarray]:
         """Yield rising times, s, sixteen in the shortest period, in blocks with common ends."""
@@ -111,8 +111,8 @@ class Inflow(Section):
         count = max(CHECKS_PER_PIECE, FEWEST_CHECKS // (ends.size - 1))
         share = np.arange(count) / count
         for first in range(0, ends.size - 1, PIECES_AT_ONCE):
-            some = ends[first : first + PIECES_AT_ONCE + 1]
-            yield np.append(some[:-1, None] + share * np.diff(some)[:, None], some[-1])
+            block = ends[first : first + PIECES_AT_ONCE + 1]
+            yield np.append(block[:-1, None] + share * np.diff(block)[:, None], block[-1])
 
     def spans_below(self, speed: float, duration: float) -> np.ndarray:
         """Return the time spans within a duration (s) in which the flow is at most a speed (m/s).
@@ -150,8 +150,8 @@ class Inflow(Section):
 
         ends = np.union1d(edges, self.pieces(edges[-1], edges[0]))
         step, whole = np.diff(ends), np.zeros(ends.size)
-        found = quad_vec(lambda share: self.speed_at(ends[:-1] + share * step) ** 3, 0.0, 1.0)
-        whole[1:] = np.cumsum(step * found[0])
+        mean, _ = quad_vec(lambda share: self.speed_at(ends[:-1] + share * step) ** 3, 0.0, 1.0)
+        whole[1:] = np.cumsum(step * mean)
         return np.diff(whole[np.searchsorted(ends, edges)])
 
     def off_lines(self, times: np.ndarray) -> np.ndarray:
@@ -166,14 +166,14 @@ class Inflow(Section):
         """
         ends = np.union1d(times, self.pieces(times[-1], times[0]))
         speed, share = self.speed_at(times), (np.arange(LOOKS) + 0.5) / LOOKS
-        found = np.zeros(times.size - 1)
+        largest = np.zeros(times.size - 1)
         for first in range(0, ends.size - 1, PIECES_AT_ONCE):
-            some = ends[first : first + PIECES_AT_ONCE + 1]
-            looks = some[:-1, None] + share * np.diff(some)[:, None]
+            block = ends[first : first + PIECES_AT_ONCE + 1]
+            looks = block[:-1, None] + share * np.diff(block)[:, None]
             off = np.abs(self.speed_at(looks) - np.interp(looks, times, speed))
-            place = np.searchsorted(times, some[:-1], side="right") - 1
-            np.maximum.at(found, place, np.max(off, axis=1))
-        return found
+            index = np.searchsorted(times, block[:-1], side="right") - 1
+            np.maximum.at(largest, index, np.max(off, axis=1))
+        return largest
 
     def check(self, duration: float) -> None:
         """Refuse, by InputError, a flow that ends, stops or reverses within a time (s).
@@ -189,8 +189,8 @@ class Inflow(Section):
             speed = np.asarray(self.speed_at(time))
             low = int(np.argmin(speed))
             if not speed[low] >= SLOWEST:
-                place = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
-                problem = f"{place}: the flow stops or reverses, which no turbine here does"
+                lowest = f"reaches {speed[low]:.3g} m/s at t = {time[low]:.6g} s"
+                problem = f"{lowest}: the flow stops or reverses, which no turbine here does"
                 remedy = "give a larger mean, smaller fluctuations, a shorter phase.duration, or a "
                 remedy += "resource of a year, in which the flow may reverse"
                 raise InputError(problem, remedy, key="inflow")
@@ -340,10 +340,10 @@ class TidalInflow(Inflow):
 
     @property
     def highest_frequency(self):
-        return max(each.angular_frequency for each in self.constituents) / (2.0 * np.pi)
+        return max(wave.angular_frequency for wave in self.constituents) / (2.0 * np.pi)
 
     def speed_at(self, time):
-        rows = [(each.amplitude, each.angular_frequency, each.phase) for each in self.constituents]
+        rows = [(wave.amplitude, wave.angular_frequency, wave.phase) for wave in self.constituents]
         amplitude, frequency, phase = np.array(rows).T
         waves = np.cos(np.multiply.outer(np.asarray(time), frequency) - phase)
         return self.scale * (self.mean + waves @ amplitude)
@@ -376,13 +376,13 @@ class GustInflow(Inflow):
         return ((self.time, self.time + self.width, 1.0 / self.highest_frequency),)
 
     def speed_at(self, time):
-        place = (np.asarray(time) - self.time) / self.width
-        inside = (np.real(place) >= 0.0) & (np.real(place) <= 1.0)
-        rise = 1.0 - np.cos(2.0 * np.pi * place)
+        share = (np.asarray(time) - self.time) / self.width
+        inside = (np.real(share) >= 0.0) & (np.real(share) <= 1.0)
+        rise = 1.0 - np.cos(2.0 * np.pi * share)
         if self.shape == "one_minus_cosine":
             gust = 0.25 * rise**2
         else:
-            gust = -0.37 * np.sin(3.0 * np.pi * place) * rise
+            gust = -0.37 * np.sin(3.0 * np.pi * share) * rise
         return self.mean + self.amplitude * inside * gust
 
 

@@ -32,13 +32,13 @@ def slope(
     array
         Of the value's shape if diagonal, else (size of the value, size of the quantity).
     """
-    given = np.asarray(quantities[name], dtype=float)
+    argument = np.asarray(quantities[name], dtype=float)
     if diagonal:
-        value = function(**{**quantities, name: given + 1j * STEP})
-        return np.imag(value) / STEP * np.ones(given.shape)
-    units = np.eye(given.size).reshape(given.size, *given.shape)
+        value = function(**{**quantities, name: argument + 1j * STEP})
+        return np.imag(value) / STEP * np.ones(argument.shape)
+    units = np.eye(argument.size).reshape(argument.size, *argument.shape)
     columns = [
-        np.ravel(np.imag(function(**{**quantities, name: given + 1j * STEP * unit})) / STEP)
+        np.ravel(np.imag(function(**{**quantities, name: argument + 1j * STEP * unit})) / STEP)
         for unit in units
     ]
     return np.stack(columns, axis=1)
@@ -69,8 +69,8 @@ class Formula(Section):
     @property
     def series(self) -> dict[str, tuple[str | None, str]]:
         """Unit and description of its inputs that change over time."""
-        known = (QUANTITIES[name] for name in self.inputs if name in OVER_TIME)
-        return {each.name: (each.unit, each.text) for each in known}
+        quantities = (QUANTITIES[name] for name in self.inputs if name in OVER_TIME)
+        return {each.name: (each.unit, each.text) for each in quantities}
 
     def is_of(self, names: Collection[str]) -> bool:
         """Tell whether one of its inputs is among some quantities."""

@@ -85,10 +85,10 @@ class Generator(Section):
             return shaft * np.where(np.real(shaft) < 0.0, 1.0, share)
         if self.efficiency is not None:
             return self.efficiency * shaft
-        known = {"rated_torque": torque, "rated_speed": speed}
+        actual = {"rated_torque": torque, "rated_speed": speed}
         for name, (at, exponent) in _LOSSES.items():
             if (loss := getattr(self, name)) is not None:
-                shaft = shaft - loss * (known[at] / getattr(self, at)) ** exponent
+                shaft = shaft - loss * (actual[at] / getattr(self, at)) ** exponent
         return shaft
 
     def check(self, radius: float, slowest: float, fastest: float) -> None:

@@ -70,10 +70,10 @@ def constituents(samples: FlowSamples, names: Sequence[str] = ()) -> Tide:
     left = samples.speed - columns @ fitted
     explained = 1.0 - float(np.var(left)) / max(float(np.var(samples.speed)), 1e-300)
     size, phase, waves = np.hypot(even, odd), np.arctan2(odd, even) % (2.0 * np.pi), {}
-    for place in np.argsort(-size)[:100]:
-        name, known = chosen[place], {"amplitude": size[place], "phase": phase[place]}
-        about = {"name": name} if name in TIDAL_HOURS else {"period": 1.0 / frequency[name]}
-        waves[name] = TidalConstituent(**about, **known)
+    for index in np.argsort(-size)[:100]:
+        name, wave = chosen[index], {"amplitude": size[index], "phase": phase[index]}
+        wave |= {"name": name} if name in TIDAL_HOURS else {"period": 1.0 / frequency[name]}
+        waves[name] = TidalConstituent(**wave)
     flow = TidalInflow(mean=fitted[0], constituents=tuple(waves.values()))
     return Tide(tuple(waves), flow, explained)
 
@@ -83,11 +83,11 @@ def _frequency(name: str) -> float:
     if name in TIDAL_HOURS:
         return 1.0 / (HOUR * TIDAL_HOURS[name])
     utide = needed("utide", install("resource"), f"the period of {name} ")
-    place = utide.constit_index_dict.get(name)
-    if place is None:
+    index = utide.constit_index_dict.get(name)
+    if index is None:
         problem = f"is no constituent: known are {', '.join(TIDAL_HOURS)} and others of utide"
         raise InputError(problem, "give names such as M2,S2,K1", key="constituents", value=name)
-    return float(utide.ut_constants["const"]["freq"][place]) / HOUR
+    return float(utide.ut_constants["const"]["freq"][index]) / HOUR
 
 
 def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[str]:
@@ -95,18 +95,18 @@ def _separated(frequency: dict[str, float], length: float, asked: bool) -> list[
 
     Raises InputError if a requested one is not among them.
     """
-    kept: dict[str, float] = {"the mean": 0.0}
+    separated: dict[str, float] = {"the mean": 0.0}
     for name, value in frequency.items():
-        near = min(kept, key=lambda other: abs(kept[other] - value))
-        apart = abs(kept[near] - value)
+        near = min(separated, key=lambda other: abs(separated[other] - value))
+        apart = abs(separated[near] - value)
         if apart * length >= 1.0:
-            kept[name] = value
+            separated[name] = value
         elif asked:
             problem = f"cannot be separated from {near} in a record of {length / DAY:.4g} days"
             longer = f"a record of {1.0 / apart / DAY:.4g} days at least, or " if apart else ""
             remedy = f"give {longer}fewer constituents"
             raise InputError(problem, remedy, key="constituents", value=name)
-    if len(kept) == 1:
+    if len(separated) == 1:
         problem = f"is too short for any constituent, with {length / DAY:.3g} days"
         raise InputError(problem, "give a longer record, or none of the tide", key="constituents")
-    return [name for name in kept if name != "the mean"]
+    return [name for name in separated if name != "the mean"]

@@ -213,8 +213,8 @@ class FeedbackLaw(Law):
         By complex step; rows and columns begin with the torque (N*m) and the speed (rad/s).
         """
         columns, values = [], [speed, *states]
-        for place in range(len(values)):
-            moved = [each + 1j * STEP * (i == place) for i, each in enumerate(values)]
+        for index in range(len(values)):
+            moved = [value + 1j * STEP * (i == index) for i, value in enumerate(values)]
             torque = self.torque(moved[0], gains, *moved[1:])
             rates = self.rates(moved[0], inflow_speed, gains, *moved[1:])
             columns.append(np.imag([torque, *rates]) / STEP)

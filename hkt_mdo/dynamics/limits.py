@@ -263,8 +263,8 @@ class Taper(Limit):
         if stations[-2] < self.bound:
             problem = "needs two stations outboard of it; the last but one is at "
             problem += f"{stations[-2]:.3g}"
-            place = {"key": "limits.taper_from", "value": self.bound}
-            raise InputError(problem, "give a place inboard of that", **place)
+            remedy = "give a place inboard of that"
+            raise InputError(problem, remedy, key=self.key, value=self.bound)
         limit = self.model_copy()
         limit._stations = tuple(stations)
         return limit
@@ -289,23 +289,23 @@ class DesignBounds(Limit):
     upper = property(lambda self: self.bounds[1])
 
 
-def settled(known):
+def settled(quantities):
     """Tell at which times of a trajectory the rotor has followed the flow, near its equilibrium.
 
     The rotor's time scale is that in which a typical torque stops it, J w / (TYPICAL 0.5 rho pi R³
     v²), a few hundredths of a second; the flow is quick where it changes by a share of `QUICK`
     within this time. The rotor has settled after `LAG` time scales in which the flow was not quick.
-    In a scenario without time it always is in equilibrium. known has the `QUANTITIES` of the
-    trajectory, of shape (n,), rotor_radius, density, inertia and, if it is so, `steady`.
+    In a scenario without time it always is in equilibrium. quantities has the `QUANTITIES` of
+    the trajectory, of shape (n,), rotor_radius, density, inertia and, if it is so, `steady`.
     """
-    time, flow = known["time"], known["inflow_speed"]
-    unit = TYPICAL * torque_scale(known["density"], known["rotor_radius"], flow)
-    scale = known["inertia"] * known["rotor_speed"] / unit
+    time, flow = quantities["time"], quantities["inflow_speed"]
+    unit = TYPICAL * torque_scale(quantities["density"], quantities["rotor_radius"], flow)
+    scale = quantities["inertia"] * quantities["rotor_speed"] / unit
     step = np.diff(time, prepend=time[0] - 1.0)
     change = np.abs(np.diff(flow, prepend=flow[0]))
     quick = scale * change > QUICK * flow * step
     last = np.maximum.accumulate(np.where(quick, time, -np.inf))
-    return (time - last > LAG * scale) | known.get("steady", False)
+    return (time - last > LAG * scale) | quantities.get("steady", False)
 
 
 class DistanceFromStall(Limit):
@@ -360,8 +360,8 @@ class DistanceFromStall(Limit):
     def partial(self, name, quantities):
         if name != "torque_coefficient_table":
             return super().partial(name, quantities)
-        known = "rotor_speed", "inflow_speed", "rotor_radius", "density"
-        speed, flow, radius, density = (quantities[each] for each in known)
+        names = "rotor_speed", "inflow_speed", "rotor_radius", "density"
+        speed, flow, radius, density = (quantities[each] for each in names)
         ratio = speed * radius / flow
         bases = self.spline.basis((1.0 - self.slowed) * ratio) - self.spline.basis(ratio)
         return torque_scale(density, radius, flow)[:, None] * bases

@@ -69,8 +69,8 @@ class FlowSamples:
     def share(self) -> np.ndarray:
         """Share of the time of each sample, (n,): half of the steps beside it, without gaps."""
         steps = np.pad(np.diff(self.time) - self.gaps, 1, mode="edge")
-        both = steps[1:] + steps[:-1]
-        return both / np.sum(both)
+        spans = steps[1:] + steps[:-1]
+        return spans / np.sum(spans)
 
     @property
     def block(self) -> float:
@@ -86,9 +86,9 @@ class FlowSamples:
         length = float(self.time[-1])
         count = max(int(length / self.block + 0.01), 1)
         mean = float(self.share @ values)
-        place = np.minimum((count * self.time / length).astype(int), count - 1)
-        share = np.bincount(place, self.share, count)
-        means = np.bincount(place, self.share * values, count)[share > 0.0] / share[share > 0.0]
+        block = np.minimum((count * self.time / length).astype(int), count - 1)
+        share = np.bincount(block, self.share, count)
+        means = np.bincount(block, self.share * values, count)[share > 0.0] / share[share > 0.0]
         if means.size < FEWEST_BLOCKS or not mean:
             return None
         return float(np.std(means, ddof=1) / np.sqrt(means.size) / abs(mean))
@@ -234,8 +234,8 @@ class RecordResource(RecordFile, Resource):
         values = np.zeros(speed.size)
         for way, energy in energies.items():
             runs = way * speed >= 0.0
-            place = places_in_bins(np.abs(speed[runs]), self.bin_width)
-            values[runs] += (energy / np.bincount(place, share[runs]))[place]
+            bins = places_in_bins(np.abs(speed[runs]), self.bin_width)
+            values[runs] += (energy / np.bincount(bins, share[runs]))[bins]
         return {"record": self.samples.scatter(values)}
 
     @property
@@ -246,11 +246,11 @@ class RecordResource(RecordFile, Resource):
 def _along_axis(raw: Columns) -> Columns:
     """Return columns with the speed along the principal axis of its parts, east and north."""
     good = np.isfinite(raw.speed) & np.all(np.isfinite(raw.parts), axis=0)
-    about = raw.parts[:, good]
-    axis = np.linalg.eigh(about @ about.T)[1][:, -1]
-    axis *= 1.0 if np.sum((axis @ about) ** 3) >= 0.0 else -1.0
+    parts = raw.parts[:, good]
+    axis = np.linalg.eigh(parts @ parts.T)[1][:, -1]
+    axis *= 1.0 if np.sum((axis @ parts) ** 3) >= 0.0 else -1.0
     speed = np.where(good, axis @ raw.parts, np.nan)
-    share = float(np.sum(speed[good] ** 2) / max(np.sum(about**2), 1e-300))
+    share = float(np.sum(speed[good] ** 2) / max(np.sum(parts**2), 1e-300))
     angle = float(np.rad2deg(np.arctan2(axis[0], axis[1])) % 360.0)
     note = f"principal axis {angle:.1f} deg, with {100.0 * share:.4g} % of the squared speed"
     return replace(raw, speed=speed, messages=(*raw.messages, note))

@@ -95,46 +95,46 @@ class StageSystem:
         c, m = chain.shape[-2:]
         self._shape = steps, s, n, c, m
         # filters at the stages by what they miss and by the first dense value there
-        own = np.einsum("nij,njabm->nmaibj", h, chain).reshape(steps, m, c * s, c * s)
+        by_chain = np.einsum("nij,njabm->nmaibj", h, chain).reshape(steps, m, c * s, c * s)
         first = np.einsum("nij,njam->nmaij", h, by_first).reshape(steps, m, c * s, s)
-        self._chain = np.linalg.inv(np.eye(c * s) - own)
+        self._chain = np.linalg.inv(np.eye(c * s) - by_chain)
         self._by_first = self._chain @ first
         self._by_last = np.einsum("nij,njdm->nidmj", h, by_last).reshape(steps, s * n, m * s)
         system = np.einsum("nij,njde->nidje", h, dense).reshape(steps, s * n, s * n)
         system[..., ::n] += self._of_last(self._by_first)
         self._inverse = np.linalg.inv(np.eye(s * n) - system)
 
-    def _of_last(self, chain, some=ALL):
+    def _of_last(self, chain, span=ALL):
         """Return the changes of the dense values at the stages by those of the last filters."""
-        by_last, s = self._by_last[some], self._shape[1]
+        by_last, s = self._by_last[span], self._shape[1]
         return by_last @ chain[:, :, -s:].reshape(*by_last.shape[::2], chain.shape[-1])
 
-    def _own(self, miss, some=ALL):
+    def _change(self, miss, span=ALL):
         """Return the change of some steps' stages with the values at their begins as they are."""
         (_, s, n, c, m), steps = self._shape, len(miss)
         if not m:  # products of nothing would take as long as the one that is needed
-            return (self._inverse[some] @ miss.reshape(steps, s * n, 1)).reshape(miss.shape)
+            return (self._inverse[span] @ miss.reshape(steps, s * n, 1)).reshape(miss.shape)
         dense, chain = miss[..., :n], miss[..., n:].reshape(steps, s, c, m)
-        chain = self._chain[some] @ chain.transpose(0, 3, 2, 1).reshape(steps, m, c * s, 1)
-        known = dense.reshape(steps, s * n, 1) + self._of_last(chain, some)
-        dense = self._inverse[some] @ known
-        chain = chain + self._by_first[some] @ dense[:, None, ::n]
+        chain = self._chain[span] @ chain.transpose(0, 3, 2, 1).reshape(steps, m, c * s, 1)
+        right_side = dense.reshape(steps, s * n, 1) + self._of_last(chain, span)
+        dense = self._inverse[span] @ right_side
+        chain = chain + self._by_first[span] @ dense[:, None, ::n]
         chain = chain.reshape(steps, m, c, s).transpose(0, 3, 2, 1).reshape(steps, s, c * m)
         return np.concatenate((dense.reshape(steps, s, n), chain), axis=-1)
 
     def correction(self, miss: np.ndarray) -> np.ndarray:
         """Return the change of the stages, (n_steps, 5, n_values), that makes up what they miss."""
-        found, begin = np.empty_like(miss), 0.0
+        change, begin = np.empty_like(miss), 0.0
         for step in range(len(miss)):
-            some = slice(step, step + 1)
-            found[some] = self._own(miss[some] + begin, some)
-            begin = found[step, -1]
-        return found
+            span = slice(step, step + 1)
+            change[span] = self._change(miss[span] + begin, span)
+            begin = change[step, -1]
+        return change
 
     def filtered(self, off: np.ndarray) -> np.ndarray:
         """Return errors of the values, (n_steps, n_values), without their fast part."""
-        dense, *chains = (each[:, :1] for each in self._slopes)
-        return StageSystem(self._step, dense, chains, ERROR[:1, None])._own(off[:, None])[:, 0]
+        dense, *chains = (slopes[:, :1] for slopes in self._slopes)
+        return StageSystem(self._step, dense, chains, ERROR[:1, None])._change(off[:, None])[:, 0]
 
     def errors(self, begin: np.ndarray, stages: np.ndarray, first: np.ndarray) -> np.ndarray:
         """Return the error of each step's values by the embedded formula, (n_steps, n_values).

@@ -140,8 +140,8 @@ def read_record(path: str | Path, **options: Any) -> Columns:
     file, line, column, value and remedy, if anything in the file is not as they say, it has more
     than 256 MiB, or packages for NetCDF or Parquet are missing.
     """
-    given = {"file": str(path)} | options
-    return validated(RecordInflow, given, "", context={"check_files": False})._record
+    keys = {"file": str(path)} | options
+    return validated(RecordInflow, keys, "", context={"check_files": False})._record
 
 
 def read_columns(options: RecordFile) -> Columns:
@@ -195,13 +195,13 @@ def _with_parts(read: Callable[[RecordFile], Columns], options: RecordFile) -> C
         parts = np.stack((raw.speed, second.speed))
         raw = replace(raw, speed=np.hypot(*parts), parts=parts)
     elif raw.parts is None:
-        other = _COMPONENT.sub(lambda found: found[1] + _OTHERS[found[2]], raw.names[1].lower())
+        other = _COMPONENT.sub(lambda match: match[1] + _OTHERS[match[2]], raw.names[1].lower())
         text = f"{raw.names[1]} alone is the speed: if it is a component, give second_column: "
-        messages += [text + each for each in raw.names[2:] if each.lower() == other]
+        messages += [text + name for name in raw.names[2:] if name.lower() == other]
     if raw.parts is not None:
         good = np.isfinite(raw.time) & (raw.speed <= FASTEST)  # no gaps, nor what marks them
-        _, place = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
-        mean = np.sum(np.hypot(*(np.bincount(place, part[good]) for part in raw.parts)))
+        _, block = np.unique(raw.time[good] // AVERAGED, return_inverse=True)
+        mean = np.sum(np.hypot(*(np.bincount(block, part[good]) for part in raw.parts)))
         if (above := np.sum(raw.speed[good]) - mean) > NOISY * mean:
             text = f"speeds are on average {100.0 * above / mean:.2g} % above those of their mean "
             text += f"vectors over {AVERAGED / 60.0:g} min: if they are single pings of an ADCP, "
@@ -242,14 +242,14 @@ def check_speeds(
     present, notes = np.flatnonzero(np.isfinite(speed)), []
     if choice != "keep" and present.size >= MIN_SAMPLES:
         spikes[present[find_spikes(speed[present])]] = True
-    found = np.flatnonzero(spikes)
-    if found.size and choice == "refuse":
-        others = f", and {found.size - 1} more do" if found.size > 1 else ""
+    rows = np.flatnonzero(spikes)
+    if rows.size and choice == "refuse":
+        others = f", and {rows.size - 1} more do" if rows.size > 1 else ""
         problem = f"differs from its neighbours like a spike{others}"
-        raise raw.refuse(problem, SPIKES, int(found[0]), 1)
-    if found.size:
-        text = f"{_count(found.size, 'spike')} replaced ({100.0 * np.mean(spikes):.2g} %)"
-        notes.append(f"{text}, at t = {_times(raw.time[found])}")
+        raise raw.refuse(problem, SPIKES, int(rows[0]), 1)
+    if rows.size:
+        text = f"{_count(rows.size, 'spike')} replaced ({100.0 * np.mean(spikes):.2g} %)"
+        notes.append(f"{text}, at t = {_times(raw.time[rows])}")
     for row in np.flatnonzero(((speed > most) | (speed < least)) & ~spikes)[:1]:
         problem = f"is faster than any river, {FASTEST:g} m/s" if most == FASTEST else "is negative"
         remedy = "correct speed_unit, or leave cells empty where samples are missing"
@@ -345,11 +345,11 @@ def _even(raw: Columns, options: RecordInflow, spikes: np.ndarray) -> Columns:
             text = f"{_count(begins.size, 'gap')} interpolated, {missing}, the longest "
             notes.append(f"{text}{longest:.6g} s, at t = {_times(step * begins)}")
     good = np.isfinite(raw.speed) & ~spikes
-    known, at = time[good], step * np.arange(count)
+    times, at = time[good], step * np.arange(count)
     values = np.stack((raw.speed, *(() if raw.parts is None else raw.parts)))[:, good]
-    speed, *parts = PchipInterpolator(known, values, axis=1)(np.clip(at, known[0], known[-1]))
-    both, messages = np.array(parts) if parts else None, (*raw.messages, *notes)
-    return replace(raw, time=at, speed=speed, parts=both, messages=messages)
+    speed, *parts = PchipInterpolator(times, values, axis=1)(np.clip(at, times[0], times[-1]))
+    parts, messages = np.array(parts) if parts else None, (*raw.messages, *notes)
+    return replace(raw, time=at, speed=speed, parts=parts, messages=messages)
 
 
 def _longest_gap(raw: Columns, options: RecordInflow, step: float, resample: bool) -> float:
@@ -409,10 +409,10 @@ def find_spikes(speed: np.ndarray) -> np.ndarray:
     left are filtered again, until there are none: so two or three bad samples in a row are found.
     Gusts, steps and crests of waves are no spikes, since their neighbours follow them.
     """
-    left, found = np.arange(speed.size), np.ones(speed.size, dtype=bool)
-    while np.any(found) and left.size >= MIN_SAMPLES:
-        found = _stand_off(np.clip(speed[left], -1e6, 1e6))  # so that absurd speeds do not overflow
-        left = left[~found]
+    left, far = np.arange(speed.size), np.ones(speed.size, dtype=bool)
+    while np.any(far) and left.size >= MIN_SAMPLES:
+        far = _stand_off(np.clip(speed[left], -1e6, 1e6))  # so that absurd speeds do not overflow
+        left = left[~far]
     return ~np.isin(np.arange(speed.size), left)
 
 
@@ -433,9 +433,9 @@ def _stand_off(speed: np.ndarray) -> np.ndarray:
     suspects = np.flatnonzero(off > SPIKE * usual)
     around = np.lib.stride_tricks.sliding_window_view(speed, 2 * half + 1)[centres[suspects] - half]
     spread = np.median(np.abs(around - np.median(around, axis=1, keepdims=True)), axis=1)
-    found = np.zeros(speed.size, dtype=bool)
-    found[suspects] = off[suspects] > SPIKE * 1.4826 * spread
-    return found
+    far = np.zeros(speed.size, dtype=bool)
+    far[suspects] = off[suspects] > SPIKE * 1.4826 * spread
+    return far
 
 
 def low_pass(speed: np.ndarray, step: float, cutoff: float) -> np.ndarray:

@@ -66,14 +66,14 @@ class Speeds:
     def below(self, speed: np.ndarray) -> np.ndarray:
         """Return the share of the time in which the flow is slower than speeds, m/s, (n,)."""
         order = np.argsort(self.whole[0])
-        own, share = (each[order] for each in self.whole)
-        return np.interp(speed, own, np.cumsum(share) - 0.5 * share)
+        speeds, share = (column[order] for column in self.whole)
+        return np.interp(speed, speeds, np.cumsum(share) - 0.5 * share)
 
     def between(self, slowest: float, fastest: float) -> "Speeds":
         """Return the speeds from the slowest to the fastest, m/s; the others are `idle`."""
-        kept = (self.speed >= slowest) & (self.speed <= fastest)
-        found = {name: getattr(self, name)[kept] for name in ("speed", "share", "place")}
-        return replace(self, **found, idle=self.idle + float(np.sum(self.share[~kept])))
+        within = (self.speed >= slowest) & (self.speed <= fastest)
+        fields = {name: getattr(self, name)[within] for name in ("speed", "share", "place")}
+        return replace(self, **fields, idle=self.idle + float(np.sum(self.share[~within])))
 
     def with_ends(self, slowest: float, fastest: float) -> "Speeds":
         """Return the speeds and the ends of their range, m/s, at which limits hold as well."""
@@ -81,8 +81,8 @@ class Speeds:
         more = int(slowest < first), int(fastest > last)
         ends = np.array([slowest][: more[0]]), self.speed, np.array([fastest][: more[1]])
         share = np.pad(self.share, more, constant_values=AT_END)
-        place = np.pad(self.place, more, mode="edge")
-        return replace(self, speed=np.concatenate(ends), share=share, place=place)
+        bins = np.pad(self.place, more, mode="edge")
+        return replace(self, speed=np.concatenate(ends), share=share, place=bins)
 
     def curve(self, duration: float) -> "DurationCurve":
         """Return the speeds as a flow over a duration, s."""
@@ -99,9 +99,9 @@ class Speeds:
         speed = np.outer(self.speed, 1.0 + intensity * PLACES).ravel()
         share = np.outer(self.share, WEIGHTS / WEIGHTS.sum()).ravel()
         order = np.argsort(speed, kind="stable")
-        place = np.repeat(self.place, POINTS)
-        found = replace(self, speed=speed[order], share=share[order], place=place[order])
-        return found.between(SLOWEST, np.inf)
+        bins = np.repeat(self.place, POINTS)
+        spread = replace(self, speed=speed[order], share=share[order], place=bins[order])
+        return spread.between(SLOWEST, np.inf)
 
 
 def places_in_bins(speed: np.ndarray, width: float) -> np.ndarray:
@@ -132,9 +132,9 @@ def in_bins(speed: np.ndarray, share: np.ndarray, width: float) -> tuple[np.ndar
     speed, share : np.ndarray
         Of the bins that have a share, rising.
     """
-    place = places_in_bins(speed, width)
-    shares = np.bincount(place, share)
-    cubes = np.bincount(place, share * speed**3)
+    bins = places_in_bins(speed, width)
+    shares = np.bincount(bins, share)
+    cubes = np.bincount(bins, share * speed**3)
     used = shares > 0.0
     return np.cbrt(cubes[used] / shares[used]), shares[used]
 
@@ -247,38 +247,38 @@ class Resource(Inflow):
         else:
             mean, time = in_bins(speed, share, self.bin_width)
         finer = None if self.own_bins or self.turbulence_intensity else (speed, share)
-        found = Speeds(mean, time, np.arange(mean.size), mean, time, idle, finer)
-        found = found.turbulent(self.turbulence_intensity)
-        whole, slowest = finer or (found.speed, found.share), max(self.cut_in, SLOWEST)
-        found = replace(found, whole=whole).between(slowest, np.inf)
-        if not np.any(found.share):
+        speeds = Speeds(mean, time, np.arange(mean.size), mean, time, idle, finer)
+        speeds = speeds.turbulent(self.turbulence_intensity)
+        whole, slowest = finer or (speeds.speed, speeds.share), max(self.cut_in, SLOWEST)
+        speeds = replace(speeds, whole=whole).between(slowest, np.inf)
+        if not np.any(speeds.share):
             problem = "leaves no time of operation: the flow is slower or reversed, all year"
-            place = {"key": "resource.cut_in", "value": self.cut_in}
-            raise InputError(problem, "give a smaller cut_in, or another reversal", **place)
-        if found.speed.size > MOST_SPEEDS:
-            problem = f"makes {found.speed.size} speeds, and {MOST_SPEEDS} are the most"
+            remedy, key = "give a smaller cut_in, or another reversal", "resource.cut_in"
+            raise InputError(problem, remedy, key=key, value=self.cut_in)
+        if speeds.speed.size > MOST_SPEEDS:
+            problem = f"makes {speeds.speed.size} speeds, and {MOST_SPEEDS} are the most"
             raise InputError(problem, "give wider bins", key="resource.bin_width")
         low, high = np.min(speed), np.max(speed)
         if self.own_bins:
             gaps = np.diff(mean) if mean.size > 1 else np.zeros(1)
             low, high = mean[[0, -1]] + np.minimum(gaps[[0, -1]], np.median(gaps)) * [-0.5, 0.5]
         farthest = self.turbulence_intensity * FARTHEST
-        return found.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
+        return speeds.with_ends(max((1.0 - farthest) * low, slowest), (1.0 + farthest) * high)
 
     @property
     def messages(self):
-        found = self.speeds
-        notes = f"resource {self.profile}: {found.mean.size} speeds of the flow"
+        speeds = self.speeds
+        notes = f"resource {self.profile}: {speeds.mean.size} speeds of the flow"
         notes += f", mean cubed speed {self.mean_cube:.4g} m³/s³"
         idle = f"; below resource.cut_in = {self.cut_in:g} m/s the machine stands still"
-        still = found.idle
+        still = speeds.idle
         if self.reversal == "stands":
             idle += ", and where the flow runs the other way"
         elif (back := self.reversed_speeds) is not None:
             still += back.idle - 1.0
             notes += f", {back.mean.size} more at which the rotor turns backwards"
-        several = self.own_bins and found.mean.size > 1
-        if (np.median(np.diff(found.mean)) if several else self.bin_width) > 1.15 * WIDEST:
+        spaced = self.own_bins and speeds.mean.size > 1
+        if (np.median(np.diff(speeds.mean)) if spaced else self.bin_width) > 1.15 * WIDEST:
             notes += f", in wider bins than the {WIDEST:g} m/s of IEC TS 62600-200"
         return (f"{notes}{idle}: {8766.0 * still:.4g} h a year",)
 
@@ -371,13 +371,13 @@ class DistributionResource(Resource):
         from scipy import stats
 
         family = {"weibull": "weibull_min", "lognormal": "lognorm", "gamma": "gamma"}[self.family]
-        known = getattr(stats, family)(self.shape, scale=self.scale)
-        count = int(np.ceil(known.ppf(1.0 - TAIL) / self.bin_width))
+        distribution = getattr(stats, family)(self.shape, scale=self.scale)
+        count = int(np.ceil(distribution.ppf(1.0 - TAIL) / self.bin_width))
         if count > MOST_SPEEDS:
             problem = f"needs {count} bins of resource.bin_width"
             raise InputError(problem, "correct scale and shape", key="resource.shape")
         edges = self.bin_width / FINE * np.arange(FINE * count + 1)
-        share = np.diff(known.cdf(edges))
+        share = np.diff(distribution.cdf(edges))
         return 0.5 * (edges[1:] + edges[:-1]), share / np.sum(share)
 
 

@@ -30,19 +30,19 @@ class RotorODE(om.Group):
 
     def __init__(self, num_nodes, inflow, hydrodynamics, law, generator):
         super().__init__()
-        n, known, coefficient = num_nodes, hydrodynamics, ["torque_coefficient"]
+        n, coefficient = num_nodes, ["torque_coefficient"]
         parts = {"flow": InflowComp(n, inflow=inflow), "ratio": RatioComp(n)}
         # only a coefficient depends on a whole table, most of the Jacobian of a long flow
-        if band := known.get("band"):
+        if band := hydrodynamics.get("band"):
             parts["wake"] = WakeComp(n, band=band, size=band.nodes.size)
             parts["coefficient"] = CurveComp(n, coefficient, band)
             inductions = "wake_induction", "place_induction"
             parts["inductions"] = CurveComp(n, inductions, band.spline)
-            parts["filters"] = FilterComp(n, share=band.share, tau1=known["tau1"])
-        elif spline := known.get("spline"):
+            parts["filters"] = FilterComp(n, share=band.share, tau1=hydrodynamics["tau1"])
+        elif spline := hydrodynamics.get("spline"):
             parts["coefficient"] = CurveComp(n, coefficient, spline)
         else:
-            parts["coefficient"] = CoefficientComp(n, **known)
+            parts["coefficient"] = CoefficientComp(n, **hydrodynamics)
         parts["torque"] = TorqueComp(n)
         if law.is_feedback:
             parts["controller"] = FeedbackComp(n, law=law)
@@ -65,22 +65,22 @@ class NodeComp(om.ExplicitComponent):
     fixed = dict.fromkeys(("rotor_radius", "density", "inertia"), 1.0)
     tables = {}  # noqa: RUF012
 
-    def __init__(self, num_nodes, **known):
+    def __init__(self, num_nodes, **attributes):
         super().__init__()
         self.num_nodes = num_nodes
-        vars(self).update(known)
+        vars(self).update(attributes)
 
     @property
     def _needed(self):
         return dict.fromkeys(name for names in self.needs.values() for name in names)
 
     def setup(self):
-        known, static = {"shape": self.num_nodes}, ["dymos.static_target"]
+        nodal, static = {"shape": self.num_nodes}, ["dymos.static_target"]
         for name in self._needed:
-            about = {"val": self.fixed[name], "tags": static} if name in self.fixed else known
-            self.add_input(name, **about, **self._meta(name))
+            options = {"val": self.fixed[name], "tags": static} if name in self.fixed else nodal
+            self.add_input(name, **options, **self._meta(name))
         for name in self.needs:
-            self.add_output(name, **known, **self._meta(name))
+            self.add_output(name, **nodal, **self._meta(name))
         for table in self.tables.values():
             self.add_input(table, shape=self.size, tags=static, **self._meta(table))
 
@@ -102,14 +102,14 @@ class NodeComp(om.ExplicitComponent):
             outputs[name] = value
 
     def compute_partials(self, inputs, partials):
-        given = dict(inputs.items())
+        values = dict(inputs.items())
         for name in self._needed:
-            moved = self.formula(**given | {name: given[name] + 1j * STEP})
+            moved = self.formula(**values | {name: values[name] + 1j * STEP})
             for output, names in self.needs.items():
                 if name in names:
                     by = np.imag(moved[output]) / STEP
                     partials[output, name] = by[:, None] if name in self.fixed else by
-        basis = self.basis(**given) if self.tables else None
+        basis = self.basis(**values) if self.tables else None
         for pair in self.tables.items():
             partials[pair] = basis
 
@@ -161,13 +161,13 @@ class CurveComp(NodeComp):
         self.needs = dict.fromkeys(names, (*ratios, *self.factors))
         self.tables = {name: f"{name}_{kind}" for name in names}
 
-    def formula(self, **given):
-        ratios = [given[name] for name in self.ratios]
-        return {name: self.curves.curve(given[x])(*ratios) for name, x in self.tables.items()}
+    def formula(self, **inputs):
+        ratios = [inputs[name] for name in self.ratios]
+        return {name: self.curves.curve(inputs[x])(*ratios) for name, x in self.tables.items()}
 
-    def basis(self, **given):
+    def basis(self, **inputs):
         """Return the derivative of each output by its table, (n_nodes, size)."""
-        return self.curves.basis(*(given[name] for name in self.ratios))
+        return self.curves.basis(*(inputs[name] for name in self.ratios))
 
 
 class CoefficientComp(NodeComp):
@@ -196,11 +196,11 @@ class CoefficientComp(NodeComp):
         outputs["torque_coefficient"] = self._solve(inputs, derivatives=False).torque
 
     def compute_partials(self, inputs, partials):
-        found = self._solve(inputs, derivatives=True)
-        by = {x: getattr(found.torque_table, f"by_{x}") for x in inputs if x != "inflow_speed"}
-        by["inflow_speed"] = found.torque_by_log_reynolds / inputs["inflow_speed"]
-        for name, each in by.items():
-            partials["torque_coefficient", name] = each
+        solution = self._solve(inputs, derivatives=True)
+        by = {x: getattr(solution.torque_table, f"by_{x}") for x in inputs if x != "inflow_speed"}
+        by["inflow_speed"] = solution.torque_by_log_reynolds / inputs["inflow_speed"]
+        for name, slope in by.items():
+            partials["torque_coefficient", name] = slope
 
 
 class WakeComp(NodeComp):
@@ -212,18 +212,18 @@ class WakeComp(NodeComp):
     needs = {"wake_ratio": ("inflow_speed", "induced_velocity")}  # noqa: RUF012
     tables = {"wake_ratio": "wake_induction_table"}  # noqa: RUF012
 
-    def _found(self, inflow_speed, induced_velocity, wake_induction_table):
+    def _ratio_and_slope(self, inflow_speed, induced_velocity, wake_induction_table):
         """Return the ratio, and its slope by the induction."""
         induction = induced_velocity / inflow_speed
         ratio, slope = self.band.wake_ratio(wake_induction_table, induction.real)
         return ratio + slope * (induction - induction.real), slope
 
-    def formula(self, **given):
-        return {"wake_ratio": self._found(**given)[0]}
+    def formula(self, **inputs):
+        return {"wake_ratio": self._ratio_and_slope(**inputs)[0]}
 
-    def basis(self, **given):
+    def basis(self, **inputs):
         """Return the ratio's derivative by the table, (n_nodes, size)."""
-        ratio, slope = self._found(**given)
+        ratio, slope = self._ratio_and_slope(**inputs)
         return -slope[:, None] * self.band.spline.basis(ratio)
 
 
@@ -270,24 +270,24 @@ class FeedbackComp(NodeComp):
     @property
     def needs(self):
         """The rotor's speed, the law's states and every gain; of rates, the flow's speed too."""
-        states, given = self.law.states, [*self.law.states, *self.fixed]
-        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *given) for name in states}
-        return {"control_torque": ("rotor_speed", *given)} | rates
+        states, arguments = self.law.states, [*self.law.states, *self.fixed]
+        rates = {f"{name}_rate": ("rotor_speed", "inflow_speed", *arguments) for name in states}
+        return {"control_torque": ("rotor_speed", *arguments)} | rates
 
     def _meta(self, name):
-        state, known = name.removesuffix("_rate"), self.law.named_gains | self.law.states
-        if state not in known:
+        state, described = name.removesuffix("_rate"), self.law.named_gains | self.law.states
+        if state not in described:
             return meta_of(name)
-        unit, text = known[state]
+        unit, text = described[state]
         return {"units": unit if name == state else f"{unit}/s", "desc": text}
 
-    def formula(self, rotor_speed, inflow_speed=None, **given):
+    def formula(self, rotor_speed, inflow_speed=None, **inputs):
         law = self.law
-        states = [given.pop(name) for name in law.states]
-        gains = np.hstack([*given.values()])
-        found = {"control_torque": law.torque(rotor_speed, gains, *states)}
+        states = [inputs.pop(name) for name in law.states]
+        gains = np.hstack([*inputs.values()])
+        outputs = {"control_torque": law.torque(rotor_speed, gains, *states)}
         rates = law.rates(rotor_speed, inflow_speed, gains, *states)
-        return found | {f"{name}_rate": x for name, x in zip(law.states, rates, strict=True)}
+        return outputs | {f"{name}_rate": x for name, x in zip(law.states, rates, strict=True)}
 
 
 class ShaftComp(NodeComp):
@@ -302,19 +302,19 @@ class ShaftComp(NodeComp):
     @property
     def needs(self):
         """Inputs of the balance, and of the power, which needs the generator's torque."""
-        given, found = "control_torque", "rotor_acceleration"
+        cause, effect = "control_torque", "rotor_acceleration"
         if self.inverse:
-            given, found = found, given
-        balance, rubbing = ("hydrodynamic_torque", given, "inertia"), ["rotor_speed"]
-        power = ("rotor_speed", *(balance if self.inverse else [given]))
+            cause, effect = effect, cause
+        balance, rubbing = ("hydrodynamic_torque", cause, "inertia"), ["rotor_speed"]
+        power = ("rotor_speed", *(balance if self.inverse else [cause]))
         balance = (*rubbing * self.generator.rubs, *balance)
-        return {found: balance, "generator_power": power, "electrical_power": power}
+        return {effect: balance, "generator_power": power, "electrical_power": power}
 
-    def formula(self, hydrodynamic_torque, rotor_speed, inertia, **given):
-        (given,), net = given.values(), hydrodynamic_torque - self.generator.friction(rotor_speed)
+    def formula(self, hydrodynamic_torque, rotor_speed, inertia, **cause):
+        (cause,), net = cause.values(), hydrodynamic_torque - self.generator.friction(rotor_speed)
         if self.inverse:
-            torque = found = net - inertia * given
+            torque = effect = net - inertia * cause
         else:
-            torque, found = given, (net - given) / inertia
+            torque, effect = cause, (net - cause) / inertia
         electrical = self.generator.electrical_power(torque, rotor_speed)
-        return dict(zip(self.needs, (found, torque * rotor_speed, electrical), strict=True))
+        return dict(zip(self.needs, (effect, torque * rotor_speed, electrical), strict=True))

@@ -145,16 +145,16 @@ class Plant:
         that of all stations by the mean one. The arguments are those of `station_torques`.
         """
         step, places = 1e-4 * inflow_speed[:, None], np.arange(filters.shape[1])
-        found, count = [], np.size(self.wake.share)
-        for some in places[places.size // 2 :].reshape(-1, count):
+        slopes, count = [], np.size(self.wake.share)
+        for columns in places[places.size // 2 :].reshape(-1, count):
             moved = []
             for move in (step, -step):
                 state = filters.copy()
-                state[:, some] += move
+                state[:, columns] += move
                 moved.append(self.station_torques(speed, inflow_speed, state))
             change = np.subtract(*moved).reshape(step.size, count, -1).sum(axis=2)
-            found.append(change / (2.0 * step))
-        return np.concatenate(found, axis=1)
+            slopes.append(change / (2.0 * step))
+        return np.concatenate(slopes, axis=1)
 
     def torque_slope(self, speed, inflow_speed):
         """Return the torque's derivative by the speed, N*m*s/rad, of shape (n,).
@@ -181,10 +181,10 @@ class RecordedTorque:
         repeats = np.flatnonzero(np.diff(time) <= 1e-12 * time[-1])
         count = repeats[0] + 1 if repeats.size else time.size  # of a segment's nodes
         speed = np.zeros(time.size) if speed is None else speed
-        nodes, *values = (np.reshape(each, (-1, count)) for each in (time, torque, speed))
-        place = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
+        nodes, *values = (np.reshape(series, (-1, count)) for series in (time, torque, speed))
+        positions = (nodes[0] - nodes[0, 0]) / (nodes[0, -1] - nodes[0, 0])
         self.ends = np.append(nodes[:, 0], time[-1])
-        self.unlimited, self._held = (radau.through(self.ends, place, x) for x in values)
+        self.unlimited, self._held = (radau.through(self.ends, positions, x) for x in values)
         """The torque, N*m, before it is cut to the generator's range, as a function of time (s)."""
         self.unlimited_rate, self._held_rate = self.unlimited.derivative(), self._held.derivative()
         """Its rate, N*m/s."""
@@ -410,27 +410,27 @@ class _Motion:
         paths, energies, begun, start = [], np.zeros(4), edges.size, self.start
         while edges.size > 1 and stop is None:
             window = edges[: count + 1]
-            found = self._solve(self._divided_by_flow(window), start, energies[0])
-            if found and (stop := self._standstill(found[0])) is not None:
-                found = self._solve(stop, start, energies[0])
-            if not found:
+            result = self._solve(self._divided_by_flow(window), start, energies[0])
+            if result and (stop := self._standstill(result[0])) is not None:
+                result = self._solve(stop, start, energies[0])
+            if not result:
                 failures, stop = failures + 1, None
                 count = (window.size - 1) // 2
                 most = FAILURES[0] + FAILURES[1] * (begun - edges.size)
-                endless = found is False and not count
+                endless = result is False and not count
                 if endless or failures > most or edges[1] - edges[0] < 1e-14 * self.duration:
                     raise IntegrationError(float(edges[0]), self._fastest(paths))
                 if not count:
                     edges = np.insert(edges, 1, 0.5 * (edges[0] + edges[1]))
                     count = 1
                 continue
-            path, work = found
+            path, work = result
             paths.append(path)
             energies += work
             start = path(path.x[-1])
             edges, count = edges[window.size - 1 :], 2 * min(count, WINDOW // 2)
-        ends = np.concatenate([*(each.x[:-1] for each in paths), paths[-1].x[-1:]])
-        whole = PPoly(np.concatenate([each.c for each in paths], axis=1), ends)
+        ends = np.concatenate([*(path.x[:-1] for path in paths), paths[-1].x[-1:]])
+        whole = PPoly(np.concatenate([path.c for path in paths], axis=1), ends)
         return whole, energies, stop is not None
 
     def _fastest(self, paths):
@@ -493,16 +493,16 @@ class _Motion:
         driving, control = self.torques(time, flow, values)
         rates, at_place = self._dense_rates(flow, values, driving, control), None
         if (wake := self.plant.wake) is not None:
-            many, filters = flow.ravel(), values[..., self.dense :]
-            balanced, at_place = wake.balanced(values[..., 0].ravel(), many)
-            found = wake.rates(filters.reshape(many.size, -1), many, (balanced, at_place))
-            rates = np.concatenate((rates, found.reshape(filters.shape)), axis=-1)
+            flows, filters = flow.ravel(), values[..., self.dense :]
+            balanced, at_place = wake.balanced(values[..., 0].ravel(), flows)
+            filter_rates = wake.rates(filters.reshape(flows.size, -1), flows, (balanced, at_place))
+            rates = np.concatenate((rates, filter_rates.reshape(filters.shape)), axis=-1)
         return rates, (driving, control, at_place)
 
-    def _system(self, step, time, flow, values, rates, known):
+    def _system(self, step, time, flow, values, rates, sources):
         """Return the linear system of Newton's method; None where it has no slopes.
 
-        known is what `_rates` returns besides the rates. The slopes by dense values, [..., rate,
+        sources is what `_rates` returns besides the rates. The slopes by dense values, [..., rate,
         value], are by differences.
         """
         steps, n = 1e-6 * radau.magnitudes(values, self.dense), self.dense
@@ -515,20 +515,20 @@ class _Motion:
         chains = ()
         if self.plant.wake is not None:
             by_speed = slopes[..., n:, 0].reshape(*flow.shape, 2, -1)
-            chains = *self._wake_slopes(flow, values, rates, known), by_speed
-        finite = all(np.all(np.isfinite(each)) for each in (slopes, *chains))
+            chains = *self._wake_slopes(flow, values, rates, sources), by_speed
+        finite = all(np.all(np.isfinite(array)) for array in (slopes, *chains))
         return radau.StageSystem(step, slopes[..., :n, :], chains) if finite else None
 
-    def _wake_slopes(self, flow, values, rates, known):
+    def _wake_slopes(self, flow, values, rates, sources):
         """Return the slopes by filters, the first two `chains` of `StageSystem`."""
-        (driving, control, at_place), n, shape = known, self.dense, flow.shape
-        many, speed = flow.ravel(), values[..., 0].ravel()
+        (driving, control, at_place), n, shape = sources, self.dense, flow.shape
+        flows, speed = flow.ravel(), values[..., 0].ravel()
         filters = values[..., n:].reshape(speed.size, -1)
-        by_chain = self.plant.torque_by_wake(speed, many, filters).reshape(*shape, 1, -1)
+        by_chain = self.plant.torque_by_wake(speed, flows, filters).reshape(*shape, 1, -1)
         step = 1e-6 * np.maximum(np.abs(driving), 1.0)
         by_torque = self._dense_rates(flow, values, driving + step, control) - rates[..., :n]
         by_chain = (by_torque / step[..., None])[..., None] * by_chain
-        slow, fast = self.plant.wake.times(many, at_place)
+        slow, fast = self.plant.wake.times(flows, at_place)
         fast = np.tile(fast.reshape(*shape, -1), by_chain.shape[-1] // fast.shape[1])
         chain = np.zeros((*shape, 2, 2, by_chain.shape[-1]))
         chain[..., 0, 0, :] = -1.0 / slow.reshape(*shape, 1)
@@ -557,10 +557,10 @@ class _Motion:
                 guess[..., 0] *= flow / flow[0, 0]
             else:
                 guess = path(time)
-            found = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
-            if found is None:
+            solution = self._stages(start, step, time[:, 1:], flow[:, 1:], guess[:, 1:])
+            if solution is None:
                 return None
-            stages, system, (driving, control, _) = found
+            stages, system, (driving, control, _) = solution
             begin = radau.begins(start, stages)
             rates, (first, *_) = self._rates(time[:, :1], flow[:, :1], begin)
             values = np.concatenate((begin, stages), axis=1)
@@ -572,7 +572,7 @@ class _Motion:
             share = np.maximum(share, errors) / self.tolerance
             if np.all(share <= 1.0):
                 powers = self.plant.powers(stages[..., 0], driving, control)
-                return path, np.array([np.sum(step * radau.MATRIX[-1] * each) for each in powers])
+                return path, np.array([np.sum(step * radau.MATRIX[-1] * power) for power in powers])
             parts = np.nan_to_num(np.ceil((2.0 * share) ** (1.0 / (radau.STAGES + 1))), nan=8.0)
             edges = radau.divided(edges, np.where(share <= 1.0, 1.0, np.clip(parts, 2.0, 8.0)))
         return False
@@ -588,9 +588,9 @@ class _Motion:
         patience = MOST_ITERATIONS if self.plant.wake is None else PATIENCE
         for iteration in range(MOST_ITERATIONS):
             size = radau.magnitudes(stages, self.dense)
-            rates, known = self._rates(time, flow, stages)
+            rates, sources = self._rates(time, flow, stages)
             if change > SAME_SLOPE:
-                system = self._system(step, time, flow, stages, rates, known)
+                system = self._system(step, time, flow, stages, rates, sources)
                 if system is None:
                     return None
             moved = step[..., None] * np.einsum("ij,nja->nia", radau.MATRIX, rates)
@@ -598,7 +598,7 @@ class _Motion:
             stages = stages + correction
             change = np.max(np.abs(correction) / size)
             if change <= enough:
-                return stages, system, known
+                return stages, system, sources
             lost = not np.all(np.isfinite(stages)) or np.max(np.abs(stages[..., 0])) > fastest
             if lost or (iteration >= patience and change > FAR):
                 return None

@@ -83,17 +83,17 @@ class Loop:
         share, and the fast filters.
         """
         (n, dense, _), stations = self.law.shape, self.answers.shape[1]
-        found = np.zeros((n, dense + 1 + stations, dense + 1 + stations))
-        found[:, :dense, :dense] = self.law
-        found[:, 0, :dense] *= -1.0 / self.inertia
-        found[:, 0, 0] += self.frozen / self.inertia
-        found[:, 0, dense + 1 :] = self.answers / self.inertia
-        found[:, dense, 0] = (1.0 - AT_ONCE) / self.slow[:, 0]
-        found[:, dense, dense] = -1.0 / self.slow[:, 0]
+        matrix = np.zeros((n, dense + 1 + stations, dense + 1 + stations))
+        matrix[:, :dense, :dense] = self.law
+        matrix[:, 0, :dense] *= -1.0 / self.inertia
+        matrix[:, 0, 0] += self.frozen / self.inertia
+        matrix[:, 0, dense + 1 :] = self.answers / self.inertia
+        matrix[:, dense, 0] = (1.0 - AT_ONCE) / self.slow[:, 0]
+        matrix[:, dense, dense] = -1.0 / self.slow[:, 0]
         fast, chain = np.arange(dense + 1, dense + 1 + stations), 1.0 / self.fast
-        found[:, fast, 0], found[:, fast, dense] = AT_ONCE * chain, chain
-        found[:, fast, fast] = -chain
-        return found
+        matrix[:, fast, 0], matrix[:, fast, dense] = AT_ONCE * chain, chain
+        matrix[:, fast, fast] = -chain
+        return matrix
 
     @property
     def growth(self) -> np.ndarray:

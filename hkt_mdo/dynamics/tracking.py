@@ -85,10 +85,10 @@ class Tracking(FeedbackLaw):
 
     def moves(self, gains, factor):
         ends = super().moves(gains, factor)
-        own = self.proportional_bounds, self.integral_bounds
-        for place, bounds in zip((-2, -1), own, strict=True):
-            held = bounds or 2 * (gains[place],)
-            ends[:, place] = np.clip(ends[:, place], *held)
+        gain_bounds = self.proportional_bounds, self.integral_bounds
+        for index, bounds in zip((-2, -1), gain_bounds, strict=True):
+            held = bounds or 2 * (gains[index],)
+            ends[:, index] = np.clip(ends[:, index], *held)
         return ends
 
     def in_flow(self, slowest, fastest):

@@ -39,8 +39,8 @@ def slow_time(tau1, induction, radius, flow):
     """
     if tau1 is not None:
         return tau1
-    kept = 1.0 - 1.3 * np.where(np.real(induction) < MOST_INDUCTION, induction, MOST_INDUCTION)
-    return SLOW * radius / (kept * flow)
+    factor = 1.0 - 1.3 * np.where(np.real(induction) < MOST_INDUCTION, induction, MOST_INDUCTION)
+    return SLOW * radius / (factor * flow)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +73,8 @@ class Wake:
         have the latter.
         """
         ratio, normal = self._ratio(speed, flow)
-        found = bem.sections(self.blade, self.polar.in_flow(flow), ratio)
-        induced = normal[:, None, None] * bem.induced_speeds(self.blade, found, ratio)
+        sections = bem.sections(self.blade, self.polar.in_flow(flow), ratio)
+        induced = normal[:, None, None] * bem.induced_speeds(self.blade, sections, ratio)
         at_place = induced[:, 0] @ place_shares(self.blade.r / self.blade.tip_radius)
         return induced.reshape(ratio.size, -1), at_place
 
@@ -134,14 +134,14 @@ class MeanWake(Wake):
         """The band with finer nodes, and the mean induction at them."""
         nodes, last = self.band.nodes, self.band.nodes.size - 1
         finer = np.interp(np.linspace(0, last, FINER * last + 1), range(last + 1), nodes)
-        found = bem.sections(self.blade, self.polar.in_flow(1.0), finer)
-        induced = bem.induced_speeds(self.blade, found, finer)[:, 0]
+        sections = bem.sections(self.blade, self.polar.in_flow(1.0), finer)
+        induced = bem.induced_speeds(self.blade, sections, finer)[:, 0]
         return replace(self.band, nodes=finer), induced @ self.band.weights
 
     def balanced(self, speed, flow):
         """Return the mean velocity in equilibrium, (n_points, 1), and that at 0.7 R, m/s."""
-        found, at_place = super().balanced(speed, flow)
-        mean = found[:, : self.blade.r.size] @ self.band.weights / np.cos(self.blade.cone)
+        induced, at_place = super().balanced(speed, flow)
+        mean = induced[:, : self.blade.r.size] @ self.band.weights / np.cos(self.blade.cone)
         return mean[:, None], at_place
 
     def sections(self, speed, flow, filters):

@@ -31,12 +31,12 @@ def _positive(torque):
     return np.maximum(torque, 1e-3 * np.max(np.abs(torque)))
 
 
-def _natural_slopes(place, height):
-    """Return the slopes at its knots of the natural cubic spline through places and heights.
+def _natural_slopes(position, height):
+    """Return the slopes at its knots of the natural cubic spline through positions and heights.
 
-    Both may be in a complex step; a `TorqueSpline` has fixed places.
+    Both may be in a complex step; a `TorqueSpline` has fixed positions.
     """
-    weight = 1.0 / np.diff(place)
+    weight = 1.0 / np.diff(position)
     matrix = 2.0 * np.diag(np.append(weight, 0.0) + np.append(0.0, weight))
     matrix = matrix + np.diag(weight, 1) + np.diag(weight, -1)
     force = 3.0 * weight**2 * np.diff(height)
@@ -63,8 +63,8 @@ class _TwoGains(FeedbackLaw):
 
     def second_of(self, gains):
         """Return the second parameter, given or designed."""
-        given = getattr(self, self.second)
-        return gains[1] if given is None else given
+        fixed = getattr(self, self.second)
+        return gains[1] if fixed is None else fixed
 
     def scaled_gains(self, gains, share):
         return np.append(share * gains[:1], gains[1:])
@@ -164,12 +164,12 @@ class CurveFeedback(FeedbackLaw):
     """Torques of the knots at the start of the optimization."""
 
     def flaws(self) -> Flaws:
-        keys, given = ("knot_speeds", "knot_torques"), (self.knot_speeds, self.knot_torques)
-        for key, own, other in zip(keys, given, given[::-1], strict=True):
-            if own is None and other is not None:
+        keys, pair = ("knot_speeds", "knot_torques"), (self.knot_speeds, self.knot_torques)
+        for key, values, other in zip(keys, pair, pair[::-1], strict=True):
+            if values is None and other is not None:
                 yield key, "is missing", "give knot_speeds and knot_torques, or neither"
-            if own is not None and len(own) != self.knots:
-                problem = f"has {len(own)} numbers for {self.knots} knots"
+            if values is not None and len(values) != self.knots:
+                problem = f"has {len(values)} numbers for {self.knots} knots"
                 yield key, problem, "give one for each knot"
         if self.knot_speeds is not None and np.any(np.diff(self.knot_speeds) <= 0.0):
             yield "knot_speeds", "do not rise", "give them from the slowest to the fastest"
@@ -191,10 +191,10 @@ class CurveFeedback(FeedbackLaw):
         return np.array((*self.knot_speeds, *self.knot_torques), dtype=float)
 
     def demand(self, speed, gains):
-        at, (place, height, slope) = np.log(_forward(speed)), self.curve(gains)
-        first = np.clip(np.searchsorted(place.real, at.real) - 1, 0, place.size - 2)
-        step, rise = (each[first + 1] - each[first] for each in (place, height))
-        begin, end, share = step * slope[first], step * slope[first + 1], (at - place[first]) / step
+        at, (knots, height, slope) = np.log(_forward(speed)), self.curve(gains)
+        first = np.clip(np.searchsorted(knots.real, at.real) - 1, 0, knots.size - 2)
+        step, rise = (row[first + 1] - row[first] for row in (knots, height))
+        begin, end, share = step * slope[first], step * slope[first + 1], (at - knots[first]) / step
         cubic, square = begin + end - 2.0 * rise, 3.0 * rise - 2.0 * begin - end
         return np.exp(height[first] + share * (begin + share * (square + share * cubic)))
 
@@ -208,10 +208,10 @@ class CurveFeedback(FeedbackLaw):
         """
         knots = np.log(gains).reshape(2, -1)
         knots = np.vstack((knots, _natural_slopes(*knots)))
-        (place, height, slope), way = knots[:, [0, -1]], np.array([-1.0, 1.0])
+        (position, height, slope), way = knots[:, [0, -1]], np.array([-1.0, 1.0])
         steep = np.where(slope.real < LEAST, LEAST, slope)
         rise = 0.5 * BEND * (slope + steep)
-        bent = np.array([place + BEND * way, height + rise * way, steep])
+        bent = np.array([position + BEND * way, height + rise * way, steep])
         line = bent + way * np.array([np.ones(2), steep, np.zeros(2)])
         return np.column_stack((line[:, 0], bent[:, 0], knots, bent[:, 1], line[:, 1]))
 
@@ -221,23 +221,23 @@ class CurveFeedback(FeedbackLaw):
         from hkt_mdo.rotor.torque_curve import TorqueSpline
 
         speed, torque = np.log(speed), np.log(_positive(torque))
-        place = self._spread(speed, torque)
+        knots = self._spread(speed, torque)
         # the height of the first knot and the exponents between neighbours, which are bounded
-        sums = np.tri(self.knots) * np.append(1.0, np.diff(place))
+        sums = np.tri(self.knots) * np.append(1.0, np.diff(knots))
         most = np.append(np.inf, np.full(self.knots - 1, STEEPEST))
-        basis = TorqueSpline(place).basis(speed)
+        basis = TorqueSpline(knots).basis(speed)
         height = sums @ lsq_linear(basis @ sums, torque, (-most, most)).x
         # knots that no speed is near have torques of the same size as the others
         height = np.clip(height, np.min(torque) - 1.0, np.max(torque) + 1.0)
-        return np.exp(np.append(place, height))
+        return np.exp(np.append(knots, height))
 
-    def _spread(self, place, height):
+    def _spread(self, position, height):
         """Return places for the knots, close together where a curve through points bends."""
-        low, high = np.min(place), np.max(place)
+        low, high = np.min(position), np.max(position)
         middle, half = 0.5 * (low + high), max(0.5 * (high - low), LEAST_RANGE)
         fine = np.linspace(middle - REACH * half, middle + REACH * half, SPREAD)
-        order = np.argsort(place)
-        curve = np.interp(fine, place[order], height[order])
+        order = np.argsort(position)
+        curve = np.interp(fine, position[order], height[order])
         window = np.hanning(2 * (SPREAD // self.knots) + 1)
         bend = np.convolve(np.abs(np.gradient(np.gradient(curve))), window, mode="same")
         density = np.sqrt(bend / max(np.max(bend), 1e-12)) + EVEN
